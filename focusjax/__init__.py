@@ -1,0 +1,1 @@
+"""Say what should be sharp; get the lens settings and the picture."""

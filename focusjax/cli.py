@@ -1,0 +1,216 @@
+"""The command line: `focusjax run`, `solve` and `render`."""
+
+import logging
+import os
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import jax
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from focusjax import job
+from focusjax.config import ConfigError, load_config
+from focusjax.io import staged_folder
+from focusjax.report import depth_of_field, f_number, metres, save_outcome
+
+FAILED, BAD_INPUT, MISSED = 1, 2, 3
+"""Exit statuses beside 0: failed; bad usage or config; solved, but a wish is missed."""
+
+_STAGES = {
+    "load": "Loading meshes",
+    "locate": "Finding focus points",
+    "solve": "Solving",
+    "solve_first": "Solving",
+    "peel": "Peeling layers",
+    "render": "Tracing rays",
+    "pinhole": "Sharp view",
+    "save": "Writing files",
+}
+
+app = typer.Typer(
+    help="Say what should be sharp; get the lens settings and the picture.",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
+ConfigArgument = Annotated[Path, typer.Argument(help="A TOML file.", metavar="CONFIG")]
+OutOption = Annotated[
+    Path | None, typer.Option("--out", help="Folder for the results; out/<config's name> by default.")
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the config, e.g. render.rays=16."),
+]
+
+
+@app.command()
+def run(config: ConfigArgument, out: OutOption = None, set_: SetOption = None) -> None:
+    """Solve for the lens settings, then render the picture."""
+    _do(config, out, set_, solving=True, rendering=True)
+
+
+@app.command()
+def solve(config: ConfigArgument, out: OutOption = None, set_: SetOption = None) -> None:
+    """Solve for the lens settings only."""
+    _do(config, out, set_, solving=True, rendering=False)
+
+
+@app.command()
+def render(config: ConfigArgument, out: OutOption = None, set_: SetOption = None) -> None:
+    """Render with the lens as the config has it."""
+    _do(config, out, set_, solving=False, rendering=True)
+
+
+def main() -> None:
+    """Entry point of the `focusjax` command."""
+    _set_up_jax()
+    _quieten()
+    app()
+
+
+def _do(
+    config_path: Path, out: Path | None, overrides: list[str] | None, *, solving: bool, rendering: bool
+) -> None:
+    """One command, from config to exit status."""
+    console, errors = Console(), Console(stderr=True)
+    folder = out if out is not None else Path("out") / config_path.stem
+    try:
+        config = load_config(config_path, overrides or ())
+        with staged_folder(folder) as stage, _progress(errors) as tell, _warnings_told(errors):
+            outcome = job.run(config, solving=solving, rendering=rendering, progress=tell)
+            tell("save", None)
+            save_outcome(stage, outcome)
+    except ConfigError as error:
+        _fail(errors, error, BAD_INPUT)
+    except (ValueError, RuntimeError, OSError, MemoryError) as error:
+        _fail(errors, error, FAILED)
+    except Exception as error:
+        _fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
+    _tell_outcome(console, outcome, folder)
+    if outcome.solution is not None and not all(row.met for row in outcome.solution.table()):
+        raise typer.Exit(MISSED)
+
+
+def _tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
+    """What a photographer wants to know, in a few lines."""
+    lens, camera = outcome.lens, outcome.camera
+    sharp = depth_of_field(camera, lens)
+    console.print(
+        f"[bold]Focus {metres(float(lens.focus_distance()))}, {f_number(float(lens.f_number(camera)))}[/]"
+        f"  sharp from {metres(sharp.near)} to {metres(sharp.far)}"
+    )
+    if outcome.solution is not None:
+        console.print(_wishes(outcome.solution))
+        for bound in outcome.solution.active_bounds:
+            console.print(f"On the limit: {bound.replace('_', ' ')}.")
+        if outcome.solution.undetermined:
+            console.print(f"Left open by the wishes: {', '.join(outcome.solution.undetermined)}.")
+    if outcome.picture is not None and not outcome.picture.complete:
+        console.print("Some surfaces did not fit into the layers; raise render.max_layers.")
+    stages = outcome.seconds | {"compile": sum(outcome.compile_seconds.values())}
+    seconds = ", ".join(f"{name.replace('_', ' ')} {_duration(value)}" for name, value in stages.items())
+    console.print(f"[dim]{seconds}[/]", highlight=False, soft_wrap=True)
+    console.print(f"Report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
+
+
+def _wishes(solution: job.Solution) -> Table:
+    table = Table(box=None, header_style="dim", pad_edge=False)
+    for heading in ("wish", "wished", "got", "missed by", ""):
+        table.add_column(heading, justify="left" if heading in ("wish", "") else "right")
+    for row in solution.table():
+        wished = f"{row.wished:+g} px" if row.signed and row.wished else f"{row.wished:g} px"
+        verdict = "[green]met[/]" if row.met else "[red]missed[/]"
+        table.add_row(
+            row.name,
+            wished if row.wished else "sharp",
+            f"{row.got:+.2f} px",
+            f"{abs(row.residual):.2f} px",
+            verdict,
+        )
+    return table
+
+
+def _duration(seconds: float) -> str:
+    return f"{1000 * seconds:.1f} ms" if seconds < 0.1 else f"{seconds:.1f} s"
+
+
+@contextmanager
+def _progress(console: Console) -> Iterator[job.Progress]:
+    """A progress bar on a terminal, gone when the run ends; nothing where output goes to a file."""
+    bar = Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TimeElapsedColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+    task = bar.add_task("Starting", total=None)
+    current = None
+
+    def tell(stage: str, share: float | None) -> None:
+        nonlocal current
+        if stage != current:
+            bar.reset(task, total=None, description=_STAGES.get(stage, stage))
+            current = stage
+        if share is not None:
+            bar.update(task, total=1.0, completed=min(share, 1.0))
+
+    try:
+        bar.start()
+        yield tell
+    finally:
+        bar.stop()
+
+
+@contextmanager
+def _warnings_told(console: Console) -> Iterator[None]:
+    """Our own warnings as one line each; those of other libraries say nothing to a user."""
+
+    def show(message: Warning | str, category: type[Warning], *rest: object, **more: object) -> None:
+        if category is UserWarning:
+            console.print(f"Warning: {message}", soft_wrap=True, highlight=False, markup=False)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        warnings.filterwarnings("default", category=UserWarning, module="focusjax|__main__")
+        warnings.showwarning = show
+        yield
+
+
+def _fail(console: Console, error: BaseException, status: int) -> None:
+    """The error's first paragraph on one line, and out."""
+    text = " ".join(str(error).split("\n\n")[0].split()) or type(error).__name__
+    console.print(f"focusjax: {text}", soft_wrap=True, highlight=False, markup=False)
+    raise typer.Exit(status)
+
+
+def _set_up_jax() -> None:
+    """Keep compiled programs between runs; JAX_ENABLE_COMPILATION_CACHE=0 turns that off."""
+    if "JAX_COMPILATION_CACHE_DIR" in os.environ or os.environ.get("JAX_ENABLE_COMPILATION_CACHE") in (
+        "0",
+        "false",
+    ):
+        return
+    caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    jax.config.update("jax_compilation_cache_dir", str(caches / "focusjax" / "compiled"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+
+
+def _quieten() -> None:
+    """Other libraries' notes are for their developers."""
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
+    for name in ("jax", "trimesh", "matplotlib", "PIL"):
+        logging.getLogger(name).setLevel(logging.ERROR)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

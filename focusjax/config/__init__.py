@@ -1,0 +1,9 @@
+"""The config file: its tables, how it is read, and what it builds."""
+
+from focusjax.config._build import build_camera as build_camera
+from focusjax.config._build import build_focus_points as build_focus_points
+from focusjax.config._build import build_lens as build_lens
+from focusjax.config._build import build_scene as build_scene
+from focusjax.config._errors import ConfigError as ConfigError
+from focusjax.config._load import Config as Config
+from focusjax.config._load import load_config as load_config

@@ -1,0 +1,104 @@
+"""Reading a config: TOML, then overrides, then validation."""
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, PrivateAttr, Strict, ValidationError
+
+from focusjax.config._errors import ConfigError, key_path, sentence_for
+from focusjax.config._scene import SceneTable
+from focusjax.config._values import Table
+from focusjax.config._view import CameraTable, LensTable
+from focusjax.config._wishes import FocusTable, RenderTable, SolveTable
+
+
+class Config(Table):
+    """Everything one run needs, as a person wrote it: a scene, a camera, a lens, and the wishes."""
+
+    title: str = Field("", description="a title for the report")
+    scene: SceneTable = Field(description="a [scene] table")
+    camera: CameraTable = Field(description="a [camera] table")
+    lens: LensTable = Field(description="a [lens] table")
+    focus: Annotated[tuple[FocusTable, ...], Strict(False)] = Field((), description="[[focus]] tables")
+    solve: SolveTable = Field(SolveTable(), description="a [solve] table")
+    render: RenderTable = Field(RenderTable(), description="a [render] table")
+    _source: Path = PrivateAttr(Path())
+
+    @property
+    def source(self) -> Path:
+        """The file this config was read from; relative paths in it start at that file's folder."""
+        return self._source
+
+
+def load_config(path: Path | str, overrides: Sequence[str] = ()) -> Config:
+    """Read and check the config at `path`.
+
+    Args:
+        path: a TOML file.
+        overrides: `key=value` strings, later ones winning. The key is a dotted path in which tables of
+            an array go by number from 0 (`focus.0.blur_px=12`); the value is TOML, or plain text when it
+            is not.
+
+    Raises:
+        ConfigError: an unreadable file, a broken override, an unknown key or a value out of place. The
+            message is one sentence that names the file, the key, the value and what to do.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as stream:
+            data = tomllib.load(stream)
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: there is no such config file; check the path") from None
+    except OSError as error:
+        raise ConfigError(f"{path}: the config cannot be read ({error.strerror}); check the path") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: this is not valid TOML ({error}); mend that line") from None
+    for override in overrides:
+        _apply(data, override)
+    try:
+        config = Config.model_validate(data)
+    except ValidationError as error:
+        raise ConfigError(sentence_for(error, Config, path)) from None
+    config._source = path
+    return config
+
+
+def _apply(data: dict[str, Any], override: str) -> None:
+    """Set one value inside `data`, in place, creating the tables on the way."""
+    key, equals, text = override.partition("=")
+    steps = key.strip().split(".")
+    if not equals or not all(steps):
+        raise ConfigError(f"--set {override}: expected key=value, for example render.rays=16")
+    place: Any = data
+    for depth, step in enumerate(steps[:-1]):
+        if isinstance(place, list):
+            place = place[_index(place, step, override, steps[:depth])]
+        else:
+            place = place.setdefault(step, {})
+        if not isinstance(place, dict | list):
+            raise ConfigError(
+                f"--set {override}: {key_path(steps[: depth + 1])} is a value, not a table; shorten the key"
+            )
+    if isinstance(place, list):
+        place[_index(place, steps[-1], override, steps[:-1])] = _value(text)
+    else:
+        place[steps[-1]] = _value(text)
+
+
+def _index(place: list[Any], step: str, override: str, parents: Sequence[str]) -> int:
+    if not step.isdecimal() or int(step) >= len(place):
+        raise ConfigError(
+            f"--set {override}: {key_path(parents)} has {len(place)} entries; expected a number from 0 to"
+            f" {len(place) - 1} after it, not {step}"
+        )
+    return int(step)
+
+
+def _value(text: str) -> Any:
+    """`text` as a TOML value, or as itself where it is none, so that words need no quotes."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text.strip()

@@ -1,0 +1,100 @@
+"""The scene table of a config: meshes, materials, lights and the background."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, Strict, model_validator
+
+from focusjax.config._values import Light, NotNegative, Number, Share, Table, Vector
+
+
+class ObjectTable(Table):
+    """`[[scene.objects]]`: a mesh file, where it stands, and what to change about its material."""
+
+    file: str = Field(
+        description="a mesh file's path, relative to the config (glb, gltf, obj, ply, stl, off)"
+    )
+    name: str | None = Field(None, description="a name for focus points to refer to")
+    translate: Vector = Field((0.0, 0.0, 0.0), description="a shift [x, y, z] in metres")
+    rotate_deg: Vector | Annotated[tuple[Number, Number, Number, Number], Strict(False)] = Field(
+        (0.0, 0.0, 0.0),
+        description="degrees about the world's x, then y, then z axis, or an axis and degrees about it",
+    )
+    scale: Number | Vector = Field(1.0, description="one factor, or three for x, y and z")
+    colour: Annotated[tuple[Share, Share, Share], Strict(False)] | None = Field(
+        None, description="the base colour [r, g, b], sRGB from 0 to 1"
+    )
+    emission: Light | None = Field(None, description="the light given off [r, g, b], linear; above 1 glows")
+    specular: Light | None = Field(None, description="the highlight's strength, for example 0.3")
+    shininess: Annotated[float, Field(ge=1, allow_inf_nan=False)] | None = Field(
+        None, description="the highlight's Phong exponent, for example 40"
+    )
+    smooth_angle_deg: Annotated[float, Field(ge=0, le=180)] | None = Field(
+        None, description="the largest angle between faces that still looks smooth, in degrees"
+    )
+
+
+class DirectionalTable(Table):
+    """Light from infinitely far away, such as the sun."""
+
+    kind: Literal["directional"]
+    direction: Vector = Field(description="the direction [x, y, z] that the light travels in")
+    colour: Light = Field(1.0, description="what a white surface facing the light shows, linear")
+
+
+class PointTable(Table):
+    """A small lamp, weaker with the square of the distance."""
+
+    kind: Literal["point"]
+    position: Vector = Field(description="the lamp's place [x, y, z] in metres")
+    intensity: Light = Field(1.0, description="what a white surface 1 m from the lamp shows, linear")
+
+
+class ConstantTable(Table):
+    """One colour everywhere at infinity."""
+
+    kind: Literal["constant"]
+    colour: Light = Field(description="the colour [r, g, b], linear")
+
+
+class GradientTable(Table):
+    """A sky: three colours by elevation, at infinity."""
+
+    kind: Literal["gradient"]
+    bottom: Light = Field(description="the colour straight down [r, g, b], linear")
+    horizon: Light = Field(description="the colour at the horizon [r, g, b], linear")
+    top: Light = Field(description="the colour straight up [r, g, b], linear")
+
+
+class ImageTable(Table):
+    """A panorama at infinity."""
+
+    kind: Literal["image"]
+    file: str = Field(description="an equirectangular picture's path, relative to the config")
+    gain: NotNegative = Field(1.0, description="a factor on the panorama's brightness")
+    turn_deg: Number = Field(0.0, description="degrees by which the panorama is turned to the right")
+
+
+class SceneTable(Table):
+    """`[scene]`: everything that can be seen, and the light it is seen by."""
+
+    objects: Annotated[tuple[ObjectTable, ...], Strict(False), Field(min_length=1)] = Field(
+        description="at least one [[scene.objects]] table with a file"
+    )
+    ambient: Light = Field(0.0, description="light from everywhere, linear, for example 0.3")
+    lights: Annotated[
+        tuple[Annotated[DirectionalTable | PointTable, Field(discriminator="kind")], ...], Strict(False)
+    ] = Field((), description='lights of kind = "directional" or "point"')
+    background: Annotated[ConstantTable | GradientTable | ImageTable, Field(discriminator="kind")] = Field(
+        ConstantTable(kind="constant", colour=0.0),
+        description='a background of kind = "constant", "gradient" or "image"',
+    )
+    unlit: bool = Field(False, description="true to show colours as they are, without lights")
+
+    @model_validator(mode="after")
+    def _some_light(self) -> "SceneTable":
+        lit = bool(self.lights) or self.ambient not in (0.0, (0.0, 0.0, 0.0))
+        if self.unlit and lit:
+            raise ValueError("is unlit and has lights; remove unlit, or the lights and the ambient light")
+        if not self.unlit and not lit:
+            raise ValueError("has no light; add a [[scene.lights]] table, ambient light, or unlit = true")
+        return self

@@ -1,0 +1,26 @@
+"""The kinds of value a config holds, and what all its tables have in common."""
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, Strict
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1)]
+# TOML arrays arrive as lists; only the numbers inside them are checked strictly.
+Vector = Annotated[tuple[Number, Number, Number], Strict(False)]
+Colour = Annotated[tuple[NotNegative, NotNegative, NotNegative], Strict(False)]
+Light = NotNegative | Colour
+"""Linear light: one number for a grey, or three for red, green and blue."""
+Millimetres = Annotated[float, Field(ge=0.1, allow_inf_nan=False)]
+"""A lens or sensor length: anything below 0.1 mm is a length in metres under the wrong key."""
+
+
+class Table(BaseModel):
+    """A table of the config: keys it does not know are refused, and nothing is converted silently.
+
+    Each field's description completes the sentence "give ...", which error messages use as remedy.
+    """
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)

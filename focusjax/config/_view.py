@@ -1,0 +1,82 @@
+"""The camera and lens tables of a config."""
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field, Strict, model_validator
+
+from focusjax.config._values import Millimetres, NotNegative, Number, Positive, Table, Vector
+
+Row = Annotated[tuple[Number, Number, Number, Number], Strict(False)]
+Pixels = Annotated[int, Field(ge=1, le=32768)]
+
+
+class CameraTable(Table):
+    """`[camera]`: where the camera stands, what it sees, and how many pixels the picture has."""
+
+    position: Vector | None = Field(None, description="the camera's place [x, y, z] in metres")
+    look_at: Vector | None = Field(None, description="a point [x, y, z] in metres on the view axis")
+    up: Vector = Field((0.0, 1.0, 0.0), description="the up direction [x, y, z]")
+    matrix: Annotated[tuple[Row, Row, Row, Row], Strict(False)] | None = Field(
+        None, description="the camera's pose as 4 rows of 4 numbers (world from camera, metres)"
+    )
+    sensor_width_mm: Millimetres = Field(36.0, description="the sensor's width in mm, for example 36")
+    focal_length_mm: Millimetres | None = Field(None, description="the focal length in mm, for example 50")
+    field_of_view_deg: Annotated[float, Field(gt=0, lt=180)] | None = Field(
+        None, description="the horizontal field of view in degrees, for example 40"
+    )
+    resolution: Annotated[tuple[Pixels, Pixels], Strict(False)] = Field(
+        description="the picture's [width, height] in pixels, for example [640, 480]"
+    )
+
+    @model_validator(mode="after")
+    def _one_pose_one_focal_length(self) -> "CameraTable":
+        if self.matrix is not None:
+            if self.position is not None or self.look_at is not None or "up" in self.model_fields_set:
+                raise ValueError("has a matrix and also position, look_at or up; give one or the other")
+        elif self.position is None or self.look_at is None:
+            raise ValueError("has no full pose; give both position and look_at, or a matrix")
+        if (self.focal_length_mm is None) == (self.field_of_view_deg is None):
+            raise ValueError("needs exactly one of focal_length_mm and field_of_view_deg")
+        return self
+
+
+class DiskTable(Table):
+    """A round opening."""
+
+    shape: Literal["disk"]
+
+
+class PolygonTable(Table):
+    """An opening of straight or rounded blades."""
+
+    shape: Literal["polygon"]
+    blades: Annotated[int, Field(ge=3, le=64)] = Field(description="the number of blades, 3 or more")
+    rotation_deg: Number = Field(0.0, description="the first corner's angle in degrees, clockwise from +x")
+    roundness: Annotated[float, Field(ge=0, le=1)] = Field(
+        0.0, description="a roundness from 0 (straight blades) to 1 (a circle)"
+    )
+
+
+class LensTable(Table):
+    """`[lens]`: the lens as it is before solving; `render` uses it unchanged."""
+
+    f_number: Positive | None = Field(None, description="the f-number, for example 2.8")
+    aperture_radius_mm: NotNegative | None = Field(
+        None, description="the aperture's radius in mm, for example 9; 0 is a pinhole"
+    )
+    focus_distance_m: Annotated[float, Field(gt=0)] | None = Field(
+        None, description="the focus distance in metres, for example 2.5, or inf"
+    )
+    aperture: Annotated[DiskTable | PolygonTable, Field(discriminator="shape")] = Field(
+        DiskTable(shape="disk"),
+        description='the opening, for example {shape = "polygon", blades = 6}, or {shape = "disk"}',
+    )
+
+    @model_validator(mode="after")
+    def _one_opening(self) -> "LensTable":
+        if (self.f_number is None) == (self.aperture_radius_mm is None):
+            raise ValueError("needs exactly one of f_number and aperture_radius_mm")
+        if self.focus_distance_m is not None and math.isnan(self.focus_distance_m):
+            raise ValueError("has focus_distance_m = nan; give metres, or inf")
+        return self

@@ -1,0 +1,37 @@
+"""Display encoding: the one place where linear radiance becomes what a screen shows."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, UInt8, UInt16
+
+
+def expose(image: Float[Array, "*shape"], stops: float) -> Float[Array, "*shape"]:
+    """Linear `image` times 2 ** `stops`: one stop more doubles the light."""
+    return image * jnp.asarray(2.0**stops, dtype=image.dtype)
+
+
+def encode_srgb(linear: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    """SRGB signal from linear light (IEC 61966-2-1); 0 to 1 maps to 0 to 1.
+
+    Values above 1 keep following the curve and negative ones stay linear, so nothing is lost.
+    Differentiable everywhere but at the joint of the two branches, where the slopes differ by 0.1 %.
+    """
+    curved = linear > 0.0031308
+    # The unused branch of a where still has a gradient, so it must not meet zero.
+    safe = jnp.where(curved, linear, 1.0)
+    return jnp.where(curved, 1.055 * safe ** (1 / 2.4) - 0.055, 12.92 * linear)
+
+
+def to_bytes(image: Float[Array, "h w 3"], *, exposure: float = 0.0) -> UInt8[np.ndarray, "h w 3"]:
+    """Linear `image` [h, w, 3] as 8-bit sRGB: exposed by stops, encoded, cut to 0..1, rounded."""
+    return np.asarray(jnp.round(_displayed(image, exposure) * 255.0)).astype(np.uint8)
+
+
+def to_words(image: Float[Array, "h w 3"], *, exposure: float = 0.0) -> UInt16[np.ndarray, "h w 3"]:
+    """As `to_bytes`, with 16 bits per channel."""
+    return np.asarray(jnp.round(_displayed(image, exposure) * 65535.0)).astype(np.uint16)
+
+
+def _displayed(image: Float[Array, "h w 3"], exposure: float) -> Float[Array, "h w 3"]:
+    # A screen has a darkest and a brightest value; the linear picture keeps what is cut here.
+    return jnp.clip(encode_srgb(expose(image, exposure)), 0.0, 1.0)

@@ -1,0 +1,89 @@
+"""Picture files: PNG for looking at, OpenEXR for everything that must stay linear."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import imageio.v3 as iio
+import jax.numpy as jnp
+import numpy as np
+import OpenEXR
+from jaxtyping import Array, Float
+
+from focusjax.film import to_bytes, to_words
+from focusjax.io._png16 import png16
+
+Pixels = Array | np.ndarray
+
+
+def save_png(
+    path: Path | str, image: Float[Pixels, "h w 3"], *, exposure: float = 0.0, bits: int = 8
+) -> None:
+    """Write linear `image` [h, w, 3] as an sRGB picture.
+
+    Args:
+        path: file to write.
+        image: linear radiance.
+        exposure: stops added before encoding.
+        bits: 8 or 16 per channel.
+
+    Raises:
+        ValueError: other bits, or values that are not finite.
+    """
+    if bits not in (8, 16):
+        raise ValueError(f"a PNG with {bits} bits per channel was asked for; expected 8 or 16")
+    _refuse_non_finite(path, image)
+    image = jnp.asarray(image)
+    if bits == 8:
+        iio.imwrite(path, to_bytes(image, exposure=exposure), extension=".png")
+    else:
+        Path(path).write_bytes(png16(to_words(image, exposure=exposure)))
+
+
+def save_exr(
+    path: Path | str,
+    image: Float[Pixels, "h w 3"],
+    *,
+    depth: Float[Pixels, "h w"] | None = None,
+    blur: Float[Pixels, "h w"] | None = None,
+) -> None:
+    """Write linear `image` as 32-bit float OpenEXR with channels R, G, B and what else is given.
+
+    Args:
+        path: file to write.
+        image: linear radiance [h, w, 3].
+        depth: distance along the view axis in metres [h, w], channel Z; infinite on the background.
+        blur: signed circle-of-confusion diameter in pixels [h, w], channel `blur`.
+
+    Raises:
+        ValueError: the picture holds values that are not finite.
+    """
+    pixels = np.asarray(image, dtype=np.float32)
+    _refuse_non_finite(path, pixels)
+    channels = {name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")}
+    for name, plane in (("Z", depth), ("blur", blur)):
+        if plane is not None:
+            channels[name] = np.ascontiguousarray(plane, dtype=np.float32)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with OpenEXR.File(header, channels) as file:
+        file.write(str(path))
+
+
+def load_exr(path: Path | str) -> Mapping[str, Float[np.ndarray, "h w"]]:
+    """All channels of an OpenEXR file by name, as float32 [h, w].
+
+    Raises:
+        ValueError: the file cannot be read.
+    """
+    try:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            return {
+                name: np.array(channel.pixels, dtype=np.float32) for name, channel in file.channels().items()
+            }
+    except Exception as error:
+        raise ValueError(f"{path}: this OpenEXR file cannot be read ({error}); check the path") from error
+
+
+def _refuse_non_finite(path: Path | str, image: Float[Pixels, "h w 3"]) -> None:
+    bad = int(np.sum(~np.isfinite(image)))
+    if bad:
+        raise ValueError(f"{path}: {bad} values of the picture are not finite; nothing was written")

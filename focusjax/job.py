@@ -1,0 +1,199 @@
+"""One run from a config to a picture: load, find the points, solve, peel, render."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from focusjax._stopwatch import Stopwatch
+from focusjax.config import Config, build_camera, build_focus_points, build_lens, build_scene
+from focusjax.focus import FocusPoint, ImagePoints, Solution, locate, solve
+from focusjax.geometry import Camera
+from focusjax.layers import Layers, disparity_map, peel
+from focusjax.lens import AbstractLens, ThinLens
+from focusjax.scene import Scene
+from focusjax.trace import render, render_pinhole
+
+Progress = Callable[[str, float | None], None]
+"""Told the stage that runs and, where that is known, the share of it that is done."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What rendering made, all of it linear.
+
+    Attributes:
+        image: radiance [h, w, 3] through the lens.
+        pinhole: radiance [h, w, 3] with everything sharp.
+        layer_count: layers that the lens sees.
+        margin: pixels that the layers reach beyond the frame.
+        complete: whether no surface was left out for want of layers.
+    """
+
+    image: Float[Array, "h w 3"]
+    pinhole: Float[Array, "h w 3"]
+    layer_count: int
+    margin: float
+    complete: bool
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Everything a run found out.
+
+    Attributes:
+        config: what was asked for.
+        camera: where from.
+        lens: the lens that was solved for, or the config's own when nothing was.
+        points: the wishes in the picture, when there are any.
+        solution: what the solve says, when there was one.
+        disparity: first surface at every pixel centre in 1/m [h, w]; 0 on the background.
+        blur: signed circle-of-confusion diameter in pixels [h, w] of that surface.
+        picture: what rendering made, when there was any.
+        seconds: wall-clock seconds per stage, without compiling.
+        compile_seconds: seconds per stage that went into compiling.
+    """
+
+    config: Config
+    camera: Camera
+    lens: ThinLens
+    points: ImagePoints | None
+    solution: Solution | None
+    disparity: Float[np.ndarray, "h w"]
+    blur: Float[np.ndarray, "h w"]
+    picture: Picture | None
+    seconds: dict[str, float]
+    compile_seconds: dict[str, float]
+
+
+def run(
+    config: Config, *, solving: bool = True, rendering: bool = True, progress: Progress | None = None
+) -> Outcome:
+    """Do what `config` asks for.
+
+    Args:
+        config: a checked config.
+        solving: find the lens settings; otherwise the lens is taken as the config has it.
+        rendering: make the picture.
+        progress: told how far the run is.
+
+    Raises:
+        ValueError: something in the config turns out impossible; one sentence says what and what to do.
+    """
+    tell: Progress = progress if progress is not None else lambda stage, share: None
+    watch = Stopwatch(on_stage=lambda stage: tell(stage, None))
+    camera = build_camera(config)
+    lens = build_lens(config, camera, solved=solving)
+    with watch.stage("load"):
+        scene = build_scene(config)
+        wishes = build_focus_points(config, scene) if solving or config.focus else ()
+    with watch.stage("locate"):
+        disparity = np.asarray(disparity_map(scene, camera))
+        points = None
+        if wishes:
+            points = find_points(wishes, scene, camera, disparity=disparity)
+    solution = None
+    if solving:
+        assert points is not None
+        solution = _solve(config, points, camera, lens, watch)
+        lens = solution.lens
+    picture = _render(config, scene, camera, lens, watch, tell) if rendering else None
+    return Outcome(
+        config=config,
+        camera=camera,
+        lens=lens,
+        points=points,
+        solution=solution,
+        disparity=disparity,
+        blur=np.asarray(blur_map(lens, camera, jnp.asarray(disparity, dtype=float))),
+        picture=picture,
+        seconds=watch.seconds,
+        compile_seconds=watch.compile_seconds,
+    )
+
+
+def find_points(
+    wishes: Sequence[FocusPoint],
+    scene: Scene,
+    camera: Camera,
+    *,
+    disparity: Float[np.ndarray, "h w"] | None = None,
+) -> ImagePoints:
+    """Where each of the `wishes` is in the picture of `scene`, and how far away.
+
+    Args:
+        wishes: at least one.
+        scene: what they are about.
+        camera: the pinhole that frames the picture.
+        disparity: what `disparity_map` gives for them, when it is at hand already.
+
+    Raises:
+        ValueError: as `locate`.
+    """
+    return locate(
+        wishes,
+        camera,
+        vertices=scene.vertices,
+        faces=scene.faces,
+        objects=scene.objects,
+        disparity_map=disparity_map(scene, camera) if disparity is None else disparity,
+    )
+
+
+@eqx.filter_jit
+def blur_map(lens: AbstractLens, camera: Camera, disparity: Float[Array, "h w"]) -> Float[Array, "h w"]:
+    """Signed blur diameter in pixels at every pixel centre, for the surface at `disparity` (1/m)."""
+
+    def one(x: Array, y: Array, w: Array) -> Array:
+        return lens.blur(camera, jnp.stack([x, y]).astype(w.dtype) + 0.5, w)
+
+    columns, rows = jnp.arange(camera.width), jnp.arange(camera.height)
+    across = jax.vmap(one, in_axes=(0, None, 0))
+    return jax.vmap(across, in_axes=(None, 0, 0))(columns, rows, disparity)
+
+
+def _solve(config: Config, points: ImagePoints, camera: Camera, lens: ThinLens, watch: Stopwatch) -> Solution:
+    """Solve twice: the second time shows what a solve costs once it is compiled."""
+    table = config.solve
+    options = {
+        "free": table.free,
+        "max_focus_distance": table.max_focus_distance_m,
+        "f_number_range": (table.f_number_min, table.f_number_max),
+    }
+    if table.min_focus_distance_m is not None:
+        options["min_focus_distance"] = table.min_focus_distance_m
+    for stage in ("solve_first", "solve"):
+        with watch.stage(stage, compile_apart=False):
+            solution = solve(points, camera, lens, **options)
+            jax.block_until_ready(eqx.filter(solution.lens, eqx.is_array))
+    return solution
+
+
+def _render(
+    config: Config, scene: Scene, camera: Camera, lens: ThinLens, watch: Stopwatch, tell: Progress
+) -> Picture:
+    table = config.render
+    with watch.stage("peel"):
+        layers: Layers = peel(
+            scene, camera, lens, supersampling=table.supersampling, max_layers=table.max_layers
+        )
+        jax.block_until_ready(eqx.filter(layers, eqx.is_array))
+    with watch.stage("render"):
+        image = render(
+            layers, lens, rays=table.rays, seed=table.seed, progress=lambda share: tell("render", share)
+        )
+        image.block_until_ready()
+    with watch.stage("pinhole"):
+        pinhole = render_pinhole(scene, camera)
+        pinhole.block_until_ready()
+    return Picture(
+        image=image,
+        pinhole=pinhole,
+        layer_count=layers.count,
+        margin=layers.grid.margin / layers.grid.supersampling,
+        complete=layers.complete,
+    )

@@ -1,0 +1,10 @@
+"""Depth-peeled layers of a scene, seen from the lens centre."""
+
+from focusjax.layers._build import disparity_map as disparity_map
+from focusjax.layers._build import peel as peel
+from focusjax.layers._grid import Grid as Grid
+from focusjax.layers._joins import NEIGHBOURS as NEIGHBOURS
+from focusjax.layers._joins import SAME_LAYER as SAME_LAYER
+from focusjax.layers._joins import UNJOINED as UNJOINED
+from focusjax.layers._layers import Layers as Layers
+from focusjax.layers._pyramid import RangePyramid as RangePyramid

@@ -1,0 +1,93 @@
+"""Near-plane clipping, so that every triangle that goes on to the rasteriser has a projection."""
+
+import dataclasses
+
+import numpy as np
+
+
+@dataclasses.dataclass(frozen=True)
+class ScreenTriangles:
+    """Triangles in image space, where planes stay planes and disparity is affine.
+
+    Attributes:
+        corners: grid x, grid y and disparity of the three corners [t, 3, 3].
+        source: index [t] of the scene's face each one is a part of.
+        unclipped: the first so many triangles are whole faces.
+        weights: barycentric weights [t - unclipped, 3 corners, 3] of the other ones' corners in
+            their source faces.
+    """
+
+    corners: np.ndarray
+    source: np.ndarray
+    unclipped: int
+    weights: np.ndarray
+
+    def take(self, index: np.ndarray) -> "ScreenTriangles":
+        """The triangles at the increasing positions `index`."""
+        unclipped = int(np.searchsorted(index, self.unclipped))
+        weights = self.weights[index[unclipped:] - self.unclipped]
+        return ScreenTriangles(self.corners[index], self.source[index], unclipped, weights)
+
+
+def clip_to_near(homogeneous: np.ndarray, faces: np.ndarray, near: float) -> ScreenTriangles:
+    """Triangles in front of the near plane, those that cross it cut along it.
+
+    Homogeneous image points are linear in space, so the edge from corner i (ahead) to corner j
+    (behind) meets the plane at weight t = (z_i - near) / (z_i - z_j) of corner j.
+
+    Args:
+        homogeneous: image points (x z, y z, z) [v, 3] of the vertices.
+        faces: vertex indices [t, 3].
+        near: depth of the near plane in metres, above 0.
+    """
+    ahead = (homogeneous[:, 2] >= near)[faces]
+    count = ahead.sum(axis=1)
+    whole = np.flatnonzero(count == 3)
+    points, sources = [homogeneous[faces[whole]]], [whole]
+    weights = [np.zeros((0, 3, 3))]
+    for kept in (1, 2):
+        crossing = np.flatnonzero(count == kept)
+        if len(crossing):
+            for polygon_points, polygon_weights in _cut(homogeneous, faces, ahead, crossing, near):
+                points.append(polygon_points)
+                weights.append(polygon_weights)
+                sources.append(crossing)
+    clipped = np.concatenate(points)
+    z = clipped[..., 2:]
+    return ScreenTriangles(
+        corners=np.concatenate([clipped[..., :2] / z, 1.0 / z], axis=-1),
+        source=np.concatenate(sources).astype(np.int32),
+        unclipped=len(whole),
+        weights=np.concatenate(weights),
+    )
+
+
+def _cut(
+    homogeneous: np.ndarray, faces: np.ndarray, ahead: np.ndarray, crossing: np.ndarray, near: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """What is left of the faces in `crossing`, all with one corner ahead or all with two.
+
+    Each entry holds the corners' homogeneous points [n, 3, 3] and barycentric weights [n, 3, 3].
+    """
+    one_ahead = ahead[crossing[0]].sum() == 1
+    # Turn each face so that its odd corner comes first: the one ahead, or the one behind.
+    odd = np.argmax(ahead[crossing] == one_ahead, axis=1)
+    order = (odd[:, None] + np.arange(3)) % 3
+    point = homogeneous[np.take_along_axis(faces[crossing], order, axis=1)]
+    unit = np.eye(3)[order]
+
+    def on_near(corner: int) -> tuple[np.ndarray, np.ndarray]:
+        depth, other = point[:, 0, 2], point[:, corner, 2]
+        t = ((depth - near) / (depth - other))[:, None]
+        return (1 - t) * point[:, 0] + t * point[:, corner], (1 - t) * unit[:, 0] + t * unit[:, corner]
+
+    first, second = on_near(1), on_near(2)
+    corners = [(point[:, i], unit[:, i]) for i in range(3)]
+    if one_ahead:
+        polygons = [(corners[0], first, second)]
+    else:
+        polygons = [(first, corners[1], corners[2]), (first, corners[2], second)]
+    return [
+        (np.stack([p for p, _ in polygon], axis=1), np.stack([b for _, b in polygon], axis=1))
+        for polygon in polygons
+    ]

@@ -1,0 +1,158 @@
+"""Which neighbouring samples show one surface, and the disparities each sample stands for.
+
+A sample P with disparity w and plane slopes g (dioptres per sample) predicts w + g . d at its
+neighbour Q, d samples away. P and Q are joined when
+
+- the step |w_Q - w_P| moves a ray by at most one sample at the lens rim, so that nothing could be seen
+  between the two anyway, or
+- the planes of both predict the step to within half of it: a continuous surface, seen steeply.
+
+The neighbour's sample in P's own layer is asked first. Where it is no continuation, those up to two layers
+nearer and farther are, and the one with the least unpredicted step is taken, since a surface changes layer
+where another one begins to hide it. A sample then stands for the disparities from its own to half-way to its
+joined neighbours, so that slopes are watertight also where a ray steps diagonally; at open silhouettes it ends
+half a sample out.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, UInt
+
+NEIGHBOURS = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
+"""(dx, dy) of the eight neighbours, in the order of the bits of `links`."""
+
+_LAYER_WINDOW = 2
+SAME_LAYER = 7
+"""Code of a neighbour in the sample's own layer; one layer farther is one more."""
+UNJOINED = 15
+"""Code of a neighbour that does not continue the sample's surface."""
+EXTENT_STEPS = 65534
+EMPTY = 0x0000FFFF
+"""Packed extent of a sample that holds nothing: its least disparity exceeds its largest."""
+
+
+_SHIFTS = tuple(shift for k in range(1, _LAYER_WINDOW + 1) for shift in (-k, k))
+
+
+def join(
+    disparity: np.ndarray, slope_x: np.ndarray, slope_y: np.ndarray, parallax: float
+) -> tuple[Float[Array, "l h w"], Float[Array, "l h w"], UInt[Array, "l h w"]]:
+    """Least and largest disparity of each sample, and its packed joins.
+
+    `links` holds four bits per neighbour: the neighbour's layer less the sample's own, plus 7, or 15
+    where they are not joined.
+
+    Args:
+        disparity: 1/m [l, h, w], 0 where nothing is.
+        slope_x: change of disparity [l, h, w] per sample to the right along the surface's plane.
+        slope_y: the same downwards.
+        parallax: samples per dioptre at the lens rim.
+    """
+    small_step = jnp.asarray(1.0 / max(parallax, 1e-12), dtype=disparity.dtype)
+    planes = (jnp.asarray(disparity), jnp.asarray(slope_x), jnp.asarray(slope_y))
+    low, high, joined = _join_within_layers(*planes, small_step)
+    codes = np.where(np.asarray(joined), np.uint8(SAME_LAYER), np.uint8(UNJOINED))
+    if len(disparity) > 1:
+        low, high = np.array(low), np.array(high)
+        for number, (dx, dy) in enumerate(NEIGHBOURS):
+            _join_across_layers(
+                codes[:, number], low, high, (disparity, slope_x, slope_y), dx, dy, np.asarray(small_step)
+            )
+    return jnp.asarray(low), jnp.asarray(high), _packed_codes(jnp.asarray(codes))
+
+
+def _misfit(step: Any, own: Any, theirs: Any) -> Any:
+    """How far both planes, at their worst, are from predicting a step in disparity."""
+    xp = np if isinstance(step, np.ndarray) else jnp
+    return xp.maximum(xp.abs(step - own), xp.abs(step - theirs))
+
+
+@jax.jit
+def _join_within_layers(
+    disparity: Float[Array, "l h w"],
+    slope_x: Float[Array, "l h w"],
+    slope_y: Float[Array, "l h w"],
+    small_step: Float[Array, ""],
+) -> tuple[Float[Array, "l h w"], Float[Array, "l h w"], Bool[Array, "l n h w"]]:
+    """Extents with joins inside each layer, and which of the neighbours n are joined."""
+
+    def one_layer(planes: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        w, gx, gy = planes
+        held = w > 0
+        low = high = w
+        joins = []
+        for dx, dy in NEIGHBOURS:
+            there, their_gx, their_gy = (_neighbour(a, dx, dy) for a in planes)
+            own, step = gx * dx + gy * dy, there - w
+            misfit = _misfit(step, own, their_gx * dx + their_gy * dy)
+            size = jnp.abs(step)
+            joined = held & (there > 0) & ((size <= small_step) | (misfit <= 0.5 * size))
+            half_way = w + 0.5 * jnp.where(joined, step, jnp.clip(own, -small_step, small_step))
+            low, high = jnp.minimum(low, half_way), jnp.maximum(high, half_way)
+            joins.append(joined)
+        return jnp.where(held, jnp.maximum(low, 0.0), 0.0), jnp.where(held, high, 0.0), jnp.stack(joins)
+
+    return jax.lax.map(one_layer, (disparity, slope_x, slope_y))
+
+
+def _neighbour(a: Float[Array, "h w"], dx: int, dy: int) -> Float[Array, "h w"]:
+    """Value at (y + dy, x + dx); 0 outside."""
+    padded = jnp.pad(a, 1)
+    return jax.lax.dynamic_slice(padded, (1 + dy, 1 + dx), a.shape)
+
+
+def _join_across_layers(
+    codes: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    planes: tuple[np.ndarray, np.ndarray, np.ndarray],
+    dx: int,
+    dy: int,
+    small_step: np.ndarray,
+) -> None:
+    """Look in nearby layers for the samples still open towards neighbour (`dx`, `dy`); updates in place."""
+    disparity, slope_x, slope_y = planes
+    layers, rows, columns = disparity.shape
+    layer, y, x = np.nonzero((codes == UNJOINED) & (disparity > 0))
+    inside = (y + dy >= 0) & (y + dy < rows) & (x + dx >= 0) & (x + dx < columns)
+    layer, y, x = layer[inside], y[inside], x[inside]
+    w = disparity[layer, y, x]
+    own = slope_x[layer, y, x] * dx + slope_y[layer, y, x] * dy
+    best = np.full(w.shape, np.inf, dtype=w.dtype)
+    code, other = np.full(w.shape, UNJOINED, dtype=np.uint8), np.zeros_like(w)
+    for shift in _SHIFTS:
+        exists = (layer + shift >= 0) & (layer + shift < layers)
+        at = (np.clip(layer + shift, 0, layers - 1), y + dy, x + dx)
+        there = disparity[at]
+        step = there - w
+        misfit = _misfit(step, own, slope_x[at] * dx + slope_y[at] * dy)
+        size = np.abs(step)
+        joined = exists & (there > 0) & ((size <= small_step) | (misfit <= 0.5 * size))
+        better = joined & (np.minimum(misfit, size) < best)
+        best = np.where(better, np.minimum(misfit, size), best)
+        code, other = np.where(better, np.uint8(shift + SAME_LAYER), code), np.where(better, there, other)
+    found = code != UNJOINED
+    at = (layer[found], y[found], x[found])
+    codes[at] = code[found]
+    half_way = 0.5 * (w + other)[found]
+    low[at], high[at] = np.minimum(low[at], half_way), np.maximum(high[at], half_way)
+
+
+@jax.jit
+def _packed_codes(codes: UInt[Array, "l n h w"]) -> UInt[Array, "l h w"]:
+    shifts = jnp.arange(0, 4 * len(NEIGHBOURS), 4, dtype=jnp.uint32)
+    return (codes.astype(jnp.uint32) << shifts[None, :, None, None]).sum(axis=1, dtype=jnp.uint32)
+
+
+@jax.jit
+def pack_extent(
+    low: Float[Array, "l h w"], high: Float[Array, "l h w"], valid: Float[Array, "l h w"]
+) -> tuple[UInt[Array, "l h w"], Float[Array, ""]]:
+    """Interval as 16 + 16 bits (largest above least), rounded outwards, and dioptres per step."""
+    scale = jnp.maximum(high.max(), jnp.finfo(high.dtype).tiny * 2**20) / EXTENT_STEPS
+    least = jnp.floor(low / scale).astype(jnp.uint32)
+    most = jnp.minimum(jnp.ceil(high / scale), EXTENT_STEPS).astype(jnp.uint32)
+    return jnp.where(valid > 0, (most << 16) | least, jnp.uint32(EMPTY)), scale

@@ -1,0 +1,55 @@
+"""The layered picture that lens rays are traced through."""
+
+import equinox as eqx
+from jaxtyping import Array, Float, Int, UInt
+
+from focusjax.geometry import Camera
+from focusjax.layers._grid import Grid
+from focusjax.layers._pyramid import RangePyramid
+from focusjax.lens import AbstractLens
+
+
+class Layers(eqx.Module):
+    """Depth-peeled surfaces seen from the lens centre, nearest first (Lee10 section 3.1).
+
+    All arrays share the grid [h, w] of `grid`: `supersampling` samples per output pixel and a
+    margin around the frame for rays that leave it. A sample stands for the square of surface
+    around its centre; where surfaces continue into a neighbouring sample the two are joined.
+
+    Attributes:
+        disparity: 1/m [l, h, w]; 0 where the layer holds nothing.
+        radiance: linear radiance [l, h, w, 3].
+        triangle: the scene's face [l, h, w]; -1 where the layer holds nothing.
+        extent: packed disparity interval [l, h, w] that each sample spans; see `_joins`.
+        links: packed joins [l, h, w] to the eight neighbours; see `_joins`.
+        background: radiance [h, w, 3] at infinity.
+        ranges: least and largest disparity over any square, all layers together.
+        disparity_scale: dioptres per step of `extent`.
+        lens: the lens that the layers were peeled for.
+        camera: the camera they were peeled from.
+        grid: the sample grid (static).
+        complete: whether peeling ended because nothing new was found (static).
+    """
+
+    disparity: Float[Array, "l h w"]
+    radiance: Float[Array, "l h w 3"]
+    triangle: Int[Array, "l h w"]
+    extent: UInt[Array, "l h w"]
+    links: UInt[Array, "l h w"]
+    background: Float[Array, "h w 3"]
+    ranges: RangePyramid
+    disparity_scale: Float[Array, ""]
+    lens: AbstractLens
+    camera: Camera
+    grid: Grid = eqx.field(static=True)
+    complete: bool = eqx.field(static=True)
+
+    @property
+    def count(self) -> int:
+        """Number of layers."""
+        return self.disparity.shape[0]
+
+    @property
+    def samples_kept(self) -> int:
+        """Samples that hold a surface, over all layers."""
+        return int((self.triangle >= 0).sum())

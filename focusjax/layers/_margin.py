@@ -1,0 +1,84 @@
+"""How far beyond the picture's border the layers must reach for every lens ray to find its surface.
+
+A ray of a film point leaves it, at disparity w, by at most the lens's footprint radius r(w). So a
+surface point outside the frame matters exactly when its distance to the frame is within r(w).
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from focusjax.layers._clip import ScreenTriangles
+from focusjax.layers._grid import Grid
+
+_ROUNDS = 14
+_MOST_PIECES = 200_000
+
+
+def reachable(
+    triangles: ScreenTriangles, frame: Grid, reach: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """Mask [t] of the triangles whose bounding box some lens ray may touch.
+
+    Args:
+        triangles: in grid coordinates of `frame`.
+        frame: the picture without margin.
+        reach: footprint radius in samples for disparities; convex, as rays are lines in disparity.
+    """
+    return _overshoot_bounds(triangles.corners, frame) <= _widest_reach(triangles.corners, reach)
+
+
+def needed_margin(
+    triangles: ScreenTriangles, frame: Grid, reach: Callable[[np.ndarray], np.ndarray]
+) -> float:
+    """Samples of margin that hold every point of `triangles` that lens rays can reach.
+
+    Corners give a lower bound and whole triangles an upper one; triangles that could still raise the
+    bound are split in (x, y, w), where they stay flat, until the two bounds are within one
+    sample. A ground plane that runs under the camera comes close to the lens, where blur is
+    huge, but outside the frame by even more: only splitting tells.
+    """
+    corners = triangles.corners
+    best = 0.0
+    for _ in range(_ROUNDS):
+        if not len(corners):
+            return best
+        outside = _distance_outside(corners, frame)
+        radius = reach(corners[..., 2])
+        best = max(best, float(np.max(np.where(outside <= radius, outside, 0.0))))
+        least, widest = _overshoot_bounds(corners, frame), _widest_reach(corners, reach)
+        upper = np.where(least <= widest, np.minimum(widest, outside.max(axis=1)), 0.0)
+        corners, upper = corners[upper > best + 1.0], upper[upper > best + 1.0]
+        if len(corners) > _MOST_PIECES:
+            break
+        corners = _split(corners)
+    return max(best, float(upper.max(initial=0.0)))
+
+
+def _distance_outside(points: np.ndarray, frame: Grid) -> np.ndarray:
+    """Distance (max norm) of image points [..., 2+] from the frame; 0 inside."""
+    x, y = points[..., 0], points[..., 1]
+    wide, high = frame.columns, frame.rows
+    return np.maximum.reduce([-x, x - wide, -y, y - high, np.zeros_like(x)])
+
+
+def _overshoot_bounds(corners: np.ndarray, frame: Grid) -> np.ndarray:
+    """Least distance from the frame over each triangle's bounding box [t]."""
+    low, high = corners[..., :2].min(axis=1), corners[..., :2].max(axis=1)
+    gap = np.maximum(-high, low - np.array([frame.columns, frame.rows], dtype=np.float64))
+    return np.maximum(gap.max(axis=1), 0.0)
+
+
+def _widest_reach(corners: np.ndarray, reach: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Largest footprint radius over each triangle [t]; a convex function peaks at a corner."""
+    return reach(corners[..., 2]).max(axis=1)
+
+
+def _split(corners: np.ndarray) -> np.ndarray:
+    """The two halves of each triangle [2 t, 3, 3], cut across its longest side on screen."""
+    side = corners[:, [1, 2, 0]] - corners
+    longest = np.argmax((side[..., :2] ** 2).sum(axis=-1), axis=1)
+    order = (longest[:, None] + np.arange(3)) % 3
+    a, b, c = np.moveaxis(np.take_along_axis(corners, order[..., None], axis=1), 1, 0)
+    middle = (a + b) / 2
+    return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])

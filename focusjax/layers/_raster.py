@@ -1,0 +1,80 @@
+"""From stamps to fragments: every sample of the grid that a triangle covers, with its disparity."""
+
+import dataclasses
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from focusjax.layers._grid import Grid
+from focusjax.layers._stamps import SIZES, Stamps, pad_rows
+
+SAMPLES_AT_ONCE = 1 << 20
+"""Samples tested by one call, so that compilation depends on the stamp size alone."""
+
+_TOLERANCE = 1e-5
+"""Samples by which a triangle is fattened, so that rounding opens no crack between neighbours."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Fragments:
+    """Covered samples, in no particular order.
+
+    Attributes:
+        sample: row-major index [f] of the grid sample.
+        disparity: 1/m [f].
+        stamp: index [f] of the stamp it came from.
+    """
+
+    sample: np.ndarray
+    disparity: np.ndarray
+    stamp: np.ndarray
+
+
+@functools.partial(jax.jit, static_argnames="size")
+def _cover(
+    edges: Float[Array, "n 3 3"], disparity: Float[Array, "n 3"], bounds: Float[Array, "n 2"], *, size: int
+) -> tuple[Bool[Array, "n samples"], Float[Array, "n samples"]]:
+    """Which samples of each stamp are covered, and the disparity there."""
+    step = jnp.arange(size, dtype=edges.dtype)
+    x, y = jnp.tile(step, size)[None, :], jnp.repeat(step, size)[None, :]
+    inside = jnp.ones((edges.shape[0], size * size), dtype=bool)
+    w = jnp.zeros((edges.shape[0], size * size), dtype=edges.dtype)
+    for i in range(3):
+        distance = edges[:, i, 0, None] * x + edges[:, i, 1, None] * y + edges[:, i, 2, None]
+        inside &= distance >= -_TOLERANCE
+        w += distance * disparity[:, i, None]
+    # Fattening may step outside a sliver; its disparity must stay between those of its corners.
+    return inside, jnp.clip(w, bounds[:, :1], bounds[:, 1:])
+
+
+def rasterise(stamps: Stamps, grid: Grid) -> Fragments:
+    """All fragments of `stamps` on `grid`."""
+    samples, disparities, owners = [], [], []
+    start = 0
+    for size, count in zip(SIZES, stamps.counts, strict=True):
+        at_once = SAMPLES_AT_ONCE // size**2
+        end = start + count
+        while start < end:
+            part = slice(start, min(start + at_once, end))
+            inputs = [pad_rows(a[part], at_once) for a in (stamps.edges, stamps.disparity, stamps.bounds)]
+            covered, disparity = (np.asarray(a)[: part.stop - start] for a in _cover(*inputs, size=size))
+            flat = np.flatnonzero(covered)
+            stamp, offset = np.divmod(flat.astype(np.int32), np.int32(size * size))
+            stamp += start
+            column = stamps.origin[stamp, 0] + offset % size
+            row = stamps.origin[stamp, 1] + offset // size
+            values = disparity.reshape(-1)[flat]
+            if size > 1:
+                on_grid = np.flatnonzero((column < grid.columns) & (row < grid.rows))
+                column, row, values, stamp = column[on_grid], row[on_grid], values[on_grid], stamp[on_grid]
+            samples.append(row * np.int32(grid.columns) + column)
+            disparities.append(values)
+            owners.append(stamp)
+            start = part.stop
+    if not samples:
+        empty = np.zeros(0, dtype=np.int32)
+        return Fragments(empty, empty.astype(np.float32), empty)
+    return Fragments(np.concatenate(samples), np.concatenate(disparities), np.concatenate(owners))

@@ -1,0 +1,158 @@
+"""Triangles cut into square stamps of samples, the unit of work of the rasteriser.
+
+Sample centres are half-integers. Over a triangle with corners p_i, the function
+
+    e_i(x, y) = distance to the side opposite p_i in samples, positive inside,
+
+tells coverage; divided by the height h_i over that side it is the screen barycentric weight of p_i,
+so that the disparity, affine on screen, is w = sum e_i w_i / h_i. Coefficients are made relative to
+each stamp's own origin, so that single precision holds them to about 1e-6 samples; those of diced
+triangles, whose corners may be far away, are made in double precision.
+"""
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from focusjax.layers._clip import ScreenTriangles
+from focusjax.layers._grid import Grid
+
+SIZES = (1, 2, 4, 8, 16)
+"""Edge lengths of stamps in samples; a larger triangle is diced into several of the last size."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Stamps:
+    """Stamps, ordered by size.
+
+    Attributes:
+        counts: number of stamps of each of `SIZES`.
+        origin: column and row [n, 2] of the first sample.
+        edges: coefficients [n, 3, 3] of e_i = (x, y, 1) . edges_i, x and y counted in samples
+            from the first sample's centre.
+        disparity: w_i / h_i of the corners [n, 3], in dioptres per sample.
+        bounds: least and largest corner disparity [n, 2].
+        triangle: index [n] into the screen triangles.
+    """
+
+    counts: tuple[int, ...]
+    origin: np.ndarray
+    edges: np.ndarray
+    disparity: np.ndarray
+    bounds: np.ndarray
+    triangle: np.ndarray
+
+
+def dice(triangles: ScreenTriangles, grid: Grid) -> Stamps:
+    """All stamps that may hold a covered sample of `grid`."""
+    x, y = triangles.corners[..., 0], triangles.corners[..., 1]
+    first = np.stack([_first_sample(x, grid.columns), _first_sample(y, grid.rows)], axis=1)
+    span = np.stack([_last_sample(x, grid.columns), _last_sample(y, grid.rows)], axis=1) - first + 1
+    index = np.flatnonzero((span[:, 0] > 0) & (span[:, 1] > 0))
+    span, first = span[index], first[index]
+    size = _stamp_size(span)
+    parts = []
+    for edge_length in SIZES:
+        chosen = np.flatnonzero(size == edge_length)
+        parts.append(
+            _stamps_of_size(edge_length, index[chosen], triangles.corners[index[chosen]], first[chosen], span[chosen])
+        )
+    return Stamps(tuple(len(part[-1]) for part in parts), *(np.concatenate(a) for a in zip(*parts, strict=True)))
+
+
+def _first_sample(position: np.ndarray, limit: int) -> np.ndarray:
+    low = np.minimum(np.minimum(position[:, 0], position[:, 1]), position[:, 2])
+    return np.clip(np.ceil(low - 0.5), 0, limit).astype(np.int32)
+
+
+def _last_sample(position: np.ndarray, limit: int) -> np.ndarray:
+    high = np.maximum(np.maximum(position[:, 0], position[:, 1]), position[:, 2])
+    return np.clip(np.floor(high - 0.5), -1, limit - 1).astype(np.int32)
+
+
+def _edge_functions(corners: Any, xp: Any) -> tuple[Any, Any]:
+    """Coefficients [t, 3, 3] of the distances (x, y, 1) to the sides, and w_i / h_i [t, 3].
+
+    Edge-on and zero-area triangles cover nothing, as in any rasteriser: their distances are -inf.
+    `xp` is the array library, numpy or jax.numpy.
+    """
+    x, y, w = (corners[..., k] for k in range(3))
+    doubled_area = (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (y[:, 1] - y[:, 0]) * (x[:, 2] - x[:, 0])
+    flat = xp.abs(doubled_area) <= 1e-10
+    doubled_area = xp.where(flat, 1.0, doubled_area)
+    sign = xp.sign(doubled_area)
+    rows, heights = [], []
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        dx, dy = x[:, k] - x[:, j], y[:, k] - y[:, j]
+        length = xp.hypot(dx, dy)
+        scale = sign / xp.where(flat, 1.0, length)
+        normal_x, normal_y = -dy * scale, dx * scale
+        offset = -(normal_x * x[:, j] + normal_y * y[:, j])
+        rows.append(xp.stack([normal_x, normal_y, xp.where(flat, -xp.inf, offset)], axis=-1))
+        heights.append(w[:, i] * length / xp.abs(doubled_area))
+    return xp.stack(rows, axis=1), xp.stack(heights, axis=1)
+
+
+@jax.jit
+def _edge_functions_single(corners: Float[Array, "t 3 3"]) -> tuple[Array, Array]:
+    return _edge_functions(corners, jnp)
+
+
+def _stamp_size(span: np.ndarray) -> np.ndarray:
+    """Smallest stamp that covers each box of `span` [t, 2] samples with at most four stamps."""
+    size = np.full(len(span), SIZES[-1], dtype=np.int32)
+    for edge_length in SIZES[-2::-1]:
+        across, down = (-(-span[:, k] // edge_length) for k in (0, 1))
+        size[across * down <= (1 if edge_length <= 2 else 4)] = edge_length
+    return size
+
+
+def _stamps_of_size(
+    size: int, index: np.ndarray, corners: np.ndarray, first: np.ndarray, span: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """The arrays of `Stamps`, from `origin` on, for triangles `index` of one stamp size."""
+    across, down = -(-span[:, 0] // size), -(-span[:, 1] // size)
+    count = across * down
+    owner = np.repeat(np.arange(len(index), dtype=np.int32), count)
+    tile = np.arange(len(owner), dtype=np.int32) - np.repeat(np.cumsum(count) - count, count)
+    origin = first[owner] + size * np.stack([tile % across[owner], tile // across[owner]], axis=1)
+    local = corners[owner]
+    local[:, :, 0] -= origin[:, :1] + 0.5
+    local[:, :, 1] -= origin[:, 1:] + 0.5
+    if size == SIZES[-1]:
+        edges, disparity = _edge_functions(local, np)
+    else:
+        padded = pad_rows(local.astype(np.float32), padded_length(len(local)))
+        edges, disparity = (np.asarray(a)[: len(local)] for a in _edge_functions_single(padded))
+    if size > 2:
+        # A stamp wholly outside one side holds nothing: keep those whose best corner is inside all.
+        best = edges[..., 2] + (size - 1) * (np.maximum(edges[..., 0], 0) + np.maximum(edges[..., 1], 0))
+        kept = np.flatnonzero((best[:, 0] >= -1e-4) & (best[:, 1] >= -1e-4) & (best[:, 2] >= -1e-4))
+        owner, origin, local = owner[kept], origin[kept], local[kept]
+        edges, disparity = edges[kept], disparity[kept]
+    w = local[..., 2].astype(np.float32)
+    bounds = [op(op(w[:, 0], w[:, 1]), w[:, 2]) for op in (np.minimum, np.maximum)]
+    return (
+        origin.astype(np.int32),
+        edges.astype(np.float32),
+        disparity.astype(np.float32),
+        np.stack(bounds, axis=1),
+        index[owner].astype(np.int32),
+    )
+
+
+def padded_length(count: int) -> int:
+    """The next power of two, so that few different shapes are ever compiled."""
+    return 1 << max(count - 1, 0).bit_length()
+
+
+def pad_rows(array: np.ndarray, length: int) -> np.ndarray:
+    """`array` with rows of zeros added up to `length`, to keep compiled shapes few."""
+    if len(array) == length:
+        return array
+    return np.concatenate([array, np.zeros((length - len(array), *array.shape[1:]), dtype=array.dtype)])

@@ -1,0 +1,94 @@
+"""The shape of the lens opening, as a map from the unit square onto it that preserves area."""
+
+import abc
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+
+class AbstractAperture(eqx.Module):
+    """An opening inside the unit disk, sampled uniformly by area."""
+
+    @abc.abstractmethod
+    def point(self, sample: Float[Array, "2"]) -> Float[Array, "2"]:
+        """The point of the opening for a uniform `sample` of the unit square (x right, y down)."""
+
+
+class Disk(AbstractAperture):
+    """The full unit disk, by the concentric map of Shirley and Chiu.
+
+    The map keeps neighbours together, so well-spread samples of the square stay well spread.
+    """
+
+    def point(self, sample: Float[Array, "2"]) -> Float[Array, "2"]:
+        x, y = 2.0 * sample - 1.0
+        wide = jnp.abs(x) > jnp.abs(y)
+        radius = jnp.where(wide, x, y)
+        safe = jnp.where(radius == 0.0, 1.0, radius)
+        angle = jnp.where(wide, jnp.pi / 4 * y / safe, jnp.pi / 2 - jnp.pi / 4 * x / safe)
+        return radius * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+
+
+class Polygon(AbstractAperture):
+    """Blades that form a regular polygon inscribed in the unit disk, with bulging sides.
+
+    In the sector of one blade, at angle t from the middle of its side, the edge is at
+
+        R(t)^2 = (1 - roundness) (cos(pi / n) / cos t)^2 + roundness,
+
+    a straight blade at roundness 0 and the circle at 1. Its area up to t is then
+    C(t) / 2 with C(t) = (1 - roundness) cos(pi / n)^2 tan t + roundness t, which Newton's
+    method inverts to sample the shape uniformly.
+
+    Attributes:
+        rotation: angle in radians of the first corner, from +x towards +y (clockwise on screen).
+        roundness: 0 for straight blades, 1 for a circle.
+        blades: number of sides (static).
+    """
+
+    rotation: Float[Array, ""]
+    roundness: Float[Array, ""]
+    blades: int = eqx.field(static=True)
+
+    def point(self, sample: Float[Array, "2"]) -> Float[Array, "2"]:
+        half = jnp.pi / self.blades
+        straight = (1.0 - self.roundness) * jnp.cos(half) ** 2
+        position = sample[0] * self.blades
+        sector = jnp.floor(position)
+        share = 2.0 * (position - sector) - 1.0
+        target = share * (straight * jnp.tan(half) + self.roundness * half)
+
+        def newton(_: int, t: Float[Array, ""]) -> Float[Array, ""]:
+            value = straight * jnp.tan(t) + self.roundness * t
+            slope = straight / jnp.cos(t) ** 2 + self.roundness
+            return jnp.clip(t - (value - target) / slope, -half, half)
+
+        t = jax.lax.fori_loop(0, 6, newton, share * half)
+        edge = jnp.sqrt(straight / jnp.cos(t) ** 2 + self.roundness)
+        radius = edge * jnp.sqrt(sample[1])
+        angle = self.rotation + (2.0 * sector + 1.0) * half + t
+        return radius * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+
+
+def polygon(blades: int, *, rotation: ArrayLike = 0.0, roundness: ArrayLike = 0.0) -> Polygon:
+    """A `Polygon` with checked values.
+
+    Args:
+        blades: number of sides, 3 or more.
+        rotation: radians, clockwise on screen.
+        roundness: 0 (straight blades) to 1 (circle).
+
+    Raises:
+        ValueError: fewer than 3 blades, or a roundness outside 0 to 1.
+    """
+    if blades < 3:
+        raise ValueError(f"an aperture has {blades} blades; expected at least 3, or a disk")
+    if not 0.0 <= float(roundness) <= 1.0:
+        raise ValueError(f"blade roundness is {roundness}; expected between 0 (straight) and 1 (round)")
+    return Polygon(
+        rotation=jnp.asarray(rotation, dtype=float),
+        roundness=jnp.asarray(roundness, dtype=float),
+        blades=blades,
+    )

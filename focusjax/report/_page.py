@@ -1,0 +1,83 @@
+"""report.html: one self-contained page."""
+
+import math
+from typing import Any
+
+import jinja2
+
+_TEMPLATES = jinja2.Environment(
+    loader=jinja2.PackageLoader("focusjax.report", "."),
+    autoescape=True,
+    undefined=jinja2.StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+_STAGES = {
+    "load": "load the meshes",
+    "locate": "find the focus points",
+    "solve_first": "solve, first time (with its compile)",
+    "solve": "solve, once compiled",
+    "peel": "peel layers",
+    "render": "trace rays",
+    "pinhole": "sharp view",
+    "compile": "compile the other stages",
+}
+_BOUNDS = {
+    "min_focus_distance": "closest focus distance",
+    "max_focus_distance": "farthest focus distance",
+    "min_f_number": "widest aperture",
+    "max_f_number": "smallest aperture",
+}
+
+
+def page(title: str, facts: dict[str, Any], pictures: dict[str, str]) -> str:
+    """The page as text.
+
+    Args:
+        title: heading.
+        facts: what `summary` returned.
+        pictures: data URLs by kind: "blur", and "image" and "pinhole" when a picture was made.
+    """
+    total = sum(facts["seconds"].values())
+    return _TEMPLATES.get_template("page.html.j2").render(
+        title=title,
+        facts=facts,
+        pictures=pictures,
+        lens=facts["lens"],
+        wishes=facts["wishes"],
+        met=sum(wish["met"] for wish in facts["wishes"]),
+        stages=[
+            (_STAGES.get(name, name), seconds, 100 * seconds / total)
+            for name, seconds in facts["seconds"].items()
+        ],
+        total=total,
+        bounds=_BOUNDS,
+        metres=metres,
+        f_number=f_number,
+        pixels=_pixels,
+        seconds=_seconds,
+    )
+
+
+def metres(value: float | str) -> str:
+    """A distance as a photographer writes it."""
+    value = float(value)
+    if math.isinf(value):
+        return "∞"
+    if value < 1:
+        return f"{100 * value:.3g} cm"
+    return f"{value:.2f} m" if value < 100 else f"{value:.0f} m"
+
+
+def f_number(value: float | str) -> str:
+    """An f-number as engraved on a lens."""
+    value = float(value)
+    return "pinhole" if math.isinf(value) else f"f/{value:.1f}" if value < 10 else f"f/{value:.0f}"
+
+
+def _pixels(value: float) -> str:
+    return f"{0.0 if abs(value) < 0.005 else value:+.2f}"
+
+
+def _seconds(value: float) -> str:
+    return f"{1000 * value:.1f} ms" if value < 0.1 else f"{value:.2f} s"

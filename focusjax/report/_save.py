@@ -1,0 +1,53 @@
+"""The files of a run's folder."""
+
+import base64
+import json
+from pathlib import Path
+
+import numpy as np
+
+from focusjax.io import save_exr, save_png
+from focusjax.job import Outcome
+from focusjax.report._blur_picture import save_blur_picture
+from focusjax.report._page import page
+from focusjax.report._summary import summary
+
+
+def save_outcome(folder: Path, outcome: Outcome) -> None:
+    """Write the reports and the blur map, and the pictures when there are any.
+
+    The files are report.json, report.html and blur.png; image.png, image.exr and pinhole.png.
+
+    Args:
+        folder: an existing folder.
+        outcome: what `run` returned.
+    """
+    render = outcome.config.render
+    pictures = {}
+    if outcome.picture is not None:
+        image, pinhole = outcome.picture.image, outcome.picture.pinhole
+        save_png(folder / "image.png", image, exposure=render.exposure, bits=render.png_bits)
+        save_png(folder / "pinhole.png", pinhole, exposure=render.exposure)
+        with np.errstate(divide="ignore"):
+            depth = 1.0 / outcome.disparity
+        save_exr(folder / "image.exr", image, depth=depth, blur=outcome.blur)
+        pictures = {"image": "image.png", "pinhole": "pinhole.png"}
+    save_blur_picture(folder / "blur.png", outcome.blur, _marks(outcome))
+    pictures["blur"] = "blur.png"
+    facts = summary(outcome)
+    (folder / "report.json").write_text(json.dumps(facts, indent=2, ensure_ascii=False) + "\n")
+    embedded = {
+        kind: "data:image/png;base64," + base64.b64encode((folder / name).read_bytes()).decode("ascii")
+        for kind, name in pictures.items()
+    }
+    title = outcome.config.title or outcome.config.source.stem.replace("_", " ").capitalize()
+    (folder / "report.html").write_text(page(title, facts, embedded), encoding="utf-8")
+
+
+def _marks(outcome: Outcome) -> list[tuple[str, np.ndarray]]:
+    """Name and image positions of every wish."""
+    points = outcome.points
+    if points is None:
+        return []
+    positions, wish = np.asarray(points.xy), np.asarray(points.wish)
+    return [(name, positions[wish == number]) for number, name in enumerate(points.names)]

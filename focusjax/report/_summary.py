@@ -1,0 +1,127 @@
+"""A run's outcome as plain values: what report.json holds and report.html shows."""
+
+import importlib.metadata
+import math
+import platform
+from typing import Any
+
+import numpy as np
+
+from focusjax.focus import Result
+from focusjax.job import Outcome
+from focusjax.report._depth_of_field import depth_of_field
+
+_LIBRARIES = ("focusjax", "jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy", "trimesh", "OpenEXR")
+_RESULTS = ("solved", "undetermined", "max_steps_reached", "not_finite")
+
+
+def summary(outcome: Outcome) -> dict[str, Any]:
+    """Everything a run found, in values JSON can hold; keys carry their units.
+
+    Infinite values are the text "inf", since JSON has no word for them.
+    """
+    return _plain(
+        {
+            "config_file": str(outcome.config.source),
+            "config": outcome.config.model_dump(mode="python"),
+            "versions": _versions(),
+            "lens": _lens(outcome),
+            "wishes": _wishes(outcome),
+            "solver": _solver(outcome),
+            "picture": _picture(outcome),
+            "seconds": outcome.seconds | {"compile": sum(outcome.compile_seconds.values())},
+            "compile_seconds": outcome.compile_seconds,
+        }
+    )
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version()}
+    for name in _LIBRARIES:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            # A source tree that is used without being installed has no metadata.
+            found[name] = "unknown"
+    return found
+
+
+def _lens(outcome: Outcome) -> dict[str, Any]:
+    camera, lens = outcome.camera, outcome.lens
+    sharp = depth_of_field(camera, lens)
+    return {
+        "solved": outcome.solution is not None,
+        "focus_distance_m": float(lens.focus_distance()),
+        "focus_disparity_per_m": float(lens.focus_disparity),
+        "f_number": float(lens.f_number(camera)),
+        "aperture_radius_mm": 1000 * float(lens.aperture_radius),
+        "focal_length_mm": 1000 * float(camera.focal_length),
+        "sensor_width_mm": 1000 * float(camera.sensor_width),
+        "depth_of_field": {
+            "circle_of_confusion_mm": sharp.circle_mm,
+            "circle_of_confusion_px": sharp.circle_px,
+            "near_m": sharp.near,
+            "far_m": sharp.far,
+            "hyperfocal_m": sharp.hyperfocal,
+        },
+    }
+
+
+def _wishes(outcome: Outcome) -> list[dict[str, Any]]:
+    if outcome.solution is None:
+        return []
+    return [
+        {
+            "name": row.name,
+            "sharp": row.wished == 0,
+            "wished_px": row.wished,
+            "signed": row.signed,
+            "got_px": row.got,
+            "residual_px": row.residual,
+            "tolerance_px": row.tolerance,
+            "met": row.met,
+            "weight": row.weight,
+            "pixel": row.xy,
+            "distance_m": row.distance,
+            "samples": row.samples,
+        }
+        for row in outcome.solution.table()
+    ]
+
+
+def _solver(outcome: Outcome) -> dict[str, Any] | None:
+    solution = outcome.solution
+    if solution is None:
+        return None
+    return {
+        "status": next(name for name in _RESULTS if solution.result == getattr(Result, name)),
+        "message": str(Result[solution.result]),
+        "steps": int(solution.steps),
+        "cost_px2": float(solution.cost),
+        "free": list(outcome.config.solve.free),
+        "undetermined": list(solution.undetermined),
+        "active_bounds": list(solution.active_bounds),
+    }
+
+
+def _picture(outcome: Outcome) -> dict[str, Any] | None:
+    picture = outcome.picture
+    if picture is None:
+        return None
+    return {
+        "layers": picture.layer_count,
+        "layers_complete": picture.complete,
+        "margin_px": picture.margin,
+        "rays_per_pixel": outcome.config.render.rays,
+        "largest_blur_px": float(np.abs(outcome.blur).max()),
+    }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return value

@@ -1,0 +1,54 @@
+"""Pictures as linear light: decoding of sRGB, and image files of 8, 16 or 32 bits per channel."""
+
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+from jaxtyping import Float
+from PIL import Image
+
+
+def decode_srgb(values: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
+    """Linear values of sRGB-encoded ones in 0 to 1 (IEC 61966-2-1)."""
+    return np.where(values <= 0.04045, values / 12.92, ((np.maximum(values, 0.0) + 0.055) / 1.055) ** 2.4)
+
+
+def unit_range(values: np.ndarray) -> Float[np.ndarray, "*shape"]:
+    """Stored samples as floats, with the largest value of an integer type at 1."""
+    if np.issubdtype(values.dtype, np.integer):
+        return values.astype(np.float64) / np.iinfo(values.dtype).max
+    return values.astype(np.float64)
+
+
+def texture_of(image: Image.Image) -> Float[np.ndarray, "h w 3"]:
+    """Linear float32 RGB of an sRGB picture; opacity is left out."""
+    # Palettes and CMYK have no RGB samples to read; 16-bit greys would be cut to 8 by a conversion.
+    plain = image if image.mode in ("L", "RGB", "I;16", "I;16B") else image.convert("RGB")
+    samples = decode_srgb(unit_range(np.asarray(plain))).astype(np.float32)
+    return np.repeat(samples[..., None], 3, axis=2) if samples.ndim == 2 else samples
+
+
+def read_image(path: str | Path) -> Float[np.ndarray, "h w 3"]:
+    """Linear float32 RGB [h, w, 3] of an image file.
+
+    OpenEXR files hold linear light already; every other format is decoded from sRGB.
+
+    Raises:
+        ValueError: the file does not exist or is not a picture.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise ValueError(f"image file {path} does not exist; check the path")
+    try:
+        if path.suffix.lower() == ".exr":
+            with OpenEXR.File(str(path)) as opened:
+                channels = opened.channels()
+                if "RGB" in channels or "RGBA" in channels:
+                    pixels = channels["RGB" if "RGB" in channels else "RGBA"].pixels[..., :3]
+                else:
+                    pixels = np.stack([channels[name].pixels for name in "RGB"], axis=-1)
+                return np.array(pixels, dtype=np.float32)
+        with Image.open(path) as picture:
+            return texture_of(picture)
+    except Exception as error:
+        raise ValueError(f"image file {path} cannot be read: {error}") from error

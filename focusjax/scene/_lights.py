@@ -1,0 +1,106 @@
+"""Lights that shine on surfaces. Their light does not pass through the lens by itself."""
+
+import abc
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from focusjax.scene._vectors import norm, unit
+
+
+class AbstractLight(eqx.Module):
+    """A source without extent; shadows are not cast."""
+
+    @abc.abstractmethod
+    def arriving(self, point: Float[Array, "3"]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+        """Unit direction towards the light [3], and the linear RGB light [3] that falls in there.
+
+        The light is scaled so that a white Lambert surface facing it has that radiance; the
+        factor pi between irradiance and radiance is thus part of it.
+        """
+
+
+class DirectionalLight(AbstractLight):
+    """Parallel light, as from the sun.
+
+    Attributes:
+        direction: where the light travels, in world axes [3]; any length but zero.
+        colour: radiance [3] of a white Lambert surface that faces the light.
+    """
+
+    direction: Float[Array, "3"]
+    colour: Float[Array, "3"]
+
+    def arriving(self, point: Float[Array, "3"]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+        del point
+        return unit(-self.direction, otherwise=jnp.zeros_like(self.direction)), self.colour
+
+
+class PointLight(AbstractLight):
+    """A small lamp whose light falls off with the square of the distance.
+
+    Attributes:
+        position: world metres [3].
+        intensity: radiance [3] of a white Lambert surface that faces the lamp from 1 m.
+    """
+
+    position: Float[Array, "3"]
+    intensity: Float[Array, "3"]
+
+    def arriving(self, point: Float[Array, "3"]) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+        offset = self.position - point
+        distance = norm(offset)
+        # A point in the lamp itself gets no direction, hence no light, rather than infinitely much.
+        inside = distance == 0.0
+        falloff = 1.0 / jnp.where(inside, 1.0, distance) ** 2
+        return unit(offset, otherwise=jnp.zeros_like(offset)), self.intensity * falloff
+
+
+def directional_light(
+    direction: ArrayLike | Sequence[float], colour: ArrayLike | Sequence[float] = 1.0
+) -> DirectionalLight:
+    """A `DirectionalLight` with checked values; a single number for `colour` is a grey.
+
+    Raises:
+        ValueError: a direction of length zero, a negative colour, or a value that is not finite.
+    """
+    travel = _vector(direction, "direction of a directional light")
+    if not bool(jnp.any(travel != 0)):
+        raise ValueError("the direction of a directional light is zero; expected where its light travels")
+    return DirectionalLight(travel, light_colour(colour, "colour of a directional light"))
+
+
+def point_light(
+    position: ArrayLike | Sequence[float], intensity: ArrayLike | Sequence[float] = 1.0
+) -> PointLight:
+    """A `PointLight` with checked values; a single number for `intensity` is a grey.
+
+    Raises:
+        ValueError: a negative intensity, or a value that is not finite.
+    """
+    return PointLight(
+        _vector(position, "position of a point light"), light_colour(intensity, "intensity of a point light")
+    )
+
+
+def light_colour(value: ArrayLike | Sequence[float], what: str) -> Float[Array, "3"]:
+    """Three linear values of at least zero, from three or from one for all.
+
+    Raises:
+        ValueError: another number of values, a negative one, or one that is not finite.
+    """
+    colour = jnp.asarray(value, dtype=float)
+    if colour.shape not in ((), (3,)):
+        raise ValueError(f"the {what} is {value}; expected one number or three (red, green, blue)")
+    if not bool(jnp.all(jnp.isfinite(colour))) or not bool(jnp.all(colour >= 0)):
+        raise ValueError(f"the {what} is {value}; expected finite values of at least 0")
+    return jnp.broadcast_to(colour, (3,))
+
+
+def _vector(value: ArrayLike | Sequence[float], what: str) -> Float[Array, "3"]:
+    vector = jnp.asarray(value, dtype=float)
+    if vector.shape != (3,) or not bool(jnp.all(jnp.isfinite(vector))):
+        raise ValueError(f"the {what} is {value}; expected three finite numbers")
+    return vector

@@ -1,0 +1,223 @@
+"""Mesh files as scene objects: whatever trimesh reads, placed, coloured and checked."""
+
+import contextlib
+import dataclasses
+import io
+import logging
+import warnings
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+from PIL import Image
+from trimesh.exchange.load import mesh_formats
+from trimesh.resolvers import FilePathResolver
+
+from focusjax.scene._images import decode_srgb
+from focusjax.scene._material import UNTEXTURED, Material, shininess_of, triple
+from focusjax.scene._object import DEFAULT_SMOOTH_ANGLE, Part, SceneObject, assemble, check_part
+from focusjax.scene._placement import placement
+from focusjax.scene._visual import TextureTable, part_of
+
+_PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".tga", ".gif", ".webp"}
+
+
+def load_mesh(
+    path: str | Path,
+    *,
+    name: str | None = None,
+    translate: Sequence[float] = (0.0, 0.0, 0.0),
+    rotate: Sequence[float] = (0.0, 0.0, 0.0),
+    scale: float | Sequence[float] = 1.0,
+    colour: object = None,
+    emission: object = None,
+    specular: object = None,
+    shininess: float | None = None,
+    smooth_angle: float | None = None,
+) -> SceneObject:
+    """A mesh file (glb, gltf, obj, ply, stl, off and more) as one object of a scene.
+
+    All geometries of the file's scene graph are joined, each with its transform. Base-colour
+    textures, material colours, emissive factors (glTF; Ke in MTL), Ks and Ns in MTL, and
+    vertex or face colours are kept. sRGB data are decoded to linear; glTF factors and glTF vertex
+    colours are linear already. Left out: opacity, metalness and roughness, normal maps, emissive textures.
+
+    Args:
+        path: the file.
+        name: unique within a scene; the file's name without its ending by default.
+        translate: metres [3].
+        rotate: degrees about world x, then y, then z [3], or an axis and the degrees about it [4].
+        scale: one factor or three; applied first, then `rotate`, then `translate`.
+        colour: sRGB base colour, 0 to 1, instead of the file's colours and textures.
+        emission: linear radiance the surface sends out, instead of the file's; may exceed 1.
+        specular: linear Phong coefficient instead of the file's.
+        shininess: Phong exponent, at least 1, instead of the file's.
+        smooth_angle: degrees up to which edges are shaded smooth. By default the file's normals
+            are used, and 40 degrees where it has none.
+
+    Raises:
+        ValueError: the file is missing, cannot be read or holds no triangles; vertices that are
+            not finite; faces out of range; a bad value.
+
+    Warns:
+        UserWarning: a texture the file refers to is missing or damaged; the material's colour is
+            used instead.
+    """
+    path = Path(path)
+    geometries = _read(path)
+    what = f"mesh file {path}"
+    textures = TextureTable(source=what)
+    linear_colours = path.suffix.lower() in (".glb", ".gltf")
+    parts = []
+    for mesh, matrix in geometries:
+        part = part_of(mesh, textures, linear_colours=linear_colours)
+        check_part(part, what)
+        parts.append(_moved(part, matrix))
+    parts = [
+        dataclasses.replace(
+            part,
+            material=_overridden(part.material, colour, emission, specular, shininess),
+            colours=None if colour is not None else part.colours,
+        )
+        for part in parts
+    ]
+    return assemble(
+        path.stem if name is None else name,
+        parts,
+        tuple(textures.pictures),
+        placement(translate, rotate, scale),
+        smooth_angle=DEFAULT_SMOOTH_ANGLE if smooth_angle is None else smooth_angle,
+        keep_normals=smooth_angle is None,
+    )
+
+
+class _Assets(FilePathResolver):
+    """Finds files beside the mesh, and remembers those that are missing or damaged.
+
+    trimesh carries on without a texture it cannot load, and says so in its debug log only.
+    """
+
+    def __init__(self, source: str):
+        super().__init__(source, allow_anywhere=True)
+        self.missing: dict[str, str] = {}
+
+    def get(self, name: str) -> bytes:
+        try:
+            data = super().get(name)
+        except Exception:
+            self.missing[name] = "does not exist"
+            raise
+        if Path(name).suffix.lower() in _PICTURES:
+            try:
+                Image.open(io.BytesIO(data)).verify()
+            except Exception:
+                self.missing[name] = "is not a readable picture"
+        return data
+
+
+class _Remarks(logging.Handler):
+    """Keeps what trimesh logs, which would otherwise reach the terminal with a traceback."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.lines: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.lines.append(record.getMessage())
+
+
+@contextlib.contextmanager
+def _remarks() -> Iterator[list[str]]:
+    logger, remarks = logging.getLogger("trimesh"), _Remarks()
+    propagated, logger.propagate = logger.propagate, False
+    logger.addHandler(remarks)
+    try:
+        yield remarks.lines
+    finally:
+        logger.removeHandler(remarks)
+        logger.propagate = propagated
+
+
+def _read(path: Path) -> list[tuple[trimesh.Trimesh, Float[np.ndarray, "4 4"]]]:
+    """The meshes of the file, each with its matrix file_from_mesh."""
+    if not path.is_file():
+        raise ValueError(f"mesh file {path} does not exist; check the path")
+    ending = path.suffix.lower().lstrip(".")
+    if ending not in mesh_formats():
+        raise ValueError(
+            f"mesh file {path} has an unknown format {ending!r}; expected glb, gltf, obj, ply, stl or off"
+        )
+    assets = _Assets(str(path))
+    try:
+        # Unprocessed: processing would drop vertices that are not finite and merge others unasked.
+        with _remarks() as remarks:
+            scene = trimesh.load_scene(str(path), resolver=assets, process=False)
+        found = []
+        for node in scene.graph.nodes_geometry:
+            matrix, key = scene.graph[node]
+            if isinstance(scene.geometry[key], trimesh.Trimesh):
+                found.append((scene.geometry[key], np.asarray(matrix, dtype=np.float64)))
+    except IndexError as error:
+        raise ValueError(
+            f"mesh file {path} cannot be read: a face refers to a vertex that is out of range ({error})"
+        ) from error
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}".rstrip(": ")
+        raise ValueError(
+            f"mesh file {path} cannot be read ({reason}); is it a complete {ending} file?"
+        ) from error
+    undecoded = [remark for remark in remarks if "placeholder zeros" in remark]
+    if undecoded:
+        raise ValueError(
+            f"mesh file {path} is compressed with an extension that cannot be decoded ({undecoded[0]});"
+            " export it without compression"
+        )
+    for remark in remarks:
+        if "unable to load image" not in remark:
+            warnings.warn(f"mesh file {path}: {remark}", stacklevel=3)
+    for name, trouble in assets.missing.items():
+        warnings.warn(
+            f"mesh file {path} refers to {name}, which {trouble}; using the material colour instead",
+            stacklevel=3,
+        )
+    found = [(mesh, matrix) for mesh, matrix in found if len(mesh.faces)]
+    if not found:
+        raise ValueError(f"mesh file {path} has no faces; expected a mesh of triangles")
+    return found
+
+
+def _moved(part: Part, matrix: Float[np.ndarray, "4 4"]) -> Part:
+    """`part` with a scene-graph transform applied."""
+    linear = matrix[:3, :3]
+    if np.array_equal(matrix, np.eye(4)):
+        return part
+    if abs(np.linalg.det(linear)) == 0.0:
+        # Flattened on purpose, as some files do with shadows: no matrix turns normals then.
+        normals = None
+    else:
+        normals = None if part.normals is None else part.normals @ np.linalg.inv(linear)
+    return dataclasses.replace(
+        part,
+        vertices=part.vertices @ linear.T + matrix[:3, 3],
+        faces=part.faces[:, ::-1] if np.linalg.det(linear) < 0 else part.faces,
+        normals=normals,
+    )
+
+
+def _overridden(
+    material: Material, colour: object, emission: object, specular: object, shininess: float | None
+) -> Material:
+    """`material` with the values given in its place."""
+    changes: dict[str, object] = {}
+    if colour is not None:
+        changes["base_colour"] = decode_srgb(triple(colour, "colour", largest=1.0))
+        changes["texture"] = UNTEXTURED
+    if emission is not None:
+        changes["emission"] = triple(emission, "emission")
+    if specular is not None:
+        changes["specular"] = triple(specular, "specular")
+    if shininess is not None:
+        changes["shininess"] = shininess_of(shininess)
+    return dataclasses.replace(material, **changes)  # type: ignore[arg-type]

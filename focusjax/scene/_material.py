@@ -1,0 +1,57 @@
+"""How a surface answers light: constants of one material, and the checks of their values."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+UNTEXTURED = -1
+"""The texture number of a material that has none."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """Lambert reflection, a Phong highlight and light of its own, all linear RGB.
+
+    Attributes:
+        base_colour: albedo [3], 0 to 1; vertex colours and texture multiply it.
+        emission: radiance [3] the surface sends out itself; may exceed 1.
+        specular: Phong coefficient [3]; 0 is matt.
+        shininess: Phong exponent, at least 1; the larger, the smaller the highlight.
+        texture: number of the base-colour texture, or -1.
+    """
+
+    base_colour: Float[np.ndarray, "3"]
+    emission: Float[np.ndarray, "3"]
+    specular: Float[np.ndarray, "3"]
+    shininess: float = 32.0
+    texture: int = UNTEXTURED
+
+
+def triple(value: object, what: str, *, largest: float = float("inf")) -> Float[np.ndarray, "3"]:
+    """Three finite values of 0 to `largest`, from three or from one for all.
+
+    Raises:
+        ValueError: another number of values, or one out of range.
+    """
+    try:
+        values = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{what} is {value!r}; expected one number or three (red, green, blue)") from error
+    if values.shape not in ((), (3,)):
+        raise ValueError(f"{what} is {value!r}; expected one number or three (red, green, blue)")
+    if not (np.isfinite(values).all() and (values >= 0).all() and (values <= largest).all()):
+        bound = "at least 0" if largest == float("inf") else f"0 to {largest:g}"
+        raise ValueError(f"{what} is {value!r}; expected finite values of {bound}")
+    return np.broadcast_to(values, (3,)).copy()
+
+
+def shininess_of(value: float) -> float:
+    """A Phong exponent.
+
+    Raises:
+        ValueError: below 1, where a lobe's slope has no bound, or not finite.
+    """
+    if not 1.0 <= value < float("inf"):
+        raise ValueError(f"shininess is {value}; expected a finite Phong exponent of at least 1")
+    return float(value)

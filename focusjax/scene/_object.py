@@ -1,0 +1,249 @@
+"""One placed object of a scene: triangles in world metres with all that shading needs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from focusjax.scene._images import decode_srgb
+from focusjax.scene._material import Material, shininess_of, triple
+from focusjax.scene._normals import smooth_normals, unit_rows
+from focusjax.scene._placement import placement
+
+DEFAULT_ALBEDO = 0.8
+"""Linear grey of surfaces that say nothing about their colour."""
+
+DEFAULT_SMOOTH_ANGLE = 40.0
+"""Degrees up to which edges are shaded smooth when a mesh brings no normals."""
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """A named triangle mesh, placed in the world.
+
+    Attributes:
+        name: unique within a scene.
+        vertices: world metres [v, 3].
+        faces: vertex numbers [t, 3], counter-clockwise seen from outside.
+        normals: unit shading normals [v, 3].
+        uv: texture coordinates [v, 2], u to the right and v upwards, 1 = the whole picture.
+        colours: linear vertex colours [v, 3].
+        face_material: material number of each face [t].
+        materials: what the numbers mean.
+        textures: linear pictures [h, w, 3] the materials refer to.
+    """
+
+    name: str
+    vertices: Float[np.ndarray, "v 3"]
+    faces: Int[np.ndarray, "t 3"]
+    normals: Float[np.ndarray, "v 3"]
+    uv: Float[np.ndarray, "v 2"]
+    colours: Float[np.ndarray, "v 3"]
+    face_material: Int[np.ndarray, "t"]
+    materials: tuple[Material, ...]
+    textures: tuple[Float[np.ndarray, "_ _ 3"], ...] = ()
+
+
+@dataclass(frozen=True)
+class Part:
+    """A piece of a mesh with one material, before normals are made; `check_part` tests its shapes.
+
+    vertices [v, 3], faces [t, 3], normals [v, 3], uv [v, 2], linear colours [v, 3].
+    """
+
+    vertices: Float[np.ndarray, "..."]
+    faces: Int[np.ndarray, "..."]
+    material: Material
+    normals: Float[np.ndarray, "..."] | None = None
+    uv: Float[np.ndarray, "..."] | None = None
+    colours: Float[np.ndarray, "..."] | None = None
+
+
+def make_object(
+    name: str,
+    vertices: object,
+    faces: object,
+    *,
+    uv: object = None,
+    texture: Float[np.ndarray, "h w 3"] | None = None,
+    vertex_colours: object = None,
+    colour: object = None,
+    emission: object = 0.0,
+    specular: object = 0.0,
+    shininess: float = 32.0,
+    smooth_angle: float = DEFAULT_SMOOTH_ANGLE,
+    translate: Sequence[float] = (0.0, 0.0, 0.0),
+    rotate: Sequence[float] = (0.0, 0.0, 0.0),
+    scale: float | Sequence[float] = 1.0,
+) -> SceneObject:
+    """A `SceneObject` from arrays, for scenes made by a program.
+
+    Args:
+        name: unique within a scene.
+        vertices: [v, 3]; metres after `scale`.
+        faces: vertex numbers [t, 3].
+        uv: texture coordinates [v, 2].
+        texture: *linear* picture [h, w, 3]; needs `uv`.
+        vertex_colours: *linear* colours [v, 3].
+        colour: sRGB base colour, 0 to 1; white with a texture or vertex colours, else a light grey.
+        emission: linear radiance, may exceed 1.
+        specular: linear Phong coefficient.
+        shininess: Phong exponent, at least 1.
+        smooth_angle: degrees up to which edges are shaded smooth; 0 to 180.
+        translate: metres.
+        rotate: as in `placement`.
+        scale: as in `placement`.
+
+    Raises:
+        ValueError: no faces, vertices that are not finite, faces out of range, or a bad value.
+    """
+    what = f"object {name!r}"
+    coloured = texture is not None or vertex_colours is not None
+    albedo = np.full(3, 1.0 if coloured else DEFAULT_ALBEDO)
+    if colour is not None:
+        albedo = decode_srgb(triple(colour, f"colour of {what}", largest=1.0))
+    if texture is not None and uv is None:
+        raise ValueError(f"{what} has a texture but no texture coordinates; give uv as well")
+    part = Part(
+        vertices=np.asarray(vertices, dtype=np.float64),
+        faces=np.asarray(faces, dtype=np.int64),
+        material=Material(
+            base_colour=albedo,
+            emission=triple(emission, f"emission of {what}"),
+            specular=triple(specular, f"specular of {what}"),
+            shininess=shininess_of(shininess),
+            texture=-1 if texture is None else 0,
+        ),
+        uv=None if uv is None else np.asarray(uv, dtype=np.float64),
+        colours=None if vertex_colours is None else np.asarray(vertex_colours, dtype=np.float64),
+    )
+    check_part(part, what)
+    textures = () if texture is None else (np.asarray(texture, dtype=np.float32),)
+    return assemble(
+        name,
+        [part],
+        textures,
+        placement(translate, rotate, scale),
+        smooth_angle=smooth_angle,
+        keep_normals=False,
+    )
+
+
+def check_part(part: Part, what: str) -> None:
+    """Raise a ValueError when `part` is empty, not finite, or refers to vertices it lacks."""
+    if part.vertices.ndim != 2 or part.vertices.shape[-1] != 3 or part.faces.shape[1:] != (3,):
+        raise ValueError(
+            f"{what} has vertices {part.vertices.shape} and faces {part.faces.shape};"
+            " expected three coordinates per vertex and three vertices per face"
+        )
+    if len(part.faces) == 0:
+        raise ValueError(f"{what} has no faces; expected a mesh of triangles")
+    if part.faces.min() < 0 or part.faces.max() >= len(part.vertices):
+        worst = part.faces.min() if part.faces.min() < 0 else part.faces.max()
+        raise ValueError(
+            f"{what} has a face that refers to vertex {worst}, but its {len(part.vertices)} vertices"
+            f" are 0 to {len(part.vertices) - 1}; repair the file"
+        )
+    bad = ~np.isfinite(part.vertices).all(axis=1)
+    if bad.any():
+        raise ValueError(
+            f"{what} has {int(bad.sum())} vertices with NaN or infinite coordinates (the first is"
+            f" vertex {int(bad.argmax())}); repair the mesh"
+        )
+    for values, name, width in ((part.uv, "texture coordinates", 2), (part.colours, "vertex colours", 3)):
+        if values is not None and values.shape != (len(part.vertices), width):
+            raise ValueError(
+                f"{what} has {name} of shape {values.shape}; expected {(len(part.vertices), width)}"
+            )
+        if values is not None and not np.isfinite(values).all():
+            raise ValueError(f"{what} has {name} that are not finite; repair the mesh")
+
+
+def assemble(
+    name: str,
+    parts: Sequence[Part],
+    textures: tuple[Float[np.ndarray, "_ _ 3"], ...],
+    world_from_object: Float[np.ndarray, "4 4"],
+    *,
+    smooth_angle: float,
+    keep_normals: bool,
+) -> SceneObject:
+    """Place checked `parts` in the world, give them normals, and join them.
+
+    Raises:
+        ValueError: a `smooth_angle` outside 0 to 180 degrees.
+    """
+    if not 0.0 <= smooth_angle <= 180.0:
+        raise ValueError(f"smooth angle is {smooth_angle} degrees; expected 0 (facets) to 180 (smooth)")
+    joined: dict[str, list[np.ndarray]] = {
+        key: [] for key in ("vertices", "faces", "normals", "uv", "colours", "face_material")
+    }
+    offset = 0
+    for number, part in enumerate(parts):
+        piece = _place(part, world_from_object, smooth_angle, keep_normals)
+        piece["faces"] = piece["faces"] + offset
+        piece["face_material"] = np.full(len(part.faces), number)
+        offset += len(piece["vertices"])
+        for key, values in piece.items():
+            joined[key].append(values)
+    arrays = {key: np.concatenate(values) for key, values in joined.items()}
+    return SceneObject(
+        name=name,
+        vertices=arrays["vertices"],
+        faces=arrays["faces"].astype(np.int32),
+        normals=arrays["normals"],
+        uv=arrays["uv"],
+        colours=arrays["colours"],
+        face_material=arrays["face_material"].astype(np.int32),
+        materials=tuple(part.material for part in parts),
+        textures=textures,
+    )
+
+
+def _place(
+    part: Part, world_from_object: Float[np.ndarray, "4 4"], smooth_angle: float, keep_normals: bool
+) -> dict[str, np.ndarray]:
+    """The arrays of one part in world metres, its vertices split where corner normals differ."""
+    linear = world_from_object[:3, :3]
+    vertices = part.vertices @ linear.T + world_from_object[:3, 3]
+    # A mirrored triangle runs clockwise; exchanging two corners turns its outside out again.
+    faces = part.faces[:, ::-1] if np.linalg.det(linear) < 0 else part.faces
+    given = np.zeros_like(vertices)
+    if part.normals is not None and keep_normals:
+        given = unit_rows(unit_rows(part.normals) @ np.linalg.inv(linear))
+    if given[faces].any(axis=2).all():
+        source, normals = np.arange(len(vertices)), given
+    else:
+        corners = smooth_normals(vertices, faces, smooth_angle)
+        corners = np.where(given[faces].any(axis=2, keepdims=True), given[faces], corners)
+        source, faces, normals = _split(faces, corners, len(vertices))
+    uv = np.zeros((len(part.vertices), 2)) if part.uv is None else part.uv
+    colours = np.ones((len(part.vertices), 3)) if part.colours is None else part.colours
+    return {
+        "vertices": vertices[source],
+        "faces": faces,
+        "normals": normals,
+        "uv": uv[source],
+        "colours": colours[source],
+    }
+
+
+def _split(
+    faces: Int[np.ndarray, "t 3"], corners: Float[np.ndarray, "t 3 3"], count: int
+) -> tuple[Int[np.ndarray, "u"], Int[np.ndarray, "t 3"], Float[np.ndarray, "u 3"]]:
+    """Old vertex of each new vertex, new faces and normals, so that each vertex has one normal."""
+    flat = faces.ravel()
+    rows = corners.reshape(-1, 3)
+    first = np.full(count, -1)
+    first[flat[::-1]] = np.arange(len(flat))[::-1]
+    # A corner that agrees with the first corner of its vertex shares it; others get their own.
+    shared = (np.abs(rows - rows[first[flat]]) < 1e-9).all(axis=1)
+    used = np.flatnonzero(first >= 0)
+    number = np.full(count, -1)
+    number[used] = np.arange(len(used))
+    new = number[flat]
+    new[~shared] = len(used) + np.arange(int((~shared).sum()))
+    source = np.concatenate([used, flat[~shared]])
+    normals = np.concatenate([rows[first[used]], rows[~shared]])
+    return source, new.reshape(-1, 3), normals

@@ -1,0 +1,178 @@
+"""A whole scene on the host: all triangles in one list, with lights and surroundings."""
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float, Int
+
+from focusjax.scene._atlas import make_atlas
+from focusjax.scene._background import AbstractBackground, constant_background
+from focusjax.scene._lights import AbstractLight, light_colour
+from focusjax.scene._material import Material
+from focusjax.scene._object import SceneObject
+from focusjax.scene._shader import Shader, Texturing
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Triangles in world metres, how they answer light, the lights, and the background.
+
+    Attributes:
+        vertices: world metres [v, 3].
+        faces: vertex numbers [t, 3].
+        normals: unit shading normals [v, 3].
+        uv: texture coordinates [v, 2], v upwards.
+        colours: linear vertex colours [v, 3].
+        face_material: material number of each face [t].
+        materials: what the numbers mean.
+        textures: linear pictures [h, w, 3] the materials refer to.
+        objects: the faces of each object by name, in the order given.
+        lights: directional and point lights.
+        ambient: linear light [3] that a white surface reflects whichever way it faces.
+        unlit: show albedo and emission without any lights.
+        background: radiance from infinity.
+    """
+
+    vertices: Float[np.ndarray, "v 3"]
+    faces: Int[np.ndarray, "t 3"]
+    normals: Float[np.ndarray, "v 3"]
+    uv: Float[np.ndarray, "v 2"]
+    colours: Float[np.ndarray, "v 3"]
+    face_material: Int[np.ndarray, "t"]
+    materials: tuple[Material, ...]
+    textures: tuple[Float[np.ndarray, "_ _ 3"], ...]
+    objects: dict[str, range]
+    lights: tuple[AbstractLight, ...]
+    ambient: Float[np.ndarray, "3"]
+    unlit: bool
+    background: AbstractBackground
+
+    def face_range(self, name: str) -> range:
+        """The faces of the object `name`.
+
+        Raises:
+            ValueError: there is no such object; the message suggests the nearest name.
+        """
+        if name not in self.objects:
+            names = list(self.objects)
+            near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+            hint = f"did you mean {near[0]!r}?" if near else f"the scene has {', '.join(map(repr, names))}"
+            raise ValueError(f"there is no object named {name!r}; {hint}")
+        return self.objects[name]
+
+    def shader(self, eye: ArrayLike | Sequence[float]) -> Shader:
+        """The shader of this scene for a camera at `eye` (world metres)."""
+
+        def planes(rows: np.ndarray) -> tuple[Float[Array, "_"], ...]:
+            return tuple(jnp.asarray(column, dtype=float) for column in rows.T)
+
+        def materials(field: str) -> tuple[Float[Array, "_"], ...]:
+            return planes(np.stack([getattr(material, field) for material in self.materials]))
+
+        def used(field: str) -> bool:
+            return any(np.any(getattr(material, field)) for material in self.materials)
+
+        texturing = None
+        if any(material.texture >= 0 for material in self.materials):
+            texturing = Texturing(
+                atlas=make_atlas(self.textures),
+                # The atlas has a white picture at 0 for materials that have none.
+                texture=jnp.asarray([material.texture + 1 for material in self.materials], dtype=jnp.int32),
+                uv=planes(self.uv),
+                texels_per_metre=jnp.asarray(_texel_density(self), dtype=float),
+            )
+        return Shader(
+            faces=tuple(jnp.asarray(corner, dtype=jnp.int32) for corner in self.faces.T),
+            positions=planes(self.vertices),
+            normals=None if self.unlit else planes(self.normals),
+            colours=planes(self.colours) if (self.colours != 1.0).any() else None,
+            face_material=jnp.asarray(self.face_material, dtype=jnp.int32),
+            base_colour=materials("base_colour"),
+            emission=materials("emission") if used("emission") else None,
+            specular=materials("specular") if used("specular") and not self.unlit else None,
+            shininess=jnp.asarray([material.shininess for material in self.materials], dtype=float),
+            texturing=texturing,
+            lights=() if self.unlit else self.lights,
+            ambient=jnp.asarray(self.ambient, dtype=float),
+            eye=jnp.asarray(eye, dtype=float),
+        )
+
+
+def make_scene(
+    objects: Sequence[SceneObject],
+    *,
+    lights: Sequence[AbstractLight] = (),
+    ambient: ArrayLike | Sequence[float] = 0.0,
+    background: AbstractBackground | None = None,
+    unlit: bool = False,
+) -> Scene:
+    """Join `objects` to a scene.
+
+    Args:
+        objects: at least one, of different names.
+        lights: directional and point lights.
+        ambient: linear light from everywhere; one number or three.
+        background: radiance where nothing is; black by default.
+        unlit: show albedo and emission without any lights.
+
+    Raises:
+        ValueError: no objects, two of the same name, or a negative ambient light.
+    """
+    if not objects:
+        raise ValueError("the scene has no objects; expected at least one mesh")
+    ranges: dict[str, range] = {}
+    gathered: dict[str, list[np.ndarray]] = {
+        key: [] for key in ("vertices", "faces", "normals", "uv", "colours", "face_material")
+    }
+    materials: list[Material] = []
+    textures: list[np.ndarray] = []
+    vertex_count = face_count = 0
+    for item in objects:
+        if item.name in ranges:
+            raise ValueError(f"two objects are named {item.name!r}; give each its own name")
+        ranges[item.name] = range(face_count, face_count + len(item.faces))
+        for key in ("vertices", "normals", "uv", "colours"):
+            gathered[key].append(getattr(item, key))
+        gathered["faces"].append(item.faces + vertex_count)
+        gathered["face_material"].append(item.face_material + len(materials))
+        materials += [
+            replace(material, texture=material.texture + len(textures)) if material.texture >= 0 else material
+            for material in item.materials
+        ]
+        textures += item.textures
+        vertex_count += len(item.vertices)
+        face_count += len(item.faces)
+    joined = {key: np.concatenate(values) for key, values in gathered.items()}
+    return Scene(
+        vertices=joined["vertices"],
+        faces=joined["faces"].astype(np.int32),
+        normals=joined["normals"],
+        uv=joined["uv"],
+        colours=joined["colours"],
+        face_material=joined["face_material"].astype(np.int32),
+        materials=tuple(materials),
+        textures=tuple(textures),
+        objects=ranges,
+        lights=tuple(lights),
+        ambient=np.asarray(light_colour(ambient, "ambient light"), dtype=np.float64),
+        unlit=unlit,
+        background=constant_background() if background is None else background,
+    )
+
+
+def _texel_density(scene: Scene) -> Float[np.ndarray, "t"]:
+    """Texels per metre of each face, from the areas in the texture and in the world.
+
+    Zero, which means the finest level, for faces without area or without texture.
+    """
+    corners, uv = scene.vertices[scene.faces], scene.uv[scene.faces]
+    across, along = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = np.linalg.norm(np.cross(across, along), axis=1)
+    u, v = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    sizes = [scene.textures[m.texture].shape[:2] if m.texture >= 0 else (0, 0) for m in scene.materials]
+    texels = np.array([float(height * width) for height, width in sizes])[scene.face_material]
+    covered = np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) * texels
+    return np.sqrt(np.where(area > 0.0, covered / np.where(area > 0.0, area, 1.0), 0.0))

@@ -1,0 +1,118 @@
+"""Radiance of one surface sample, written so that a million of them are a few hundred gathers."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from focusjax.scene._atlas import Atlas
+from focusjax.scene._lights import AbstractLight
+from focusjax.scene._vectors import dot, unit
+
+Planes = tuple[Float[Array, "_"], ...]
+"""One flat array per component: on a CPU, gathering these is faster than gathering rows."""
+
+
+class Texturing(eqx.Module):
+    """What a textured scene adds: pictures, and where triangles lie in them.
+
+    Attributes:
+        atlas: the pictures; number 0 is white, for materials without one.
+        texture: picture of each material [m].
+        uv: texture coordinates of the vertices.
+        texels_per_metre: level-0 texels along a metre of each face [t].
+    """
+
+    atlas: Atlas
+    texture: Int[Array, "_"]
+    uv: Planes
+    texels_per_metre: Float[Array, "_"]
+
+
+class Shader(eqx.Module):
+    """The outgoing radiance towards `eye` of points on a scene's triangles.
+
+    With albedo rho = base colour x vertex colour x texture, unit normal n, unit direction e to the
+    eye, and for each light the direction l to it, its light L, and l mirrored at n, r:
+
+        radiance = emission + rho (ambient + sum L max(n.l, 0)) + k_s sum L max(r.e, 0)^shininess,
+
+    the last sum over lights above the surface only (Phong 1975). Unlit: emission + rho. Surfaces
+    have two sides: n is turned to the side of the triangle that the eye sees.
+
+    Everything is a pytree leaf, so a gradient can reach light, albedo and texture; what a scene
+    does not use is None and costs nothing (normals are None when unlit). Pass the shader to a jitted
+    function as an argument: closed over, its arrays would be compiled in as constants.
+    """
+
+    faces: tuple[Int[Array, "_"], ...]
+    positions: Planes
+    normals: Planes | None
+    colours: Planes | None
+    face_material: Int[Array, "_"]
+    base_colour: Planes
+    emission: Planes | None
+    specular: Planes | None
+    shininess: Float[Array, "_"]
+    texturing: Texturing | None
+    lights: tuple[AbstractLight, ...]
+    ambient: Float[Array, "3"]
+    eye: Float[Array, "3"]
+
+    def __call__(
+        self, triangle: Int[Array, ""], barycentric: Float[Array, "3"], extent: Float[Array, ""]
+    ) -> Float[Array, "3"]:
+        """Linear RGB radiance of one point.
+
+        Args:
+            triangle: face number; any number in range gives a finite answer.
+            barycentric: perspective-correct weights [3] of that face's vertices, which sum to 1.
+            extent: width in metres of the patch the sample stands for; sets the texture's mip level.
+        """
+        corners = [corner[triangle] for corner in self.faces]
+
+        def at_corners(planes: Planes) -> list[Float[Array, "_"]]:
+            return [jnp.stack([plane[corner] for plane in planes]) for corner in corners]
+
+        def blend(planes: Planes) -> Float[Array, "_"]:
+            first, second, third = at_corners(planes)
+            return barycentric[0] * first + barycentric[1] * second + barycentric[2] * third
+
+        material = self.face_material[triangle]
+
+        def constant(planes: Planes) -> Float[Array, "3"]:
+            return jnp.stack([plane[material] for plane in planes])
+
+        albedo = constant(self.base_colour)
+        if self.colours is not None:
+            albedo = albedo * blend(self.colours)
+        if self.texturing is not None:
+            look_up = self.texturing
+            footprint = extent * look_up.texels_per_metre[triangle]
+            albedo = albedo * look_up.atlas(look_up.texture[material], blend(look_up.uv), footprint)
+        own = jnp.zeros_like(albedo) if self.emission is None else constant(self.emission)
+        if self.normals is None:
+            return own + albedo
+
+        first, second, third = at_corners(self.positions)
+        point = barycentric[0] * first + barycentric[1] * second + barycentric[2] * third
+        to_eye = unit(self.eye - point, otherwise=jnp.asarray([0.0, 0.0, 1.0], dtype=point.dtype))
+        flat = jnp.cross(second - first, third - first)
+        normal = unit(blend(self.normals), otherwise=to_eye)
+        # The flat side decides, not the shading normal itself: near the outline of a smooth object
+        # that one points a little away from the eye, and turning it there would flash.
+        agrees = jnp.where(dot(normal, flat) < 0.0, -1.0, 1.0)
+        faces_eye = jnp.where(dot(to_eye, flat) < 0.0, -1.0, 1.0)
+        normal = normal * agrees * faces_eye
+
+        diffuse = self.ambient
+        highlight = jnp.zeros_like(diffuse)
+        for light in self.lights:
+            to_light, arriving = light.arriving(point)
+            cosine = dot(normal, to_light)
+            diffuse = diffuse + arriving * jnp.maximum(cosine, 0.0)
+            if self.specular is not None:
+                mirrored = 2.0 * cosine * normal - to_light
+                lobe = jnp.maximum(dot(mirrored, to_eye), 0.0) ** self.shininess[material]
+                highlight = highlight + jnp.where(cosine > 0.0, arriving * lobe, 0.0)
+        radiance = own + albedo * diffuse
+        return radiance if self.specular is None else radiance + constant(self.specular) * highlight

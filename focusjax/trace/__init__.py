@@ -1,0 +1,4 @@
+"""Tracing lens rays through layers."""
+
+from focusjax.trace._pinhole import render_pinhole as render_pinhole
+from focusjax.trace._render import render as render

@@ -1,0 +1,80 @@
+"""The radiance a ray brings back, interpolated over the surface it met."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, UInt
+
+from focusjax.geometry import LensRay
+from focusjax.layers import SAME_LAYER, UNJOINED, Layers
+
+
+class Surface(eqx.Module):
+    """The layers' appearance as flat planes.
+
+    Attributes:
+        radiance: red, green and blue, each [n] over every sample of every layer.
+        disparity: 1/m [n].
+        links: packed joins to neighbours [n].
+        background: red, green and blue, each [m], at infinity.
+        columns: samples per row (static).
+        rows: rows (static).
+    """
+
+    radiance: tuple[Float[Array, " n"], ...]
+    disparity: Float[Array, " n"]
+    links: UInt[Array, " n"]
+    background: tuple[Float[Array, " m"], ...]
+    columns: int = eqx.field(static=True)
+    rows: int = eqx.field(static=True)
+
+
+def surface_of(layers: Layers) -> Surface:
+    """The flat planes of `layers`."""
+    return Surface(
+        radiance=tuple(layers.radiance[..., k].reshape(-1) for k in range(3)),
+        disparity=layers.disparity.reshape(-1),
+        links=layers.links.reshape(-1),
+        background=tuple(layers.background[..., k].reshape(-1) for k in range(3)),
+        columns=layers.grid.columns,
+        rows=layers.grid.rows,
+    )
+
+
+def radiance_at(surface: Surface, ray: LensRay, hit: Int[Array, ""]) -> Float[Array, "3"]:
+    """Radiance that `ray` (in grid units) brings from sample `hit`, or from infinity if that is -1.
+
+    Bilinear between the sample and the neighbours that continue its surface, whichever layer they are
+    in; a neighbour that does not continue it is replaced by the sample itself.
+    """
+    (a_x, a_y), (b_x, b_y) = ray.a, ray.b
+    columns, layer_size = surface.columns, surface.columns * surface.rows
+    met = hit >= 0
+    index = jnp.maximum(hit, 0)
+    disparity = jnp.where(met, surface.disparity[index], 0.0)
+    x, y = a_x + b_x * disparity, a_y + b_y * disparity
+    far_column = jnp.clip(jnp.floor(x).astype(jnp.int32), 0, columns - 1)
+    far_row = jnp.clip(jnp.floor(y).astype(jnp.int32), 0, surface.rows - 1)
+    in_layer = index % layer_size
+    offset_x = jnp.clip(x - (in_layer % columns).astype(x.dtype) - 0.5, -0.5, 0.5)
+    offset_y = jnp.clip(y - (in_layer // columns).astype(x.dtype) - 0.5, -0.5, 0.5)
+    weight_x, weight_y = jnp.abs(offset_x), jnp.abs(offset_y)
+    left, up = (offset_x < 0).astype(jnp.int32), (offset_y < 0).astype(jnp.int32)
+    dx, dy = 1 - 2 * left, 1 - 2 * up
+    links = surface.links[index]
+
+    def neighbour(number: Int[Array, ""], step: Int[Array, ""]) -> Int[Array, ""]:
+        code = ((links >> (4 * number).astype(jnp.uint32)) & 15).astype(jnp.int32)
+        return index + jnp.where(code == UNJOINED, 0, (code - SAME_LAYER) * layer_size + step)
+
+    corners = (
+        (index, (1 - weight_x) * (1 - weight_y)),
+        (neighbour(left, dx), weight_x * (1 - weight_y)),
+        (neighbour(2 + up, dy * columns), (1 - weight_x) * weight_y),
+        (neighbour(4 + left + 2 * up, dy * columns + dx), weight_x * weight_y),
+    )
+    behind = far_row * columns + far_column
+    channels = []
+    for plane, far_plane in zip(surface.radiance, surface.background, strict=True):
+        near = sum((plane[i] * weight for i, weight in corners), jnp.zeros_like(x))
+        channels.append(jnp.where(met, near, far_plane[behind]))
+    return jnp.stack(channels)

@@ -1,0 +1,76 @@
+"""Where in its pixel and where on the lens each ray starts.
+
+Rays of one pixel share one scrambled Sobol block in four dimensions (two for the pixel, two for the
+lens), so that they are spread evenly over both together. Pixels of a square tile take consecutive
+blocks of one sequence along a Z-order curve: any 2^k pixels that are neighbours on it are well
+spread together too, which moves the error to high frequencies (Ahmed and Wonka 2020).
+
+Within a pixel, rays are ordered by how far from the lens centre they start. A ray's walk is as long as that, so
+rays of like rank, traced together, finish together.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from scipy.stats import qmc
+
+from focusjax.lens import AbstractLens
+
+_MOST_SAMPLES = 1 << 20
+
+
+class RaySamples(eqx.Module):
+    """Ray starts for the pixels of a tile that repeats over the picture.
+
+    Attributes:
+        offset: position in the pixel [t, s, 2], 0 to 1 in x and y.
+        pupil: point of the opening [t, s, 2] in units of the aperture radius.
+        edge: edge of the tile in pixels (static).
+    """
+
+    offset: Float[Array, "t s 2"]
+    pupil: Float[Array, "t s 2"]
+    edge: int = eqx.field(static=True)
+
+    def of_pixel(
+        self, column: Int[Array, ""], row: Int[Array, ""], first: Int[Array, ""], count: int
+    ) -> tuple[Float[Array, "s 2"], Float[Array, "s 2"]]:
+        """Pixel offsets and pupil points of the `count` rays from `first` on of one pixel."""
+        tile = (row % self.edge) * self.edge + column % self.edge
+        start, size = (tile, first, 0), (1, count, 2)
+        return (
+            jax.lax.dynamic_slice(self.offset, start, size)[0],
+            jax.lax.dynamic_slice(self.pupil, start, size)[0],
+        )
+
+
+def ray_samples(lens: AbstractLens, rays: int, seed: int) -> RaySamples:
+    """Samples for `rays` rays per pixel through `lens`, the same ones for the same `seed`."""
+    edge = 32
+    while edge > 1 and rays * edge**2 > _MOST_SAMPLES:
+        edge //= 2
+    length = rays * edge**2
+    sequence = qmc.Sobol(4, scramble=True, rng=np.random.default_rng(seed))
+    points = sequence.random_base2(max(length - 1, 0).bit_length())[:length].reshape(edge**2, rays, 4)
+    rows, columns = np.divmod(np.arange(edge**2), edge)
+    points = jnp.asarray(points[_z_order(columns, rows)], dtype=float)
+    pupil = eqx.filter_jit(_pupil_points)(lens, points[..., 2:])
+    order = np.argsort(np.abs(np.asarray(pupil)).max(axis=-1), axis=-1)[..., None]
+    offset, pupil = (
+        jnp.asarray(np.take_along_axis(np.asarray(a), order, axis=1)) for a in (points[..., :2], pupil)
+    )
+    return RaySamples(offset=offset, pupil=pupil, edge=edge)
+
+
+def _pupil_points(lens: AbstractLens, square: Float[Array, "t s 2"]) -> Float[Array, "t s 2"]:
+    return jax.vmap(jax.vmap(lens.pupil_point))(square)
+
+
+def _z_order(column: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Position of each pixel along the Z-order (Morton) curve."""
+    out = np.zeros_like(column)
+    for bit in range(16):
+        out |= ((column >> bit) & 1) << (2 * bit) | ((row >> bit) & 1) << (2 * bit + 1)
+    return out

@@ -1,0 +1,87 @@
+"""How long a focus solve takes: compile, and warm including everything Python does.
+
+The same wishes are solved by both methods of focusjax and, as a yardstick, by scipy on the same
+residuals from one start. Run it on a quiet machine; it prints medians.
+"""
+
+import argparse
+import statistics
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.optimize
+
+from focusjax.focus import AtPoint, Blur, FocusPoint, Sharp, locate, solve
+from focusjax.geometry import make_camera
+from focusjax.lens import thin_lens
+
+FREE = ("focus", "f_number")
+
+
+def wishes(count, camera):
+    """Sharp and blurred points between 1 m and 9 m, straight ahead."""
+    wish = [Sharp(), Blur(12.0), Blur(-4.0, signed=True), Sharp()]
+    points = [FocusPoint(AtPoint((0, 0, -(1 + 8 * i / count))), wish[i % 4]) for i in range(count)]
+    return locate(points, camera)
+
+
+def timed(run, repeats):
+    """Seconds of the first call, and the median and the best of those after it."""
+    seconds = []
+    for _ in range(repeats + 1):
+        start = time.perf_counter()
+        jax.block_until_ready(run())
+        seconds.append(time.perf_counter() - start)
+    return seconds[0], statistics.median(seconds[1:]), min(seconds[1:])
+
+
+def scipy_solver(points, camera, start):
+    """Bounded least squares by scipy over focus disparity and aperture radius, from the starting lens."""
+    slope = 2 * float(camera.focal_px)
+    disparity, target, signed, root = (
+        np.asarray(value) for value in (points.disparity, points.target, points.signed, points.weight**0.5)
+    )
+    length = float(camera.focal_length)
+    box = (np.array([0.0, length / 64]), np.array([1 / (2 * length), length / 2]))
+    first = np.array([float(start.focus_disparity), float(start.aperture_radius)])
+
+    def residuals(value):
+        blur = slope * value[1] * (value[0] - disparity)
+        return root * (np.where(signed, blur, abs(blur)) - target)
+
+    return lambda: scipy.optimize.least_squares(residuals, first, bounds=box, x_scale=(1.0, 1e-2)).cost
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repeats", type=int, default=50, help="warm solves to take the median of")
+    repeats = parser.parse_args().repeats
+    camera = make_camera(jnp.eye(4), width=640, height=480, focal_length=0.05)
+    lens = thin_lens(focus_distance=5.0, f_number=2.0, focal_length=0.05)
+    print(
+        f"{'wishes':>6} {'free':>18} {'method':>11} {'first s':>8} {'warm ms':>8} {'best ms':>8} {'cost px^2':>11}"
+    )
+    for count in (1, 10):
+        points = wishes(count, camera)
+        for free in (FREE[:1], FREE):
+            for method in ("optimistix", "jaxopt"):
+                arguments = {"free": free, "method": method, "throw": False}
+                first, warm, best = timed(
+                    lambda a=arguments, p=points: solve(p, camera, lens, **a).cost, repeats
+                )
+                cost = float(solve(points, camera, lens, **arguments).cost)
+                name = " + ".join(free)
+                print(
+                    f"{count:6} {name:>18} {method:>11} {first:8.2f} {1e3 * warm:8.2f} {1e3 * best:8.2f} {cost:11.4g}"
+                )
+        run = scipy_solver(points, camera, lens)
+        first, warm, best = timed(run, repeats)
+        print(
+            f"{count:6} {' + '.join(FREE):>18} {'scipy':>11} {first:8.2f} {1e3 * warm:8.2f} {1e3 * best:8.2f} {run():11.4g}"
+        )
+
+
+if __name__ == "__main__":
+    main()

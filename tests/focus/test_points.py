@@ -1,0 +1,34 @@
+"""Wishes refuse values that mean nothing, in words."""
+
+import pytest
+
+from focusjax.focus import AtPixel, Blur, FocusPoint, OnObject, Sharp
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Blur(-3.0), "wished blur is -3.0 px; a diameter is not negative, unless the wish is signed"),
+        (lambda: Blur(float("nan")), "wished blur is nan px; expected a finite diameter"),
+        (lambda: OnObject("spot", samples=0), "object 'spot' has 0 samples; expected at least 1"),
+        (
+            lambda: FocusPoint(AtPixel(1, 1), Sharp(), weight=-1, name="face"),
+            "focus point 'face' has weight -1.0; expected zero or a positive finite number",
+        ),
+        (
+            lambda: FocusPoint(AtPixel(1, 1), Sharp(), weight=float("inf")),
+            "a focus point has weight inf",
+        ),
+        (
+            lambda: FocusPoint(AtPixel(1, 1), Sharp(), tolerance=-0.5),
+            "a focus point has tolerance -0.5; expected zero or a positive finite number",
+        ),
+    ],
+)
+def test_a_value_that_means_nothing_is_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_a_signed_blur_may_be_negative():
+    assert Blur(-3, signed=True).pixels == -3

@@ -1,0 +1,35 @@
+"""A run's folder gets all of its files or none."""
+
+import pytest
+
+from focusjax.io import staged_folder
+
+
+def test_files_arrive_together_and_replace_older_ones(tmp_path):
+    out = tmp_path / "deep" / "run"
+    out.mkdir(parents=True)
+    (out / "a.txt").write_text("old")
+    with staged_folder(out) as stage:
+        (stage / "a.txt").write_text("new")
+        (stage / "b.txt").write_text("more")
+        assert (out / "a.txt").read_text() == "old"
+    assert sorted(file.name for file in out.iterdir()) == ["a.txt", "b.txt"]
+    assert (out / "a.txt").read_text() == "new"
+
+
+def fail_in(folder):
+    with staged_folder(folder) as stage:
+        (stage / "a.txt").write_text("half")
+        raise RuntimeError("stop")
+
+
+def test_a_failure_leaves_nothing(tmp_path):
+    with pytest.raises(RuntimeError, match="stop"):
+        fail_in(tmp_path / "deep" / "run")
+    assert not list(tmp_path.iterdir())
+
+
+def test_not_writable_is_said_before_any_work(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(ValueError, match=r"output folder .*file/run is not writable .* choose another"):
+        fail_in(tmp_path / "file" / "run")

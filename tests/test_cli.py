@@ -1,0 +1,254 @@
+"""The command line from outside: files, exit statuses, and the sentence for everything that goes wrong."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+import trimesh
+from typer.testing import CliRunner
+
+from focusjax.cli import app
+from focusjax.io import load_exr
+
+ROOT = Path(__file__).parents[1]
+CONFIG = """
+title = "Two <boxes>"
+[scene]
+unlit = true
+background = {kind = "gradient", bottom = 0.1, horizon = 0.5, top = [0.2, 0.4, 0.9]}
+[[scene.objects]]
+file = "box.ply"
+name = "near box"
+translate = [-0.4, 0, -2]
+colour = [0.9, 0.3, 0.2]
+[[scene.objects]]
+file = "box.ply"
+name = "far box"
+translate = [1.0, 0, -5]
+emission = [4, 3, 2]
+[camera]
+position = [0, 0, 0]
+look_at = [0, 0, -1]
+focal_length_mm = 50
+resolution = [40, 30]
+[lens]
+f_number = 2.0
+focus_distance_m = 4.0
+[[focus]]
+name = "box's front"
+point = [-0.4, 0, -1.75]
+sharp = true
+[[focus]]
+object = "far box"
+blur_px = 3
+tolerance_px = 0.5
+[solve]
+free = ["focus", "f_number"]
+f_number_min = 0.2
+[render]
+rays = 4
+"""
+
+
+@pytest.fixture(scope="module")
+def scene_folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("scene")
+    trimesh.creation.box((0.5, 0.5, 0.5)).export(folder / "box.ply")
+    (folder / "boxes.toml").write_text(CONFIG)
+    return folder
+
+
+def focusjax(*arguments):
+    """The exit status and what was printed to stdout and stderr."""
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments], env={"COLUMNS": "200"})
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result.exit_code, result.stdout, result.stderr
+
+
+@pytest.fixture(scope="module")
+def finished(scene_folder):
+    """One complete run: its folder and what it printed."""
+    folder = scene_folder / "finished"
+    status, printed, complaints = focusjax("run", scene_folder / "boxes.toml", "--out", folder)
+    assert (status, complaints) == (0, "")
+    return folder, printed
+
+
+def test_a_run_leaves_all_its_files(finished):
+    folder, printed = finished
+    names = ["blur.png", "image.exr", "image.png", "pinhole.png", "report.html", "report.json"]
+    assert sorted(path.name for path in folder.iterdir()) == names
+    assert iio.imread(folder / "image.png").shape == (30, 40, 3)
+    assert "box's front" in printed
+    assert str(folder / "report.html") in printed.replace("\n", "")
+
+
+def test_the_exr_holds_radiance_depth_and_blur(finished):
+    folder, _ = finished
+    channels = load_exr(folder / "image.exr")
+    assert set(channels) == {"R", "G", "B", "Z", "blur"}
+    # Emission above 1 survives; the near box's front is 1.75 m away and in focus.
+    assert channels["R"].max() > 2.0
+    front = channels["Z"][15, 8]
+    np.testing.assert_allclose(front, 1.75, rtol=1e-5)  # observed 1e-7
+    np.testing.assert_allclose(channels["blur"][15, 8], 0.0, atol=1e-4)  # observed 1e-7
+    assert np.isinf(channels["Z"][0, 0])
+
+
+def test_the_report_in_numbers(finished):
+    report = json.loads((finished[0] / "report.json").read_text())
+    assert report["lens"]["focus_distance_m"] == pytest.approx(1.75, rel=1e-4)
+    assert report["lens"]["solved"]
+    assert report["solver"]["status"] == "solved"
+    assert report["solver"]["steps"] >= 0
+    assert report["solver"]["active_bounds"] == []
+    assert [wish["name"] for wish in report["wishes"]] == ["box's front", "far box"]
+    assert all(wish["met"] for wish in report["wishes"])
+    assert report["picture"]["layers_complete"]
+    assert report["picture"]["rays_per_pixel"] == 4
+    assert report["config"]["solve"]["max_focus_distance_m"] == "inf"
+    stages = {"load", "locate", "solve_first", "solve", "peel", "render", "pinhole", "compile"}
+    assert set(report["seconds"]) == stages
+    assert {"python", "focusjax", "jax", "equinox"} <= set(report["versions"])
+
+
+def test_the_page_stands_alone_and_escapes_names(finished):
+    page = (finished[0] / "report.html").read_text()
+    assert "Two &lt;boxes&gt;" in page
+    assert "box&#39;s front" in page
+    assert page.count("data:image/png;base64,") == 3
+    assert not re.search(r"(src|href)=\"(?!data:)", page)
+    assert "Focus distance" in page
+    assert "1.75 m" in page
+
+
+def test_solve_makes_no_picture(scene_folder, tmp_path):
+    status, _, _ = focusjax("solve", scene_folder / "boxes.toml", "--out", tmp_path / "out")
+    assert status == 0
+    names = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert names == ["blur.png", "report.html", "report.json"]
+
+
+def test_render_takes_the_lens_as_it_is(scene_folder, tmp_path):
+    status, _, _ = focusjax(
+        "render", scene_folder / "boxes.toml", "--out", tmp_path / "out", "--set", "focus=[]"
+    )
+    assert status == 0
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["lens"]["focus_distance_m"] == pytest.approx(4.0, rel=1e-6)
+    assert report["solver"] is None
+    assert not report["lens"]["solved"]
+
+
+def test_a_missed_wish_is_status_3(scene_folder, tmp_path):
+    status, printed, _ = focusjax(
+        "solve", scene_folder / "boxes.toml", "--out", tmp_path / "out", "--set", "focus.1.blur_px=2000"
+    )
+    assert status == 3
+    assert "missed" in printed
+    assert "On the limit: min f number." in printed
+    assert "widest aperture stands in the way" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_sharp_at_infinity_is_a_wish_like_any_other(scene_folder, tmp_path):
+    status, printed, _ = focusjax(
+        "solve", scene_folder / "boxes.toml", "--out", tmp_path / "out",
+        "--set", "focus=[{pixel=[20.5, 1.5], sharp=true}]", "--set", "solve.free=['focus']",
+    )  # fmt: skip
+    assert status == 0
+    assert "Focus ∞" in printed
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["lens"]["focus_distance_m"] == "inf"
+
+
+BAD_MESHES = {
+    "garbage.ply": "this is no mesh",
+    "empty.obj": "# nothing\n",
+    "nan.obj": "v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n",
+    "range.off": "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n",
+}
+
+
+@pytest.mark.parametrize(
+    ("overrides", "status", "sentence"),
+    [
+        (["scene.objects.0.file=gone.ply"], 2, r"mesh file .*gone\.ply does not exist; check the path"),
+        (["scene.objects.0.file=garbage.ply"], 2, r"mesh file .*garbage\.ply cannot be read"),
+        (["scene.objects.0.file=empty.obj"], 2, r"mesh file .*empty\.obj "),
+        (["scene.objects.0.file=nan.obj"], 2, r"nan\.obj has 1 vertices with NaN or infinite coordinates"),
+        (["scene.objects.0.file=range.off"], 2, r"range\.off .*vertex"),
+        (["scene.objects.0.name=far box"], 2, r"two objects are named 'far box'"),
+        (["camera.fov=3"], 2, r"unknown key camera\.fov; "),
+        (["focus=[]"], 2, r"there are no focus points; add a \[\[focus\]\] table such as pixel = \[20, 15\]"),
+        (["focus.1.object=far bix"], 2, r"no object named 'far bix'; did you mean 'far box'\?"),
+        (
+            ["focus=[{pixel=[400, 3], sharp=true}]"],
+            1,
+            r"focus point 'pixel \(400, 3\)' .*(screen|frame|picture)",
+        ),
+        (["focus.0.point=[0, 0, 3]"], 1, r"box's front.* behind the camera"),
+        (["focus=[{triangle=99, barycentric=[1,0,0], object='far box', sharp=true}]"], 2, r"0 to 11"),
+        (["lens.focus_distance_m=0.04"], 2, r"focus distance 0\.04 m is within the focal length 0\.05 m"),
+        (["solve.min_focus_distance_m=0.04"], 1, r"minimum focus distance in metres"),
+        (["solve.f_number_min=33"], 2, r"f_number_min = 33, which is not below f_number_max = 32"),
+        (["camera.look_at=[0, 0, 0]"], 2, r"the camera looks at its own position"),
+        (["camera.up=[0, 0, 1]"], 2, r"along the view axis; choose another up direction"),
+        (["lens.f_number=0"], 2, r"lens\.f_number is 0; expected a number above 0"),
+    ],
+    ids=lambda value: value[0] if isinstance(value, list) else None,
+)
+def test_bad_input_is_one_sentence_and_writes_nothing(scene_folder, tmp_path, overrides, status, sentence):
+    for name, text in BAD_MESHES.items():
+        (scene_folder / name).write_text(text)
+    options = [part for override in overrides for part in ("--set", override)]
+    got, printed, complaint = focusjax(
+        "run", scene_folder / "boxes.toml", "--out", tmp_path / "a" / "b", *options
+    )
+    assert re.search(sentence, complaint), complaint
+    assert (got, printed) == (status, "")
+    assert complaint.startswith("focusjax: ")
+    assert complaint.count("\n") == 1
+    assert "Traceback" not in complaint
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_lens_that_is_not_solved_needs_a_focus_distance(scene_folder, tmp_path):
+    text = CONFIG.replace("focus_distance_m = 4.0", "")
+    (scene_folder / "unfocused.toml").write_text(text)
+    status, _, complaint = focusjax("render", scene_folder / "unfocused.toml", "--out", tmp_path / "out")
+    assert status == 2
+    assert "lens.focus_distance_m is missing; give it, or solve for it with `focusjax run`" in complaint
+
+
+def test_an_output_folder_that_cannot_be_written_is_told_early(scene_folder, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    status, _, complaint = focusjax("run", scene_folder / "boxes.toml", "--out", tmp_path / "file" / "out")
+    assert status == 1
+    assert re.search(r"output folder .* is not writable .*; choose another with --out", complaint)
+
+
+@pytest.mark.parametrize(
+    "arguments", [["run"], ["paint", "x.toml"], ["run", "a.toml", "b.toml"], ["run", "a.toml", "--fast"]]
+)
+def test_bad_usage_is_status_2(arguments):
+    assert focusjax(*arguments)[0] == 2
+
+
+def test_the_real_command_says_one_sentence(scene_folder, tmp_path):
+    """As a process of its own, with everything other libraries may print on the way."""
+    done = subprocess.run(
+        [sys.executable, "-m", "focusjax.cli", "run", "missing.toml"],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path / "cache")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr == "focusjax: missing.toml: there is no such config file; check the path\n"
+    assert done.stdout == ""

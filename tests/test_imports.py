@@ -1,0 +1,69 @@
+"""Imports point one way, from the command line down to geometry."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1] / "focusjax"
+
+# What each part of the package may import, besides itself. The order is the pipeline's.
+ALLOWED = {
+    "geometry": set(),
+    "lens": {"geometry"},
+    "scene": {"geometry"},
+    "focus": {"geometry", "lens"},
+    "layers": {"geometry", "lens", "scene"},
+    "trace": {"geometry", "lens", "scene", "layers"},
+    "film": {"geometry", "lens", "scene", "layers"},
+    "metrics": set(),
+    # Slow or simple twins share no code with what they are compared with.
+    "baselines": {"geometry", "lens", "scene"},
+    "io": {"film"},
+    "config": {"geometry", "lens", "scene", "focus"},
+    "_stopwatch": set(),
+    "job": {"geometry", "lens", "scene", "focus", "layers", "trace", "config", "_stopwatch"},
+    "report": {"geometry", "lens", "focus", "io", "config", "job"},
+    "cli": {"io", "config", "job", "report"},
+}
+# The public face re-exports from everywhere below the command line.
+ALLOWED["__init__"] = set(ALLOWED) - {"cli", "report", "config", "_stopwatch", "baselines"}
+
+
+def part_of(path: Path) -> str:
+    """The subpackage, or the module directly under focusjax, that a file belongs to."""
+    return path.relative_to(ROOT).parts[0].removesuffix(".py")
+
+
+def imported_parts(path: Path) -> set[str]:
+    """The parts of focusjax that a file imports, wherever in the file."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path} uses a relative import; name the package"
+            names = [node.module or ""]
+            if node.module == "focusjax":
+                names = [f"focusjax.{alias.name}" for alias in node.names]
+        else:
+            continue
+        found |= {name.split(".")[1] for name in names if name.startswith("focusjax.")}
+    return found
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.rglob("*.py")), ids=lambda path: str(path.relative_to(ROOT)))
+def test_imports_point_one_way(path):
+    part = part_of(path)
+    assert part in ALLOWED, f"say in this test what focusjax.{part} may import"
+    assert imported_parts(path) <= ALLOWED[part] | {part}
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.rglob("*.py")), ids=lambda path: str(path.relative_to(ROOT)))
+def test_private_modules_are_imported_within_their_own_package_only(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("focusjax."):
+            parts = (node.module or "").split(".")[1:]
+            private = [number for number, step in enumerate(parts) if step.startswith("_")]
+            if private and private[0] > 0:
+                assert path.relative_to(ROOT).parts[: private[0]] == tuple(parts[: private[0]])

@@ -1,1 +1,42 @@
-"""Say what should be sharp; get the lens settings and the picture."""
+"""Say what should be sharp; get the lens settings and the picture.
+
+The names a script needs are here; each package below holds the rest of its own.
+"""
+
+from focusjax.film import expose as expose
+from focusjax.focus import AtInfinity as AtInfinity
+from focusjax.focus import AtPixel as AtPixel
+from focusjax.focus import AtPoint as AtPoint
+from focusjax.focus import Blur as Blur
+from focusjax.focus import FocusPoint as FocusPoint
+from focusjax.focus import OnObject as OnObject
+from focusjax.focus import OnTriangle as OnTriangle
+from focusjax.focus import Sharp as Sharp
+from focusjax.focus import Solution as Solution
+from focusjax.focus import solve as solve
+from focusjax.geometry import Camera as Camera
+from focusjax.geometry import look_at as look_at
+from focusjax.geometry import make_camera as make_camera
+from focusjax.io import load_exr as load_exr
+from focusjax.io import save_exr as save_exr
+from focusjax.io import save_png as save_png
+from focusjax.job import find_points as find_points
+from focusjax.layers import Layers as Layers
+from focusjax.layers import disparity_map as disparity_map
+from focusjax.layers import peel as peel
+from focusjax.lens import Disk as Disk
+from focusjax.lens import ThinLens as ThinLens
+from focusjax.lens import polygon as polygon
+from focusjax.lens import thin_lens as thin_lens
+from focusjax.scene import Scene as Scene
+from focusjax.scene import constant_background as constant_background
+from focusjax.scene import directional_light as directional_light
+from focusjax.scene import gradient_background as gradient_background
+from focusjax.scene import image_background as image_background
+from focusjax.scene import load_mesh as load_mesh
+from focusjax.scene import make_scene as make_scene
+from focusjax.scene import point_light as point_light
+from focusjax.trace import render as render
+from focusjax.trace import render_pinhole as render_pinhole
+
+__version__ = "0.1.0"

@@ -29,10 +29,10 @@ class Stopwatch:
             self._on_stage(name)
         compiling = 0.0
 
-        def note(event: str, duration: float, **details: str | int | float) -> None:
+        def note(event: str, duration_secs: float, **details: object) -> None:
             nonlocal compiling
             if event.startswith(_COMPILE_EVENTS):
-                compiling += duration
+                compiling += duration_secs
 
         jax.monitoring.register_event_duration_secs_listener(note)
         start = time.perf_counter()

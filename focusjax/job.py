@@ -187,12 +187,9 @@ def _render(
             layers, lens, rays=table.rays, seed=table.seed, progress=lambda share: tell("render", share)
         )
         image.block_until_ready()
-    with watch.stage("pinhole"):
-        pinhole = render_pinhole(scene, camera)
-        pinhole.block_until_ready()
     return Picture(
         image=image,
-        pinhole=pinhole,
+        pinhole=render_pinhole(layers),
         layer_count=layers.count,
         margin=layers.grid.margin / layers.grid.supersampling,
         complete=layers.complete,

@@ -54,33 +54,36 @@ def scipy_solver(points, camera, start):
     return lambda: scipy.optimize.least_squares(residuals, first, bounds=box, x_scale=(1.0, 1e-2)).cost
 
 
+def report(count, free, method, run, repeats):
+    """Prints one line of the table."""
+    first, median, best = timed(run, repeats)
+    name = " + ".join(free)
+    seconds = f"{first:8.2f} {1e3 * median:8.2f} {1e3 * best:8.2f}"
+    print(f"{count:6} {name:>18} {method:>11} {seconds} {float(run()):11.4g}")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=50, help="warm solves to take the median of")
     repeats = parser.parse_args().repeats
     camera = make_camera(jnp.eye(4), width=640, height=480, focal_length=0.05)
     lens = thin_lens(focus_distance=5.0, f_number=2.0, focal_length=0.05)
+    columns = ("first s", "warm ms", "best ms")
     print(
-        f"{'wishes':>6} {'free':>18} {'method':>11} {'first s':>8} {'warm ms':>8} {'best ms':>8} {'cost px^2':>11}"
+        f"{'wishes':>6} {'free':>18} {'method':>11}",
+        *(f"{name:>8}" for name in columns),
+        f"{'cost px^2':>11}",
     )
     for count in (1, 10):
         points = wishes(count, camera)
         for free in (FREE[:1], FREE):
             for method in ("optimistix", "jaxopt"):
-                arguments = {"free": free, "method": method, "throw": False}
-                first, warm, best = timed(
-                    lambda a=arguments, p=points: solve(p, camera, lens, **a).cost, repeats
-                )
-                cost = float(solve(points, camera, lens, **arguments).cost)
-                name = " + ".join(free)
-                print(
-                    f"{count:6} {name:>18} {method:>11} {first:8.2f} {1e3 * warm:8.2f} {1e3 * best:8.2f} {cost:11.4g}"
-                )
-        run = scipy_solver(points, camera, lens)
-        first, warm, best = timed(run, repeats)
-        print(
-            f"{count:6} {' + '.join(FREE):>18} {'scipy':>11} {first:8.2f} {1e3 * warm:8.2f} {1e3 * best:8.2f} {run():11.4g}"
-        )
+
+                def run(points=points, free=free, method=method):
+                    return solve(points, camera, lens, free=free, method=method, throw=False).cost
+
+                report(count, free, method, run, repeats)
+        report(count, FREE, "scipy", scipy_solver(points, camera, lens), repeats)
 
 
 if __name__ == "__main__":

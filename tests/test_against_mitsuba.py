@@ -63,6 +63,7 @@ def test_brightness_is_unbiased(name: str, view: str) -> None:
     # Blur moves light about but for border and occlusion; the mean of a picture is nearly free of noise.
     # Observed: TODO.
     ours, theirs = picture(name, view), load_reference(name).pictures[view]
+    print(name, view, psnr(ours,theirs), psnr(ours,theirs,mask=border(ours.shape)), ssim(ours,theirs), ours.mean(axis=(0,1))/theirs.mean(axis=(0,1))-1)
     np.testing.assert_allclose(ours.mean(axis=(0, 1)), theirs.mean(axis=(0, 1)), rtol=2e-3)
 
 

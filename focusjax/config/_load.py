@@ -17,13 +17,15 @@ from focusjax.config._wishes import FocusTable, RenderTable, SolveTable
 class Config(Table):
     """Everything one run needs, as a person wrote it: a scene, a camera, a lens, and the wishes."""
 
-    title: str = Field("", description="a title for the report")
+    title: str = Field(default="", description="a title for the report")
     scene: SceneTable = Field(description="a [scene] table")
     camera: CameraTable = Field(description="a [camera] table")
     lens: LensTable = Field(description="a [lens] table")
-    focus: Annotated[tuple[FocusTable, ...], Strict(False)] = Field((), description="[[focus]] tables")
-    solve: SolveTable = Field(SolveTable(), description="a [solve] table")
-    render: RenderTable = Field(RenderTable(), description="a [render] table")
+    focus: Annotated[tuple[FocusTable, ...], Strict(False)] = Field(
+        default=(), description="[[focus]] tables"
+    )
+    solve: SolveTable = Field(default=SolveTable(), description="a [solve] table")
+    render: RenderTable = Field(default=RenderTable(), description="a [render] table")
     _source: Path = PrivateAttr(Path())
 
     @property

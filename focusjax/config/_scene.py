@@ -13,23 +13,25 @@ class ObjectTable(Table):
     file: str = Field(
         description="a mesh file's path, relative to the config (glb, gltf, obj, ply, stl, off)"
     )
-    name: str | None = Field(None, description="a name for focus points to refer to")
-    translate: Vector = Field((0.0, 0.0, 0.0), description="a shift [x, y, z] in metres")
+    name: str | None = Field(default=None, description="a name for focus points to refer to")
+    translate: Vector = Field(default=(0.0, 0.0, 0.0), description="a shift [x, y, z] in metres")
     rotate_deg: Vector | Annotated[tuple[Number, Number, Number, Number], Strict(False)] = Field(
-        (0.0, 0.0, 0.0),
+        default=(0.0, 0.0, 0.0),
         description="degrees about the world's x, then y, then z axis, or an axis and degrees about it",
     )
-    scale: Number | Vector = Field(1.0, description="one factor, or three for x, y and z")
+    scale: Number | Vector = Field(default=1.0, description="one factor, or three for x, y and z")
     colour: Annotated[tuple[Share, Share, Share], Strict(False)] | None = Field(
-        None, description="the base colour [r, g, b], sRGB from 0 to 1"
+        default=None, description="the base colour [r, g, b], sRGB from 0 to 1"
     )
-    emission: Light | None = Field(None, description="the light given off [r, g, b], linear; above 1 glows")
-    specular: Light | None = Field(None, description="the highlight's strength, for example 0.3")
+    emission: Light | None = Field(
+        default=None, description="the light given off [r, g, b], linear; above 1 glows"
+    )
+    specular: Light | None = Field(default=None, description="the highlight's strength, for example 0.3")
     shininess: Annotated[float, Field(ge=1, allow_inf_nan=False)] | None = Field(
-        None, description="the highlight's Phong exponent, for example 40"
+        default=None, description="the highlight's Phong exponent, for example 40"
     )
     smooth_angle_deg: Annotated[float, Field(ge=0, le=180)] | None = Field(
-        None, description="the largest angle between faces that still looks smooth, in degrees"
+        default=None, description="the largest angle between faces that still looks smooth, in degrees"
     )
 
 
@@ -38,7 +40,7 @@ class DirectionalTable(Table):
 
     kind: Literal["directional"]
     direction: Vector = Field(description="the direction [x, y, z] that the light travels in")
-    colour: Light = Field(1.0, description="what a white surface facing the light shows, linear")
+    colour: Light = Field(default=1.0, description="what a white surface facing the light shows, linear")
 
 
 class PointTable(Table):
@@ -46,7 +48,7 @@ class PointTable(Table):
 
     kind: Literal["point"]
     position: Vector = Field(description="the lamp's place [x, y, z] in metres")
-    intensity: Light = Field(1.0, description="what a white surface 1 m from the lamp shows, linear")
+    intensity: Light = Field(default=1.0, description="what a white surface 1 m from the lamp shows, linear")
 
 
 class ConstantTable(Table):
@@ -70,8 +72,8 @@ class ImageTable(Table):
 
     kind: Literal["image"]
     file: str = Field(description="an equirectangular picture's path, relative to the config")
-    gain: NotNegative = Field(1.0, description="a factor on the panorama's brightness")
-    turn_deg: Number = Field(0.0, description="degrees by which the panorama is turned to the right")
+    gain: NotNegative = Field(default=1.0, description="a factor on the panorama's brightness")
+    turn_deg: Number = Field(default=0.0, description="degrees by which the panorama is turned to the right")
 
 
 class SceneTable(Table):
@@ -80,15 +82,15 @@ class SceneTable(Table):
     objects: Annotated[tuple[ObjectTable, ...], Strict(False), Field(min_length=1)] = Field(
         description="at least one [[scene.objects]] table with a file"
     )
-    ambient: Light = Field(0.0, description="light from everywhere, linear, for example 0.3")
+    ambient: Light = Field(default=0.0, description="light from everywhere, linear, for example 0.3")
     lights: Annotated[
         tuple[Annotated[DirectionalTable | PointTable, Field(discriminator="kind")], ...], Strict(False)
-    ] = Field((), description='lights of kind = "directional" or "point"')
+    ] = Field(default=(), description='lights of kind = "directional" or "point"')
     background: Annotated[ConstantTable | GradientTable | ImageTable, Field(discriminator="kind")] = Field(
-        ConstantTable(kind="constant", colour=0.0),
+        default=ConstantTable(kind="constant", colour=0.0),
         description='a background of kind = "constant", "gradient" or "image"',
     )
-    unlit: bool = Field(False, description="true to show colours as they are, without lights")
+    unlit: bool = Field(default=False, description="true to show colours as they are, without lights")
 
     @model_validator(mode="after")
     def _some_light(self) -> "SceneTable":

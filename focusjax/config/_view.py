@@ -14,16 +14,18 @@ Pixels = Annotated[int, Field(ge=1, le=32768)]
 class CameraTable(Table):
     """`[camera]`: where the camera stands, what it sees, and how many pixels the picture has."""
 
-    position: Vector | None = Field(None, description="the camera's place [x, y, z] in metres")
-    look_at: Vector | None = Field(None, description="a point [x, y, z] in metres on the view axis")
-    up: Vector = Field((0.0, 1.0, 0.0), description="the up direction [x, y, z]")
+    position: Vector | None = Field(default=None, description="the camera's place [x, y, z] in metres")
+    look_at: Vector | None = Field(default=None, description="a point [x, y, z] in metres on the view axis")
+    up: Vector = Field(default=(0.0, 1.0, 0.0), description="the up direction [x, y, z]")
     matrix: Annotated[tuple[Row, Row, Row, Row], Strict(False)] | None = Field(
-        None, description="the camera's pose as 4 rows of 4 numbers (world from camera, metres)"
+        default=None, description="the camera's pose as 4 rows of 4 numbers (world from camera, metres)"
     )
-    sensor_width_mm: Millimetres = Field(36.0, description="the sensor's width in mm, for example 36")
-    focal_length_mm: Millimetres | None = Field(None, description="the focal length in mm, for example 50")
+    sensor_width_mm: Millimetres = Field(default=36.0, description="the sensor's width in mm, for example 36")
+    focal_length_mm: Millimetres | None = Field(
+        default=None, description="the focal length in mm, for example 50"
+    )
     field_of_view_deg: Annotated[float, Field(gt=0, lt=180)] | None = Field(
-        None, description="the horizontal field of view in degrees, for example 40"
+        default=None, description="the horizontal field of view in degrees, for example 40"
     )
     resolution: Annotated[tuple[Pixels, Pixels], Strict(False)] = Field(
         description="the picture's [width, height] in pixels, for example [640, 480]"
@@ -52,24 +54,26 @@ class PolygonTable(Table):
 
     shape: Literal["polygon"]
     blades: Annotated[int, Field(ge=3, le=64)] = Field(description="the number of blades, 3 or more")
-    rotation_deg: Number = Field(0.0, description="the first corner's angle in degrees, clockwise from +x")
+    rotation_deg: Number = Field(
+        default=0.0, description="the first corner's angle in degrees, clockwise from +x"
+    )
     roundness: Annotated[float, Field(ge=0, le=1)] = Field(
-        0.0, description="a roundness from 0 (straight blades) to 1 (a circle)"
+        default=0.0, description="a roundness from 0 (straight blades) to 1 (a circle)"
     )
 
 
 class LensTable(Table):
     """`[lens]`: the lens as it is before solving; `render` uses it unchanged."""
 
-    f_number: Positive | None = Field(None, description="the f-number, for example 2.8")
+    f_number: Positive | None = Field(default=None, description="the f-number, for example 2.8")
     aperture_radius_mm: NotNegative | None = Field(
-        None, description="the aperture's radius in mm, for example 9; 0 is a pinhole"
+        default=None, description="the aperture's radius in mm, for example 9; 0 is a pinhole"
     )
     focus_distance_m: Annotated[float, Field(gt=0)] | None = Field(
-        None, description="the focus distance in metres, for example 2.5, or inf"
+        default=None, description="the focus distance in metres, for example 2.5, or inf"
     )
     aperture: Annotated[DiskTable | PolygonTable, Field(discriminator="shape")] = Field(
-        DiskTable(shape="disk"),
+        default=DiskTable(shape="disk"),
         description='the opening, for example {shape = "polygon", blades = 6}, or {shape = "disk"}',
     )
 

@@ -10,32 +10,37 @@ from focusjax.config._values import NotNegative, Number, Positive, Table, Vector
 class FocusTable(Table):
     """`[[focus]]`: one place in the scene and how sharp or blurred it should be."""
 
-    name: str | None = Field(None, description="a name for the report")
+    name: str | None = Field(default=None, description="a name for the report")
     pixel: Annotated[tuple[Number, Number], Strict(False)] | None = Field(
-        None, description="a place [x, y] in the picture, in pixels from the top left"
+        default=None, description="a place [x, y] in the picture, in pixels from the top left"
     )
-    point: Vector | None = Field(None, description="a point [x, y, z] in the world, in metres")
+    point: Vector | None = Field(default=None, description="a point [x, y, z] in the world, in metres")
     direction: Vector | None = Field(
-        None, description="a direction [x, y, z] from the camera, for something infinitely far away"
+        default=None, description="a direction [x, y, z] from the camera, for something infinitely far away"
     )
     triangle: Annotated[int, Field(ge=0)] | None = Field(
-        None, description="a triangle's number, counted in the whole scene, or in `object` when that is given"
+        default=None,
+        description="a triangle's number, counted in the whole scene, or in `object` when that is given",
     )
     barycentric: Vector | None = Field(
-        None, description="three weights of the triangle's corners, for example [0.2, 0.3, 0.5]"
+        default=None, description="three weights of the triangle's corners, for example [0.2, 0.3, 0.5]"
     )
-    object: str | None = Field(None, description="the name of an object in the scene")
+    object: str | None = Field(default=None, description="the name of an object in the scene")
     samples: Annotated[int, Field(ge=1, le=4096)] | None = Field(
-        None, description="how many points of the object to use, for example 64"
+        default=None, description="how many points of the object to use, for example 64"
     )
-    sharp: Literal[True] | None = Field(None, description="sharp = true, or blur_px")
+    sharp: Literal[True] | None = Field(default=None, description="sharp = true, or blur_px")
     blur_px: Number | None = Field(
-        None,
+        default=None,
         description="the blur's diameter in pixels; with signed = true, negative is in front of the focus",
     )
-    signed: bool = Field(False, description="signed = true to choose the side of the focus by blur_px's sign")
-    weight: NotNegative = Field(1.0, description="how much this wish counts, 0 or more")
-    tolerance_px: NotNegative = Field(1.0, description="the largest miss in pixels that still counts as met")
+    signed: bool = Field(
+        default=False, description="signed = true to choose the side of the focus by blur_px's sign"
+    )
+    weight: NotNegative = Field(default=1.0, description="how much this wish counts, 0 or more")
+    tolerance_px: NotNegative = Field(
+        default=1.0, description="the largest miss in pixels that still counts as met"
+    )
 
     @model_validator(mode="after")
     def _one_place_one_wish(self) -> "FocusTable":
@@ -62,17 +67,17 @@ class SolveTable(Table):
     """`[solve]`: which settings may change, and how far."""
 
     free: Annotated[tuple[Literal["focus", "f_number"], ...], Strict(False)] = Field(
-        ("focus",), description='["focus"] or ["focus", "f_number"]'
+        default=("focus",), description='["focus"] or ["focus", "f_number"]'
     )
     min_focus_distance_m: Positive | None = Field(
-        None, description="the closest focus distance in metres, for example 0.45"
+        default=None, description="the closest focus distance in metres, for example 0.45"
     )
     max_focus_distance_m: Annotated[float, Field(gt=0)] = Field(
-        float("inf"), description="the farthest focus distance in metres, or inf"
+        default=float("inf"), description="the farthest focus distance in metres, or inf"
     )
-    f_number_min: Positive = Field(1.0, description="the lens's widest f-number, for example 1.4")
+    f_number_min: Positive = Field(default=1.0, description="the lens's widest f-number, for example 1.4")
     f_number_max: Positive = Field(
-        32.0, description="the lens's smallest opening as f-number, for example 22"
+        default=32.0, description="the lens's smallest opening as f-number, for example 22"
     )
 
     @model_validator(mode="after")
@@ -95,15 +100,17 @@ class SolveTable(Table):
 class RenderTable(Table):
     """`[render]`: how carefully the picture is made, and how it is shown."""
 
-    rays: Annotated[int, Field(ge=1, le=65536)] = Field(64, description="lens rays per pixel, for example 64")
+    rays: Annotated[int, Field(ge=1, le=65536)] = Field(
+        default=64, description="lens rays per pixel, for example 64"
+    )
     supersampling: Annotated[int, Field(ge=1, le=8)] = Field(
-        2, description="layer samples along each side of a pixel, 1 to 8"
+        default=2, description="layer samples along each side of a pixel, 1 to 8"
     )
     max_layers: Annotated[int, Field(ge=1, le=64)] = Field(
-        16, description="the most layers to peel, up to 64"
+        default=16, description="the most layers to peel, up to 64"
     )
-    exposure: Number = Field(0.0, description="the exposure in stops; 1 doubles the brightness")
-    png_bits: Literal[8, 16] = Field(8, description="8 or 16 bits per channel for image.png")
+    exposure: Number = Field(default=0.0, description="the exposure in stops; 1 doubles the brightness")
+    png_bits: Literal[8, 16] = Field(default=8, description="8 or 16 bits per channel for image.png")
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = Field(
-        0, description="a whole number that fixes the jitter"
+        default=0, description="a whole number that fixes the jitter"
     )

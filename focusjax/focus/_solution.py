@@ -3,6 +3,7 @@
 import dataclasses
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
@@ -100,29 +101,27 @@ class Solution(eqx.Module):
     @property
     def undetermined(self) -> tuple[str, ...]:
         """Parameters that the wishes leave open, "focus" or "f_number"."""
-        return tuple(name for name, held in zip(PARAMETER_NAMES, self.held, strict=True) if held)
+        return tuple(name for name, held in zip(PARAMETER_NAMES, np.asarray(self.held), strict=True) if held)
 
     def table(self) -> tuple[WishResult, ...]:
         """One line per wish, in the order they were given."""
-        points = self.points
-        size = np.abs(np.asarray(self.error))
-        wish = np.asarray(points.wish)
-        met = np.asarray(self.met)
+        # Once to numpy: picking entries out of JAX arrays takes milliseconds each.
+        points, blur, error, met = jax.tree.map(np.asarray, (self.points, self.blur, self.error, self.met))
         lines = []
         for index, name in enumerate(points.names):
-            rows = np.flatnonzero(wish == index)
-            worst = int(rows[np.argmax(size[rows])])
+            rows = np.flatnonzero(points.wish == index)
+            worst = rows[np.argmax(np.abs(error[rows]))]
             disparity = float(points.disparity[worst])
             lines.append(
                 WishResult(
                     name=name,
                     wished=float(points.target[worst]),
                     signed=bool(points.signed[worst]),
-                    got=float(self.blur[worst]),
-                    residual=float(self.error[worst]),
+                    got=float(blur[worst]),
+                    residual=float(error[worst]),
                     tolerance=float(points.tolerance[worst]),
                     met=bool(met[rows].all()),
-                    weight=float(np.asarray(points.weight)[rows].sum()),
+                    weight=float(points.weight[rows].sum()),
                     xy=(float(points.xy[worst, 0]), float(points.xy[worst, 1])),
                     distance=1.0 / disparity if disparity > 0 else float("inf"),
                     samples=len(rows),

@@ -6,6 +6,7 @@ its centre at (i + 0.5, j + 0.5). Depth z is the distance along the view axis (n
 ray) and disparity w = 1/z, in dioptres, is the working depth: infinity is w = 0.
 """
 
+import math
 from collections.abc import Sequence
 
 import equinox as eqx
@@ -66,9 +67,7 @@ class Camera(eqx.Module):
         offset = self.focal_px * disparity * jnp.stack([x, -y])
         return self.principal_point + offset, disparity
 
-    def unproject(
-        self, xy: Float[Array, "2"], disparity: Float[Array, ""]
-    ) -> Float[Array, "3"]:
+    def unproject(self, xy: Float[Array, "2"], disparity: Float[Array, ""]) -> Float[Array, "3"]:
         """The world point in metres seen at pixel position `xy` with positive `disparity` (1/m)."""
         return self.position + self.direction(xy) / disparity
 
@@ -107,13 +106,11 @@ def make_camera(
     if not bool(jnp.all(jnp.isfinite(pose))):
         raise ValueError("the camera matrix has a value that is not finite; expected a pose in metres")
     if not bool(jnp.allclose(rotation @ rotation.T, jnp.eye(3), atol=1e-4)) or jnp.linalg.det(rotation) < 0:
-        raise ValueError(
-            "the camera matrix's 3 x 3 part is not a rotation; remove scale, shear or mirroring"
-        )
+        raise ValueError("the camera matrix's 3 x 3 part is not a rotation; remove scale, shear or mirroring")
     for name, pixels in (("width", width), ("height", height)):
         if pixels < 1:
             raise ValueError(f"{name} is {pixels} pixels; expected at least 1")
-    if not sensor_width > 0:
+    if not 0 < sensor_width < math.inf:
         raise ValueError(f"sensor width is {sensor_width} m; expected a positive length")
     if (focal_length is None) == (field_of_view is None):
         raise ValueError("give exactly one of focal length and field of view")
@@ -121,7 +118,7 @@ def make_camera(
         if not 0 < field_of_view < jnp.pi:
             raise ValueError(f"field of view is {field_of_view} rad; expected between 0 and pi")
         focal_length = sensor_width / 2 / float(jnp.tan(field_of_view / 2))
-    elif focal_length is None or not focal_length > 0:
+    elif focal_length is None or not 0 < focal_length < math.inf:
         raise ValueError(f"focal length is {focal_length} m; expected a positive length")
     return Camera(
         world_from_camera=pose,

@@ -20,8 +20,7 @@ from focusjax.layers._pyramid import build_ranges
 from focusjax.layers._raster import rasterise
 from focusjax.layers._stamps import dice, pad_rows, padded_length
 from focusjax.lens import AbstractLens
-from focusjax.scene import ConstantBackground, Scene
-from focusjax.scene import Shader
+from focusjax.scene import AbstractBackground, ConstantBackground, Scene, Shader
 
 _MOST_SAMPLES = 1 << 27
 _BORDER = 2.0
@@ -77,8 +76,8 @@ def peel(
     extent_m = 1.0 / (values * float(camera.focal_px) * supersampling)
     radiance = _shaded(scene.shader(camera.position), surface.face, surface.barycentric, extent_m)
     disparity = scattered(values, 0.0, real)
-    slopes = (scattered(surface.slope[:, k], 0.0, real) for k in (0, 1))
-    low, high, links = join(disparity, *slopes, parallax)
+    slope_x, slope_y = (scattered(surface.slope[:, k], 0.0, real) for k in (0, 1))
+    low, high, links = join(disparity, slope_x, slope_y, parallax)
     extent, scale = pack_extent(low, high, jnp.asarray(disparity))
     return Layers(
         disparity=jnp.asarray(disparity),
@@ -132,8 +131,8 @@ def _frame(
     grid = Grid(camera.width, camera.height, supersampling, margin)
     if grid.size > _MOST_SAMPLES:
         raise ValueError(
-            f"rays leave the {camera.width} x {camera.height} frame by {margin / supersampling:.0f} pixels, because"
-            " a surface is too close to the lens; move it away, raise `near`, or use a smaller aperture"
+            f"rays leave the {camera.width} x {camera.height} frame by {margin / supersampling:.0f} pixels,"
+            " because a surface is too close to the lens; move it away, raise `near`, or close the aperture"
         )
     triangles.corners[..., :2] += margin
     return triangles, grid
@@ -145,7 +144,9 @@ def _reach(
     """How far in samples rays of any film point stray from it, as a function of disparities."""
     if lens is None:
         return np.zeros_like
-    films = jnp.array([[x * camera.width, y * camera.height] for x in (0.0, 0.5, 1.0) for y in (0.0, 0.5, 1.0)])
+    films = jnp.array(
+        [[x * camera.width, y * camera.height] for x in (0.0, 0.5, 1.0) for y in (0.0, 0.5, 1.0)]
+    )
 
     def reach(disparity: np.ndarray) -> np.ndarray:
         flat = pad_rows(disparity.reshape(-1), max(1024, padded_length(disparity.size)))
@@ -172,7 +173,8 @@ def _footprints(
 def _shade_block(
     shader: Shader, face: Int[Array, " n"], barycentric: Float[Array, "n 3"], extent: Float[Array, " n"]
 ) -> Float[Array, "n 3"]:
-    return jax.vmap(shader)(face, barycentric, extent)
+    # Blocks that fit the cache: look-ups of a million samples at once would spill it.
+    return jax.lax.map(lambda sample: shader(*sample), (face, barycentric, extent), batch_size=4096)
 
 
 def _shaded(shader: Shader, face: np.ndarray, barycentric: np.ndarray, extent: np.ndarray) -> np.ndarray:
@@ -181,7 +183,9 @@ def _shaded(shader: Shader, face: np.ndarray, barycentric: np.ndarray, extent: n
     out = [np.zeros((0, 3), dtype=real)]
     for start in range(0, len(face), _SHADED_AT_ONCE):
         part = slice(start, start + _SHADED_AT_ONCE)
-        inputs = [pad_rows(a[part], _SHADED_AT_ONCE) for a in (face, barycentric.astype(real), extent.astype(real))]
+        inputs = [
+            pad_rows(a[part], _SHADED_AT_ONCE) for a in (face, barycentric.astype(real), extent.astype(real))
+        ]
         block = _shade_block(shader, *(jnp.asarray(a) for a in inputs))
         out.append(np.asarray(block)[: len(face) - start])
     return np.concatenate(out)
@@ -189,9 +193,9 @@ def _shaded(shader: Shader, face: np.ndarray, barycentric: np.ndarray, extent: n
 
 @eqx.filter_jit
 def _background_radiance(
-    scene_background: object, camera: Camera, positions: Float[Array, "n 2"]
+    background: AbstractBackground, camera: Camera, positions: Float[Array, "n 2"]
 ) -> Float[Array, "n 3"]:
-    return jax.vmap(lambda xy: scene_background.radiance(camera.direction(xy)))(positions)  # type: ignore[attr-defined]
+    return jax.vmap(lambda xy: background.radiance(camera.direction(xy)))(positions)
 
 
 def _background(scene: Scene, camera: Camera, grid: Grid) -> Float[Array, "h w 3"]:

@@ -7,11 +7,11 @@ neighbour Q, d samples away. P and Q are joined when
   between the two anyway, or
 - the planes of both predict the step to within half of it: a continuous surface, seen steeply.
 
-The neighbour's sample in P's own layer is asked first. Where it is no continuation, those up to two layers
-nearer and farther are, and the one with the least unpredicted step is taken, since a surface changes layer
-where another one begins to hide it. A sample then stands for the disparities from its own to half-way to its
-joined neighbours, so that slopes are watertight also where a ray steps diagonally; at open silhouettes it ends
-half a sample out.
+The neighbour's sample in P's own layer is asked first. Where it is no continuation, those up to two
+layers nearer and farther are, and the one with the least unpredicted step is taken, since a surface
+changes layer where another one begins to hide it. A sample then stands for the disparities from its own to
+half-way to its joined neighbours, so that slopes are watertight also where a ray steps diagonally; at open
+silhouettes it ends half a sample out.
 """
 
 from typing import Any
@@ -114,30 +114,37 @@ def _join_across_layers(
     small_step: np.ndarray,
 ) -> None:
     """Look in nearby layers for the samples still open towards neighbour (`dx`, `dy`); updates in place."""
-    disparity, slope_x, slope_y = planes
-    layers, rows, columns = disparity.shape
-    layer, y, x = np.nonzero((codes == UNJOINED) & (disparity > 0))
-    inside = (y + dy >= 0) & (y + dy < rows) & (x + dx >= 0) & (x + dx < columns)
-    layer, y, x = layer[inside], y[inside], x[inside]
-    w = disparity[layer, y, x]
-    own = slope_x[layer, y, x] * dx + slope_y[layer, y, x] * dy
+    layers, rows, columns = planes[0].shape
+    size = rows * columns
+    disparity, slope_x, slope_y = (a.reshape(-1) for a in planes)
+    here = np.flatnonzero((codes == UNJOINED) & (planes[0] > 0))
+    column, row = here % columns, here // columns % rows
+    inside = (row + dy >= 0) & (row + dy < rows) & (column + dx >= 0) & (column + dx < columns)
+    here = here[inside]
+    layer = here // size
+    w = disparity[here]
+    own = slope_x[here] * dx + slope_y[here] * dy
     best = np.full(w.shape, np.inf, dtype=w.dtype)
     code, other = np.full(w.shape, UNJOINED, dtype=np.uint8), np.zeros_like(w)
     for shift in _SHIFTS:
-        exists = (layer + shift >= 0) & (layer + shift < layers)
-        at = (np.clip(layer + shift, 0, layers - 1), y + dy, x + dx)
-        there = disparity[at]
-        step = there - w
-        misfit = _misfit(step, own, slope_x[at] * dx + slope_y[at] * dy)
-        size = np.abs(step)
-        joined = exists & (there > 0) & ((size <= small_step) | (misfit <= 0.5 * size))
-        better = joined & (np.minimum(misfit, size) < best)
-        best = np.where(better, np.minimum(misfit, size), best)
-        code, other = np.where(better, np.uint8(shift + SAME_LAYER), code), np.where(better, there, other)
-    found = code != UNJOINED
-    at = (layer[found], y[found], x[found])
+        # Most of what is open borders on nothing in nearby layers either.
+        candidate = np.flatnonzero((layer + shift >= 0) & (layer + shift < layers))
+        there = here[candidate] + (shift * size + dy * columns + dx)
+        held = np.flatnonzero(disparity[there] > 0)
+        candidate, there = candidate[held], there[held]
+        step = disparity[there] - w[candidate]
+        misfit = _misfit(step, own[candidate], slope_x[there] * dx + slope_y[there] * dy)
+        length = np.abs(step)
+        joined = (length <= small_step) | (misfit <= 0.5 * length)
+        merit = np.minimum(misfit, length)
+        better = np.flatnonzero(joined & (merit < best[candidate]))
+        chosen = candidate[better]
+        best[chosen], code[chosen] = merit[better], shift + SAME_LAYER
+        other[chosen] = disparity[there[better]]
+    found = np.flatnonzero(code != UNJOINED)
+    at = np.unravel_index(here[found], codes.shape)
     codes[at] = code[found]
-    half_way = 0.5 * (w + other)[found]
+    half_way = 0.5 * (w[found] + other[found])
     low[at], high[at] = np.minimum(low[at], half_way), np.maximum(high[at], half_way)
 
 

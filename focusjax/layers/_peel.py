@@ -7,11 +7,11 @@ x = d s / (E - s) behind it, s being the world width of a sample there. In dispa
 
 the step that moves a ray by one sample at the lens rim (f E in samples per dioptre).
 
-The paper widens each sample to the centres of its neighbours to gain that whole sample, and asks the tracer to
-draw silhouettes wider too. We keep silhouettes where they are, so a lone sample is half a sample wide to each side
-and hides half the umbra from rays to its centre, w_cut = w - 0.5 / (f E). In exchange we use the surfaces that
-samples belong to: where all samples up to r away continue one another, a ray must travel at least r under the
-surface to get here, starting at most at the nearest of them,
+The paper widens each sample to the centres of its neighbours to gain that whole sample, and asks the
+tracer to draw silhouettes wider too. We keep silhouettes where they are, so a lone sample is half a sample
+wide to each side and hides half the umbra from rays to its centre, w_cut = w - 0.5 / (f E). In exchange we
+use the surfaces that samples belong to: where all samples up to r away continue one another, a ray must
+travel at least r under the surface to get here, starting at most at the nearest of them,
 
     w_cut = max over (2 r + 1)^2 of w  -  r / (f E),        r = 1, 2, 4, ...,
 
@@ -79,7 +79,9 @@ def _over_window(a: Array, reach: int, op: Callable[[Array, Array], Array]) -> A
         pad = [(reach, reach) if k == axis else (0, 0) for k in (0, 1)]
         padded = jnp.pad(a, pad)
         size = a.shape[axis]
-        parts = [jax.lax.slice_in_dim(padded, start, start + size, axis=axis) for start in (0, reach, 2 * reach)]
+        parts = [
+            jax.lax.slice_in_dim(padded, start, start + size, axis=axis) for start in (0, reach, 2 * reach)
+        ]
         a = op(op(parts[0], parts[1]), parts[2])
     return a
 
@@ -89,12 +91,14 @@ def peel_fragments(
 ) -> tuple[list[np.ndarray], bool]:
     """For each layer the index [h, w] of the fragment in it, -1 where there is none.
 
-    Also whether nothing was left over. `parallax` is f E in samples per dioptre; 0 (a pinhole) hides everything
-    behind the first surface.
+    Also whether nothing was left over. `parallax` is f E in samples per dioptre; 0 (a pinhole) hides
+    everything behind the first surface.
     """
     alive = np.arange(len(fragments.sample))
     layers: list[np.ndarray] = []
     shape = (grid.rows, grid.columns)
+    farthest_reach = parallax * float(fragments.disparity.max(initial=0.0))
+    levels = max(1, int(farthest_reach).bit_length())
     while len(alive) and len(layers) < max_layers:
         sample, disparity = fragments.sample[alive], fragments.disparity[alive]
         parts = [
@@ -111,7 +115,6 @@ def peel_fragments(
         layers.append(np.where(owners >= 0, alive[owners], -1).reshape(shape))
         if parallax == 0:
             return layers, True
-        levels = max(1, int(parallax * float(best.max())).bit_length())
         cut = np.asarray(_cut(best.reshape(shape), jnp.asarray(parallax, dtype=best.dtype), levels=levels))
         alive = alive[disparity < cut.reshape(-1)[sample]]
     return layers, len(alive) == 0

@@ -67,7 +67,9 @@ def build_ranges(
 
 
 @eqx.filter_jit
-def _build(low: Float[Array, "l h w"], high: Float[Array, "l h w"], *, block: int, levels: int) -> RangePyramid:
+def _build(
+    low: Float[Array, "l h w"], high: Float[Array, "l h w"], *, block: int, levels: int
+) -> RangePyramid:
     held = high > 0
     least = jnp.where(held, low, jnp.inf).min(axis=0)
     largest = high.max(axis=0)

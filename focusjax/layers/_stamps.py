@@ -24,6 +24,8 @@ from focusjax.layers._grid import Grid
 SIZES = (1, 2, 4, 8, 16)
 """Edge lengths of stamps in samples; a larger triangle is diced into several of the last size."""
 
+_AT_ONCE = 1 << 16
+
 
 @dataclasses.dataclass(frozen=True)
 class Stamps:
@@ -59,9 +61,13 @@ def dice(triangles: ScreenTriangles, grid: Grid) -> Stamps:
     for edge_length in SIZES:
         chosen = np.flatnonzero(size == edge_length)
         parts.append(
-            _stamps_of_size(edge_length, index[chosen], triangles.corners[index[chosen]], first[chosen], span[chosen])
+            _stamps_of_size(
+                edge_length, index[chosen], triangles.corners[index[chosen]], first[chosen], span[chosen]
+            )
         )
-    return Stamps(tuple(len(part[-1]) for part in parts), *(np.concatenate(a) for a in zip(*parts, strict=True)))
+    return Stamps(
+        tuple(len(part[-1]) for part in parts), *(np.concatenate(a) for a in zip(*parts, strict=True))
+    )
 
 
 def _first_sample(position: np.ndarray, limit: int) -> np.ndarray:
@@ -89,7 +95,7 @@ def _edge_functions(corners: Any, xp: Any) -> tuple[Any, Any]:
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         dx, dy = x[:, k] - x[:, j], y[:, k] - y[:, j]
-        length = xp.hypot(dx, dy)
+        length = xp.sqrt(dx * dx + dy * dy)
         scale = sign / xp.where(flat, 1.0, length)
         normal_x, normal_y = -dy * scale, dx * scale
         offset = -(normal_x * x[:, j] + normal_y * y[:, j])
@@ -99,8 +105,19 @@ def _edge_functions(corners: Any, xp: Any) -> tuple[Any, Any]:
 
 
 @jax.jit
-def _edge_functions_single(corners: Float[Array, "t 3 3"]) -> tuple[Array, Array]:
+def _edge_functions_block(corners: Float[Array, "t 3 3"]) -> tuple[Array, Array]:
     return _edge_functions(corners, jnp)
+
+
+def _edge_functions_single(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same in single precision, in blocks, so that it is compiled once."""
+    edges, disparity = [np.zeros((0, 3, 3), np.float32)], [np.zeros((0, 3), np.float32)]
+    for start in range(0, len(corners), _AT_ONCE):
+        part = corners[start : start + _AT_ONCE].astype(np.float32)
+        block = _edge_functions_block(pad_rows(part, _AT_ONCE))
+        edges.append(np.asarray(block[0])[: len(part)])
+        disparity.append(np.asarray(block[1])[: len(part)])
+    return np.concatenate(edges), np.concatenate(disparity)
 
 
 def _stamp_size(span: np.ndarray) -> np.ndarray:
@@ -124,11 +141,7 @@ def _stamps_of_size(
     local = corners[owner]
     local[:, :, 0] -= origin[:, :1] + 0.5
     local[:, :, 1] -= origin[:, 1:] + 0.5
-    if size == SIZES[-1]:
-        edges, disparity = _edge_functions(local, np)
-    else:
-        padded = pad_rows(local.astype(np.float32), padded_length(len(local)))
-        edges, disparity = (np.asarray(a)[: len(local)] for a in _edge_functions_single(padded))
+    edges, disparity = _edge_functions(local, np) if size == SIZES[-1] else _edge_functions_single(local)
     if size > 2:
         # A stamp wholly outside one side holds nothing: keep those whose best corner is inside all.
         best = edges[..., 2] + (size - 1) * (np.maximum(edges[..., 0], 0) + np.maximum(edges[..., 1], 0))

@@ -1,11 +1,13 @@
 """The shape of the lens opening, as a map from the unit square onto it that preserves area."""
 
 import abc
+import math
+from typing import Any, SupportsFloat
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 
 class AbstractAperture(eqx.Module):
@@ -60,7 +62,7 @@ class Polygon(AbstractAperture):
         share = 2.0 * (position - sector) - 1.0
         target = share * (straight * jnp.tan(half) + self.roundness * half)
 
-        def newton(_: int, t: Float[Array, ""]) -> Float[Array, ""]:
+        def newton(_: Any, t: Float[Array, ""]) -> Float[Array, ""]:
             value = straight * jnp.tan(t) + self.roundness * t
             slope = straight / jnp.cos(t) ** 2 + self.roundness
             return jnp.clip(t - (value - target) / slope, -half, half)
@@ -72,7 +74,7 @@ class Polygon(AbstractAperture):
         return radius * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
 
 
-def polygon(blades: int, *, rotation: ArrayLike = 0.0, roundness: ArrayLike = 0.0) -> Polygon:
+def polygon(blades: int, *, rotation: SupportsFloat = 0.0, roundness: SupportsFloat = 0.0) -> Polygon:
     """A `Polygon` with checked values.
 
     Args:
@@ -87,8 +89,10 @@ def polygon(blades: int, *, rotation: ArrayLike = 0.0, roundness: ArrayLike = 0.
         raise ValueError(f"an aperture has {blades} blades; expected at least 3, or a disk")
     if not 0.0 <= float(roundness) <= 1.0:
         raise ValueError(f"blade roundness is {roundness}; expected between 0 (straight) and 1 (round)")
+    if not math.isfinite(float(rotation)):
+        raise ValueError(f"blade rotation is {rotation}; expected a finite angle in radians")
     return Polygon(
-        rotation=jnp.asarray(rotation, dtype=float),
-        roundness=jnp.asarray(roundness, dtype=float),
+        rotation=jnp.asarray(float(rotation), dtype=float),
+        roundness=jnp.asarray(float(roundness), dtype=float),
         blades=blades,
     )

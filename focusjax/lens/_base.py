@@ -20,9 +20,7 @@ class AbstractLens(eqx.Module):
         """
 
     @abc.abstractmethod
-    def ray(
-        self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]
-    ) -> LensRay:
+    def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         """The ray that carries light from the scene through `pupil_point` to `film_point`.
 
         `film_point` is in output pixels: the place in the picture that receives the light.

@@ -1,8 +1,10 @@
 """The thin lens: every ray of a film point meets in one point of the focal plane."""
 
+from typing import SupportsFloat
+
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import AbstractAperture, Disk
@@ -37,9 +39,7 @@ class ThinLens(AbstractLens):
     def pupil_point(self, sample: Float[Array, "2"]) -> Float[Array, "2"]:
         return self.aperture.point(sample)
 
-    def ray(
-        self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]
-    ) -> LensRay:
+    def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         b = self.parallax(camera) * pupil_point
         return LensRay(a=film_point - b * self.focus_disparity, b=b, weight=jnp.ones_like(b[0]))
 
@@ -68,10 +68,10 @@ class ThinLens(AbstractLens):
 
 def thin_lens(
     *,
-    focus_distance: ArrayLike,
-    focal_length: ArrayLike | None = None,
-    f_number: ArrayLike | None = None,
-    aperture_radius: ArrayLike | None = None,
+    focus_distance: SupportsFloat,
+    focal_length: SupportsFloat | None = None,
+    f_number: SupportsFloat | None = None,
+    aperture_radius: SupportsFloat | None = None,
     aperture: AbstractAperture | None = None,
 ) -> ThinLens:
     """A `ThinLens` in a photographer's terms, with checked values.
@@ -92,7 +92,7 @@ def thin_lens(
         raise ValueError(f"focus distance is {distance} m; expected a positive distance or infinity")
     if focal_length is not None:
         length = float(focal_length)
-        if not length > 0:
+        if not 0 < length < float("inf"):
             raise ValueError(f"focal length is {length} m; expected a positive length")
         if distance <= length:
             raise ValueError(
@@ -102,7 +102,7 @@ def thin_lens(
     if (f_number is None) == (aperture_radius is None):
         raise ValueError("give exactly one of f-number and aperture radius")
     if f_number is not None:
-        if not float(f_number) > 0:
+        if not 0 < float(f_number) < float("inf"):
             raise ValueError(f"f-number is {f_number}; expected a positive number such as 2.8")
         if focal_length is None:
             raise ValueError("an f-number needs the focal length; give it, or the aperture radius")

@@ -30,8 +30,8 @@ def save_blur_picture(
         marks: names and image positions in pixels [n, 2] of the wishes.
     """
     height, width = blur.shape
-    figure = Figure(figsize=(_WIDTH_INCHES, _WIDTH_INCHES * height / width + 0.72), layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.0, h_pad=0.03)
+    figure = Figure(figsize=(_WIDTH_INCHES, _WIDTH_INCHES * height / width + 0.72))
+    figure.set_layout_engine("constrained", w_pad=0.0, h_pad=0.03)
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     largest = max(2.0, float(np.abs(blur).max()))

@@ -120,8 +120,9 @@ def _of_simple(found: SimpleMaterial, textures: TextureTable, *, has_uv: bool) -
     stated = {key: _numbers(key, found.kwargs, textures.source) for key in ("kd", "ks", "ke", "ns", "illum")}
     # Where a file gives texture coordinates but no picture, trimesh puts a grey one it makes itself,
     # which unlike pictures that were read has no file format.
-    pictured = has_uv and found.image is not None and found.image.format is not None
-    texture = textures.number(found.image) if pictured else UNTEXTURED
+    image = found.image
+    pictured = None if image is None or image.format is None else image
+    texture = textures.number(pictured) if pictured is not None and has_uv else UNTEXTURED
     albedo = np.full(3, DEFAULT_ALBEDO)
     if texture != UNTEXTURED:
         # As in most programs, a picture stands for the diffuse colour instead of being tinted by it.

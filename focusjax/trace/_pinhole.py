@@ -3,19 +3,17 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from focusjax.geometry import Camera
-from focusjax.layers import peel
-from focusjax.lens import thin_lens
-from focusjax.scene import Scene
+from focusjax.layers import Layers
 
 
-def render_pinhole(scene: Scene, camera: Camera, *, supersampling: int = 4) -> Float[Array, "h w 3"]:
-    """The picture of a pinhole: linear radiance, mean over `supersampling`^2 points of each pixel.
+def render_pinhole(layers: Layers) -> Float[Array, "h w 3"]:
+    """The picture that a pinhole would take of the same scene: linear radiance.
 
-    It is also what any lens tends to when its aperture closes.
+    The first layer is just that; each pixel is the mean of its `supersampling` squared samples. It is
+    also what the picture of any lens tends to when its aperture closes.
     """
-    pinhole = thin_lens(focus_distance=1.0, aperture_radius=0.0)
-    layers = peel(scene, camera, pinhole, supersampling=supersampling, max_layers=1)
+    grid = layers.grid
     seen = jnp.where(layers.triangle[0, ..., None] >= 0, layers.radiance[0], layers.background)
-    blocks = seen.reshape(camera.height, supersampling, camera.width, supersampling, 3)
+    inside = seen[grid.margin : grid.rows - grid.margin, grid.margin : grid.columns - grid.margin]
+    blocks = inside.reshape(grid.height, grid.supersampling, grid.width, grid.supersampling, 3)
     return blocks.mean(axis=(1, 3))

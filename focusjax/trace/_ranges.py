@@ -1,5 +1,7 @@
 """How deep the rays of a pixel need to look: the disparities found under their footprint."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -23,7 +25,7 @@ def disparity_range(
     # Half a pixel of filter, and half a sample because rays are rounded to their nearest sample.
     slack = 0.5 * grid.supersampling + 1.0
 
-    def narrow(_: int, state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+    def narrow(_: Any, state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         least, largest, _depth = state
         corners = []
         for disparity in (least, largest):

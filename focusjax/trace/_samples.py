@@ -5,8 +5,8 @@ lens), so that they are spread evenly over both together. Pixels of a square til
 blocks of one sequence along a Z-order curve: any 2^k pixels that are neighbours on it are well
 spread together too, which moves the error to high frequencies (Ahmed and Wonka 2020).
 
-Within a pixel, rays are ordered by how far from the lens centre they start. A ray's walk is as long as that, so
-rays of like rank, traced together, finish together.
+Within a pixel, rays are ordered by how far from the lens centre they start. A ray's walk is as long as
+that, so rays of like rank, traced together, finish together.
 """
 
 import equinox as eqx

@@ -34,9 +34,10 @@ def first_hit(
 ) -> Int[Array, ""]:
     """Index into `volume` of the first sample that `ray` (in grid units) meets; -1 if it meets none.
 
-    The ray is walked from disparity `largest` to `least` in equal steps, each at most one sample long in x
-    and y; a `largest` of 0 says that there is nothing to meet. A step lies in the sample under its middle, and meets a layer there when the step's disparities
-    overlap the sample's; of several, the nearest counts. Only the first `depth` layers are looked at.
+    The ray is walked from disparity `largest` to `least` in equal steps, each at most one sample long
+    in x and y; a `largest` of 0 says that there is nothing to meet. A step lies in the sample under its
+    middle, and meets a layer there when the step's disparities overlap the sample's; of several, the
+    nearest counts. Only the first `depth` layers are looked at.
     """
     # Scalars, not 2-vectors, inside the loop: vmapped, they become whole arrays that XLA fuses into
     # one pass around the look-ups (four times quicker on a CPU).

@@ -76,7 +76,7 @@ def test_overrides_reach_tables_lists_and_new_tables(path):
         ("lens.f_number=0", "lens.f_number is 0; expected a number above 0; give the f-number"),
         ("lens.f_number=-2", "lens.f_number is -2; expected a number above 0"),
         ("lens.f_number=nan", "lens.f_number is NaN; expected a finite number"),
-        ("camera.focal_length_mm=50 mm", 'camera.focal_length_mm is "50 mm"; expected a number; give the focal'),
+        ("camera.focal_length_mm=50 mm", 'camera.focal_length_mm is "50 mm"; expected a number; give'),
         ("camera.focal_length_mm=0", "camera.focal_length_mm is 0; expected a number of at least 0.1"),
         ("camera.focal_length_mm=0.05", "camera.focal_length_mm is 0.05; expected a number of at least 0.1"),
         ("camera.resolution=[0, 48]", "camera.resolution.0 is 0; expected a number of at least 1; give the"),

@@ -14,11 +14,12 @@ SETTINGS = [("cow_bars", "dof_strong_foreground"), ("town_tree", "dof_focus_tree
 
 
 @cache
-def peeled(name: str, view: str) -> tuple[Layers, RayCaster]:
+def peeled(name: str, view: str) -> tuple[Layers, RayCaster, float]:
+    """Layers, the same triangles for Embree, and f E in samples per dioptre."""
     reference = load_reference(name)
-    scene = reference.scene
-    layers = peel(scene, reference.camera, reference.lenses[view], supersampling=1)
-    return layers, RayCaster(scene.vertices, scene.faces)
+    scene, lens = reference.scene, reference.lenses[view]
+    layers = peel(scene, reference.camera, lens, supersampling=1)
+    return layers, RayCaster(scene.vertices, scene.faces), float(lens.parallax(reference.camera))
 
 
 def view_rays(layers: Layers, offset: tuple[float, float] = (0.0, 0.0)) -> tuple[np.ndarray, np.ndarray]:
@@ -84,9 +85,8 @@ def agree(ours: np.ndarray, theirs: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize(("name", "view"), SETTINGS)
 def test_every_layer_is_the_next_surface(name: str, view: str) -> None:
-    layers, caster = peeled(name, view)
+    layers, caster, parallax = peeled(name, view)
     disparity = np.asarray(layers.disparity, dtype=np.float64)
-    parallax = float(layers.parallax) * layers.grid.supersampling
     near = 0.1 * float(layers.camera.focal_length)
     beyond = np.full(disparity.shape[1:], 1.0 / near)
     for number, ours in enumerate(disparity):
@@ -107,12 +107,12 @@ def test_every_layer_is_the_next_surface(name: str, view: str) -> None:
 @pytest.mark.parametrize(("name", "view"), SETTINGS)
 def test_surfaces_left_out_cannot_be_seen(name: str, view: str) -> None:
     """Every surface behind the first, in or out of the layers; those left out are invisible from the lens."""
-    layers, caster = peeled(name, view)
+    layers, caster, parallax = peeled(name, view)
     camera, disparity = layers.camera, np.asarray(layers.disparity, dtype=np.float64)
     eye, directions = view_rays(layers)
     chosen = np.random.default_rng(0).permutation(np.flatnonzero(in_frame(layers)))[:4000]
     directions, kept = directions[chosen], disparity.reshape(layers.count, -1)[:, chosen]
-    pupil = _disk(48) * float(layers.parallax) / float(camera.focal_px)
+    pupil = _disk(48) * parallax / float(camera.focal_px)
     lens_points = eye + pupil @ np.asarray(camera.world_from_camera)[:3, :2].T
     depth = np.full(len(chosen), 0.1 * float(camera.focal_length))
     seen = left_out = 0

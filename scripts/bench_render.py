@@ -1,0 +1,165 @@
+"""How long a picture of a 600 000-triangle scene takes at 800 x 600, and how right it is.
+
+Load, peel and trace are timed separately: the first call tells what compiling costs, the median of
+the calls after it what the work costs. Run it on a quiet machine.
+
+    python scripts/bench_render.py --reference truth.npz --json result.json
+    python scripts/bench_render.py --mesh dragon.ply bunny.ply
+"""
+
+import argparse
+import json
+import math
+import os
+import platform
+import resource
+import statistics
+import sys
+import time
+from pathlib import Path
+
+import jax
+import numpy as np
+from _procedural import timed_scene
+from _truth import truth
+from rich.console import Console
+from rich.table import Table
+
+from focusjax.geometry import Camera, make_camera
+from focusjax.layers import peel
+from focusjax.lens import ThinLens, thin_lens
+from focusjax.metrics import psnr, ssim
+from focusjax.trace import render
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--mesh", nargs="+", type=Path, default=[], help="files instead of the lumpy balls")
+    parser.add_argument("--objects", type=int, help="balls (120), or copies of meshes (3 of each)")
+    parser.add_argument(
+        "--subdivisions", type=int, default=4, help="of the balls: 4 makes 5120 triangles each"
+    )
+    parser.add_argument("--width", type=int, default=800)
+    parser.add_argument("--height", type=int, default=600)
+    parser.add_argument("--supersampling", type=int, default=2)
+    parser.add_argument("--rays", nargs="+", type=int, default=[16, 64])
+    parser.add_argument("--radius", type=float, default=0.05, help="aperture radius in metres")
+    parser.add_argument("--focus", type=float, default=5.0, help="focus distance in metres")
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--reference", type=Path, help="file that keeps the converged picture")
+    parser.add_argument("--reference-samples", type=int, default=1024, help="0 leaves the score out")
+    parser.add_argument("--json", type=Path, help="file for the results")
+    return parser.parse_args()
+
+
+def timed(run, repeats: int):
+    """The result, seconds of the first call, and the median of `repeats` more."""
+    seconds = []
+    for _ in range(repeats + 1):
+        start = time.perf_counter()
+        result = jax.block_until_ready(run())
+        seconds.append(time.perf_counter() - start)
+    return result, seconds[0], statistics.median(seconds[1:])
+
+
+def peak_memory() -> float:
+    """Largest resident size of this process so far, in MiB."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
+
+
+def machine() -> dict[str, object]:
+    name = platform.processor() or platform.machine()
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        name = next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        pass
+    return {
+        "processor": name,
+        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "load before": os.getloadavg()[0],
+        "device": jax.devices()[0].device_kind,
+        "jax": jax.__version__,
+        "python": platform.python_version(),
+    }
+
+
+def view(options: argparse.Namespace) -> tuple[Camera, ThinLens]:
+    """A camera at the origin, 30 degrees high, and the lens before it."""
+    field_of_view = 2 * math.atan(math.tan(math.radians(15)) * options.width / options.height)
+    camera = make_camera(np.eye(4), width=options.width, height=options.height, field_of_view=field_of_view)
+    return camera, thin_lens(focus_distance=options.focus, aperture_radius=options.radius)
+
+
+def measure(options: argparse.Namespace) -> dict[str, object]:
+    """All results by name, times in seconds."""
+    about = machine()
+    scene, load = timed_scene(options.mesh, options.objects, options.subdivisions)
+    camera, lens = view(options)
+    layers, cold, warm = timed(
+        lambda: peel(scene, camera, lens, supersampling=options.supersampling), options.repeats
+    )
+    compiling, pictures, traces = cold - warm, {}, {}
+    for rays in options.rays:
+        pictures[rays], cold, traces[rays] = timed(
+            lambda n=rays: render(layers, lens, rays=n), options.repeats
+        )
+        compiling += cold - traces[rays]
+    results: dict[str, object] = {
+        "machine": about,
+        "triangles": len(scene.faces),
+        "width": options.width,
+        "height": options.height,
+        "supersampling": options.supersampling,
+        "layers": layers.count,
+        "layers complete": layers.complete,
+        "margin": layers.grid.margin / options.supersampling,
+        "load": load,
+        "peel": warm,
+        "compile": compiling,
+        "trace": traces,
+        "peak memory MiB": peak_memory(),
+    }
+    if options.reference_samples > 0:
+        reference, maker = truth(options.reference, scene, camera, lens, options.reference_samples)
+        results["reference"] = maker
+        results["psnr"] = {rays: psnr(picture, reference) for rays, picture in pictures.items()}
+        results["ssim"] = {rays: ssim(picture, reference) for rays, picture in pictures.items()}
+    return results
+
+
+def table(results: dict) -> Table:
+    out = Table(title=f"{results['triangles']} triangles, {results['width']} x {results['height']}")
+    out.add_column("what")
+    out.add_column("value", justify="right")
+    for name in ("load", "peel", "compile"):
+        out.add_row(name, f"{results[name]:.2f} s")
+    for rays, seconds in results["trace"].items():
+        out.add_row(f"trace, {rays} rays", f"{seconds:.2f} s")
+    out.add_row("peak memory", f"{results['peak memory MiB']:.0f} MiB")
+    complete = "" if results["layers complete"] else " (more were left)"
+    out.add_row("layers", f"{results['layers']}{complete}")
+    out.add_row("margin", f"{results['margin']:.0f} px")
+    for rays, decibels in results.get("psnr", {}).items():
+        out.add_row(f"PSNR, {rays} rays", f"{decibels:.2f} dB")
+        out.add_row(f"SSIM, {rays} rays", f"{results['ssim'][rays]:.4f}")
+    if "reference" in results:
+        out.add_row("against", results["reference"])
+    for name, value in results["machine"].items():
+        out.add_row(name, f"{value:.2f}" if isinstance(value, float) else str(value))
+    return out
+
+
+def main() -> None:
+    options = arguments()
+    results = measure(options)
+    Console().print(table(results))
+    if options.json is not None:
+        options.json.write_text(json.dumps(results, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,141 @@
+"""Our picture of the shipped scenes beside Mitsuba's, at 800 x 600 with 64 rays per pixel.
+
+Both see the same unlit triangles: textures are baked to vertex colours, highlights limited to white, the
+aperture is a disk and the background one colour, so that only lens and visibility are compared. The lens is
+the one the config's wishes are solved for. Both are timed in this run, at their second call.
+
+    python scripts/compare_mitsuba.py configs/*.toml --references folder
+"""
+
+import argparse
+import dataclasses
+import json
+import time
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from _truth import mitsuba_picture, truth, unlit_scene
+from rich.console import Console
+from rich.table import Table
+
+from focusjax import job
+from focusjax.config import build_scene, load_config
+from focusjax.geometry import Camera
+from focusjax.layers import peel
+from focusjax.lens import Disk
+from focusjax.metrics import psnr, ssim
+from focusjax.scene import Scene, constant_background, make_object, make_scene
+from focusjax.trace import render
+
+SKY = (0.35, 0.45, 0.62)
+
+
+def baked(scene: Scene) -> Scene:
+    """The same triangles with the unlit colour at their vertices, at most white, under a plain sky."""
+    shader = dataclasses.replace(scene, unlit=True).shader(np.zeros(3))
+    corner = np.zeros(len(scene.vertices), dtype=np.int32)
+    face = np.zeros(len(scene.vertices), dtype=np.int32)
+    for number in range(3):
+        face[scene.faces[:, number]] = np.arange(len(scene.faces))
+        corner[scene.faces[:, number]] = number
+    weights = jnp.asarray(np.eye(3)[corner], dtype=float)
+    extent = jnp.full(len(corner), 1e-3)
+    colours = np.asarray(jax.jit(jax.vmap(shader))(jnp.asarray(face), weights, extent), dtype=np.float64)
+    surface = make_object("all", scene.vertices, scene.faces, vertex_colours=np.minimum(colours, 1.0))
+    return make_scene([surface], background=constant_background(np.array(SKY)), unlit=True)
+
+
+def resized(camera: Camera, width: int, height: int) -> Camera:
+    """The same view at `width` x `height` pixels."""
+    centre = jnp.array([width / 2, height / 2])
+    return dataclasses.replace(camera, width=width, height=height, principal_point=centre)
+
+
+def second_call(run):
+    """The result and the seconds of a call that follows another."""
+    jax.block_until_ready(run())
+    start = time.perf_counter()
+    result = jax.block_until_ready(run())
+    return np.asarray(result), time.perf_counter() - start
+
+
+def compare(path: Path, options: argparse.Namespace) -> dict[str, object]:
+    """Scores and seconds for one config."""
+    config = load_config(path)
+    outcome = job.run(config, rendering=False)
+    scene, camera = baked(build_scene(config)), resized(outcome.camera, options.width, options.height)
+    lens = dataclasses.replace(outcome.lens, aperture=Disk())
+    layers = peel(scene, camera, lens, max_layers=options.layers)
+    ours, our_seconds = second_call(lambda: render(layers, lens, rays=options.rays))
+    unlit = unlit_scene(scene)
+    theirs, their_seconds = second_call(lambda: mitsuba_picture(unlit, camera, lens, options.rays))
+    kept = None if options.references is None else options.references / f"{path.stem}.npz"
+    reference, maker = truth(kept, scene, camera, lens, options.samples)
+    widest = float(jnp.abs(lens.blur(camera, camera.principal_point, layers.disparity.max())))
+    return {
+        "scene": path.stem,
+        "triangles": len(scene.faces),
+        "layers": layers.count,
+        "complete": layers.complete,
+        "widest blur px": widest,
+        "psnr": psnr(ours, reference),
+        "ssim": ssim(ours, reference),
+        "seconds": our_seconds,
+        "mitsuba psnr": psnr(theirs, reference),
+        "mitsuba ssim": ssim(theirs, reference),
+        "mitsuba seconds": their_seconds,
+        "reference": maker,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("configs", nargs="*", type=Path, help="all in configs/ by default")
+    parser.add_argument("--width", type=int, default=800)
+    parser.add_argument("--height", type=int, default=600)
+    parser.add_argument("--rays", type=int, default=64, help="per pixel, for both")
+    parser.add_argument("--layers", type=int, default=24, help="most layers to peel")
+    parser.add_argument("--samples", type=int, default=2048, help="per pixel, for the reference")
+    parser.add_argument("--references", type=Path, help="folder that keeps the converged pictures")
+    parser.add_argument("--json", type=Path, help="file for the results")
+    options = parser.parse_args()
+    shipped = sorted((Path(__file__).parent.parent / "configs").glob("*.toml"))
+    results = [compare(path, options) for path in options.configs or shipped]
+    table = Table(title=f"{options.width} x {options.height}, {options.rays} rays per pixel, unlit")
+    for heading in (
+        "scene",
+        "triangles",
+        "layers",
+        "widest blur",
+        "PSNR",
+        "SSIM",
+        "s",
+        "Mitsuba: PSNR",
+        "SSIM",
+        "s",
+    ):
+        table.add_column(heading, justify="left" if heading == "scene" else "right")
+    for row in results:
+        table.add_row(
+            str(row["scene"]),
+            str(row["triangles"]),
+            f"{row['layers']}{'' if row['complete'] else '+'}",
+            f"{row['widest blur px']:.0f} px",
+            f"{row['psnr']:.2f}",
+            f"{row['ssim']:.4f}",
+            f"{row['seconds']:.2f}",
+            f"{row['mitsuba psnr']:.2f}",
+            f"{row['mitsuba ssim']:.4f}",
+            f"{row['mitsuba seconds']:.2f}",
+        )
+    Console().print(table)
+    if options.json is not None:
+        options.json.write_text(json.dumps(results, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,38 @@
+"""Derivatives forwards, in reverse, and by central differences, which have to be the same."""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+STEP = 1e-5
+
+
+def check_gradients(function: Callable, *arguments: object, rtol: float = 1e-6) -> None:
+    """Assert that the Jacobian of `function` with respect to every array in `arguments` is right.
+
+    Differences are central, of `STEP` times the size of each number (at least `STEP` itself), so that their own
+    error is about STEP^2. A `function` of a module is compiled once for all arguments of the same shapes.
+    """
+    forward, reverse, differences = _jacobians(function, arguments)
+    assert np.isfinite(forward).all()
+    scale = float(np.abs(forward).max())
+    np.testing.assert_allclose(reverse, forward, rtol=0, atol=1e-12 * scale)
+    np.testing.assert_allclose(forward, differences, rtol=0, atol=rtol * scale)
+
+
+@eqx.filter_jit
+def _jacobians(function: Callable, arguments: tuple) -> tuple[Float[Array, "m n"], ...]:
+    flat, restore = ravel_pytree(arguments)
+
+    def answer(flat):
+        return ravel_pytree(function(*restore(flat)))[0]
+
+    steps = STEP * jnp.maximum(jnp.abs(flat), 1.0)
+    moved = jnp.concatenate([jnp.diag(steps), -jnp.diag(steps)])
+    ahead, back = jnp.split(jax.vmap(answer)(flat[None] + moved), 2)
+    return jax.jacfwd(answer)(flat), jax.jacrev(answer)(flat), ((ahead - back) / (2 * steps[:, None])).T

@@ -187,9 +187,12 @@ def _render(
             layers, lens, rays=table.rays, seed=table.seed, progress=lambda share: tell("render", share)
         )
         image.block_until_ready()
+    with watch.stage("pinhole"):
+        pinhole = render_pinhole(layers)
+        pinhole.block_until_ready()
     return Picture(
         image=image,
-        pinhole=render_pinhole(layers),
+        pinhole=pinhole,
         layer_count=layers.count,
         margin=layers.grid.margin / layers.grid.supersampling,
         complete=layers.complete,

@@ -1,5 +1,7 @@
 """How near one linear picture is to another."""
 
+from typing import cast
+
 import numpy as np
 from jaxtyping import ArrayLike, Bool
 from skimage.metrics import structural_similarity
@@ -60,17 +62,16 @@ def ssim(image: ArrayLike, reference: ArrayLike, *, data_range: float = 1.0) -> 
     first, second = _pair(image, reference, data_range)
     if min(first.shape[:2]) < 11:
         raise ValueError(f"the pictures have shape {first.shape}; the window needs 11 pixels each way")
-    return float(
-        structural_similarity(
-            first,
-            second,
-            data_range=data_range,
-            channel_axis=-1,
-            gaussian_weights=True,
-            sigma=1.5,
-            use_sample_covariance=False,
-        )
+    similarity = structural_similarity(
+        first,
+        second,
+        data_range=data_range,
+        channel_axis=-1,
+        gaussian_weights=True,
+        sigma=1.5,
+        use_sample_covariance=False,
     )
+    return cast(float, similarity)
 
 
 def _pair(image: ArrayLike, reference: ArrayLike, data_range: float) -> tuple[np.ndarray, np.ndarray]:

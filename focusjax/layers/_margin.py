@@ -11,8 +11,10 @@ import numpy as np
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
 
-_ROUNDS = 14
+_ROUNDS = 40
 _MOST_PIECES = 200_000
+_SLACK = 1.0
+"""Samples by which the answer may be too large; never too small."""
 
 
 def reachable(
@@ -45,20 +47,20 @@ def needed_margin(
     x, y = triangles.corners[..., 0], triangles.corners[..., 1]
     crossing = (_least(x) < 0) | (_most(x) > frame.columns) | (_least(y) < 0) | (_most(y) > frame.rows)
     corners = triangles.corners[np.flatnonzero(crossing)]
-    best = 0.0
+    best, upper = 0.0, np.zeros(0)
     for _ in range(_ROUNDS):
         if not len(corners):
-            return best
+            break
         outside = _distance_outside(corners, frame)
         radius = reach(corners[..., 2])
         best = max(best, float(np.max(np.where(outside <= radius, outside, 0.0))))
         least, widest = _overshoot_bounds(corners, frame), _widest_reach(corners, reach)
         upper = np.where(least <= widest, np.minimum(widest, outside.max(axis=1)), 0.0)
-        corners, upper = corners[upper > best + 1.0], upper[upper > best + 1.0]
+        corners, upper = corners[upper > best + _SLACK], upper[upper > best + _SLACK]
         if len(corners) > _MOST_PIECES:
             break
         corners = _split(corners)
-    return max(best, float(upper.max(initial=0.0)))
+    return max(best + _SLACK, float(upper.max(initial=0.0)))
 
 
 def _distance_outside(points: np.ndarray, frame: Grid) -> np.ndarray:

@@ -17,7 +17,7 @@ _HALO = [patheffects.withStroke(linewidth=2.5, foreground="white")]
 def save_blur_picture(
     path: Path,
     blur: Float[np.ndarray, "h w"],
-    marks: list[tuple[str, Float[np.ndarray, "n 2"]]],
+    marks: list[tuple[str, Float[np.ndarray, "_ 2"]]],
 ) -> None:
     """Draw the signed `blur` diameter in pixels [h, w] with the focus points on it, as a PNG.
 

@@ -55,7 +55,7 @@ def ray_samples(lens: AbstractLens, rays: int, seed: int) -> RaySamples:
     sequence = qmc.Sobol(4, scramble=True, rng=np.random.default_rng(seed))
     points = sequence.random_base2(max(length - 1, 0).bit_length())[:length].reshape(edge**2, rays, 4)
     rows, columns = np.divmod(np.arange(edge**2), edge)
-    points = jnp.asarray(points[_z_order(columns, rows)], dtype=float)
+    points = jnp.asarray(points[z_order(columns, rows)], dtype=float)
     pupil = eqx.filter_jit(_pupil_points)(lens, points[..., 2:])
     order = np.argsort(np.abs(np.asarray(pupil)).max(axis=-1), axis=-1)[..., None]
     offset, pupil = (
@@ -68,7 +68,7 @@ def _pupil_points(lens: AbstractLens, square: Float[Array, "t s 2"]) -> Float[Ar
     return jax.vmap(jax.vmap(lens.pupil_point))(square)
 
 
-def _z_order(column: np.ndarray, row: np.ndarray) -> np.ndarray:
+def z_order(column: np.ndarray, row: np.ndarray) -> np.ndarray:
     """Position of each pixel along the Z-order (Morton) curve."""
     out = np.zeros_like(column)
     for bit in range(16):

@@ -29,7 +29,7 @@ def shares(clipped: ScreenTriangles) -> np.ndarray:
 
 
 def random_triangles(count: int) -> np.ndarray:
-    return np.random.default_rng(3).uniform(-3, 3, (3 * count, 3)) + (0, 0, NEAR)
+    return np.random.default_rng(3).uniform((-3, -3, NEAR - 3), (3, 3, NEAR + 3), (3 * count, 3))
 
 
 def test_pieces_add_up_to_what_is_in_front():

@@ -29,7 +29,9 @@ def has_neighbour(shape: tuple[int, int], dx: int, dy: int) -> np.ndarray:
     return (x + dx >= 0) & (x + dx < shape[1]) & (y + dy >= 0) & (y + dy < shape[0])
 
 
-@pytest.mark.parametrize(("gx", "gy"), [(0.05, 0.0), (-0.05, 0.02), (0.07, 0.07), (0.001, -0.002), (0.0, 0.0)])
+@pytest.mark.parametrize(
+    ("gx", "gy"), [(0.05, 0.0), (-0.05, 0.02), (0.07, 0.07), (0.001, -0.002), (0.0, 0.0)]
+)
 def test_a_plane_is_joined_however_steep(gx: float, gy: float):
     x, y = grid()
     w = 1.0 + gx * x + gy * y

@@ -21,7 +21,9 @@ def reach(disparity: np.ndarray) -> np.ndarray:
 
 def on_screen(corners: object) -> ScreenTriangles:
     corners = np.asarray(corners, dtype=np.float64)
-    return ScreenTriangles(corners, np.arange(len(corners), dtype=np.int32), len(corners), np.zeros((0, 3, 3)))
+    return ScreenTriangles(
+        corners, np.arange(len(corners), dtype=np.int32), len(corners), np.zeros((0, 3, 3))
+    )
 
 
 def small(x: float, y: float, disparity: float) -> list[tuple[float, float, float]]:
@@ -68,14 +70,14 @@ def test_margin_of_random_triangles_matches_dense_points():
 
 
 def test_a_ground_plane_under_the_camera_needs_little():
-    """Its nearest point is on the lens's doorstep, where blur has thousands of pixels, but far below the frame."""
+    """Where it is next to the lens, blur has thousands of pixels, but the frame is farther away still."""
     camera = front_camera()
     ground = np.array([(-50, -1.0, 50), (50, -1.0, 50), (50, -1.0, -50), (-50, -1.0, -50)], dtype=float)
     faces = np.array([(0, 1, 2), (0, 2, 3)])
     triangles = clip_to_near(homogeneous_image(ground, camera, FRAME), faces, 1e-3)
     assert reach(triangles.corners[..., 2]).max() > 5000
-    # A point of the ground at disparity w is 40 w pixels below the middle, 40 w - 12 below the frame, and moved
-    # by 10 |w - 1/2| + 2: they meet 3.2 below it. To the sides it is the far ground, blurred by up to 7.
+    # A point of the ground at disparity w is 40 w pixels below the middle, 40 w - 12 below the frame, and
+    # moved by 10 |w - 1/2| + 2: they meet 3.2 below it. To the sides it is the far ground, blurred by up to 7.
     assert needed_margin(triangles, FRAME, reach) < 8.0
 
 

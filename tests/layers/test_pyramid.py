@@ -34,9 +34,7 @@ def ask(ranges: RangePyramid, low: jnp.ndarray, high: jnp.ndarray) -> tuple[jnp.
 
 def brute(first: np.ndarray, last: np.ndarray) -> tuple[float, float, int]:
     """Extremes and layer count over the samples from `first` to `last` (x, y), both included."""
-    low, high = (
-        a[:, max(first[1], 0) : last[1] + 1, max(first[0], 0) : last[0] + 1] for a in planes()
-    )
+    low, high = (a[:, max(first[1], 0) : last[1] + 1, max(first[0], 0) : last[0] + 1] for a in planes())
     held = high > 0
     return (
         low[held].min() if held.any() else np.inf,
@@ -73,7 +71,10 @@ def test_queries_are_the_extremes_over_their_squares(block: int):
 
 
 def test_boxes_beyond_the_grid_are_cut_off_at_it():
-    low, high = np.array([(-5.0, -7.5), (25.0, 3.0), (-3.0, 18.2)]), np.array([(3.2, 2.0), (99.0, 9.0), (4.0, 70.0)])
+    low, high = (
+        np.array([(-5.0, -7.5), (25.0, 3.0), (-3.0, 18.2)]),
+        np.array([(3.2, 2.0), (99.0, 9.0), (4.0, 70.0)]),
+    )
     answers = [np.asarray(a) for a in ask(pyramid(1), jnp.asarray(low), jnp.asarray(high))]
     for k in range(3):
         first = np.maximum(np.floor(low[k]).astype(int), 0)

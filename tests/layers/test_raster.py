@@ -21,7 +21,9 @@ ASIDE = 1e-3
 
 
 def oblique() -> Camera:
-    return look_at((1.0, 0.5, 2.0), (0.3, 0.2, -1.0), (0.1, 1.0, 0.0), width=WIDTH, height=HEIGHT, field_of_view=0.9)
+    return look_at(
+        (1.0, 0.5, 2.0), (0.3, 0.2, -1.0), (0.1, 1.0, 0.0), width=WIDTH, height=HEIGHT, field_of_view=0.9
+    )
 
 
 def soup() -> tuple[np.ndarray, np.ndarray]:
@@ -40,7 +42,9 @@ def soup() -> tuple[np.ndarray, np.ndarray]:
         return centres[:, None] + random.normal(size=(len(centres), 3, 3)) * np.reshape(size, (-1, 1, 1))
 
     ends = place(30).reshape(-1, 2, 3)
-    slivers = np.concatenate([ends, ends.mean(axis=1, keepdims=True) + 1e-3 * random.normal(size=(15, 1, 3))], axis=1)
+    slivers = np.concatenate(
+        [ends, ends.mean(axis=1, keepdims=True) + 1e-3 * random.normal(size=(15, 1, 3))], axis=1
+    )
     along = place(20).reshape(-1, 2, 3)
     edge_on = np.concatenate([along, eye + 1.7 * (along[:, :1] - eye)], axis=1)
     points = place(10)
@@ -71,7 +75,9 @@ def draw(triangles: np.ndarray, camera: Camera, grid: Grid) -> Drawn:
     screen = clip_to_near(homogeneous_image(vertices, camera, grid), faces, NEAR)
     stamps = dice(screen, grid)
     fragments = rasterise(stamps, grid)
-    return Drawn(grid, stamps, fragments, surface_samples(stamps, screen, fragments.sample, fragments.stamp, grid))
+    return Drawn(
+        grid, stamps, fragments, surface_samples(stamps, screen, fragments.sample, fragments.stamp, grid)
+    )
 
 
 @cache
@@ -88,7 +94,11 @@ def intersect(triangles: np.ndarray, camera: Camera, shift: tuple[float, float])
     x, y = np.meshgrid(np.arange(WIDTH) + 0.5 + shift[0], np.arange(HEIGHT) + 0.5 + shift[1])
     local = np.stack([(x - WIDTH / 2) / focal, -(y - HEIGHT / 2) / focal, -np.ones_like(x)], axis=-1)
     directions = local.reshape(-1, 3) @ pose[:3, :3].T
-    start, first, second = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    start, first, second = (
+        triangles[:, 0],
+        triangles[:, 1] - triangles[:, 0],
+        triangles[:, 2] - triangles[:, 0],
+    )
     to_eye = pose[:3, 3] - start
     across = np.cross(to_eye, first)
     determinant = directions @ np.cross(second, first).T

@@ -41,7 +41,9 @@ def area_and_moment(blades: int, roundness: float) -> tuple[float, float]:
     half = np.pi / blades
     straight, tangent = (1 - roundness) * np.cos(half) ** 2, np.tan(half)
     squared = straight * tangent + roundness * half
-    fourth = straight**2 * (tangent + tangent**3 / 3) + 2 * straight * roundness * tangent + roundness**2 * half
+    fourth = (
+        straight**2 * (tangent + tangent**3 / 3) + 2 * straight * roundness * tangent + roundness**2 * half
+    )
     return blades * squared, fourth / (2 * squared)
 
 

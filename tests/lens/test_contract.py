@@ -25,12 +25,14 @@ LENSES = {
     "thin, 5 straight blades": thin(polygon(5, rotation=0.3)),
     "thin, 5 bulging blades": thin(polygon(5, rotation=0.3, roundness=0.5)),
     "thin, 5 round blades": thin(polygon(5, rotation=0.3, roundness=1.0)),
-    "thin, focused on infinity": thin(polygon(6), focus=0.0),
+    "thin, focused on infinity": thin(polygon(5), focus=0.0),
 }
 PINHOLES = {"thin, disk": thin(Disk(), radius=0.0), "thin, blades": thin(polygon(5), radius=0.0)}
 
 every_lens = pytest.mark.parametrize("lens", [pytest.param(lens, id=name) for name, lens in LENSES.items()])
-every_pinhole = pytest.mark.parametrize("lens", [pytest.param(lens, id=name) for name, lens in PINHOLES.items()])
+every_pinhole = pytest.mark.parametrize(
+    "lens", [pytest.param(lens, id=name) for name, lens in PINHOLES.items()]
+)
 
 
 @pytest.fixture(scope="module")

@@ -48,9 +48,18 @@ def test_infinity_is_an_ordinary_focus_and_zero_an_ordinary_aperture():
         ({"f_number": -2.8}, r"f-number is -2\.8; expected a positive number"),
         ({"f_number": np.nan}, "f-number is nan; expected a positive number"),
         ({"focal_length": None}, "an f-number needs the focal length; give it, or the aperture radius"),
-        ({"f_number": None, "aperture_radius": -0.1}, r"aperture radius is -0\.1 m; expected zero or a positive"),
-        ({"f_number": None, "aperture_radius": np.inf}, "aperture radius is inf m; expected zero or a positive"),
-        ({"f_number": None, "aperture_radius": np.nan}, "aperture radius is nan m; expected zero or a positive"),
+        (
+            {"f_number": None, "aperture_radius": -0.1},
+            r"aperture radius is -0\.1 m; expected zero or a positive",
+        ),
+        (
+            {"f_number": None, "aperture_radius": np.inf},
+            "aperture radius is inf m; expected zero or a positive",
+        ),
+        (
+            {"f_number": None, "aperture_radius": np.nan},
+            "aperture radius is nan m; expected zero or a positive",
+        ),
     ],
 )
 def test_bad_lenses_are_refused(changes, message):

@@ -7,11 +7,11 @@ neighbour Q, d samples away. P and Q are joined when
   between the two anyway, or
 - the planes of both predict the step to within half of it: a continuous surface, seen steeply.
 
-The neighbour's sample in P's own layer is asked first. Where it is no continuation, those up to two
-layers nearer and farther are, and the one with the least unpredicted step is taken, since a surface
-changes layer where another one begins to hide it. A sample then stands for the disparities from its own to
-half-way to its joined neighbours, so that slopes are watertight also where a ray steps diagonally; at open
-silhouettes it ends half a sample out.
+The neighbour's sample in P's own layer is taken at once where both planes predict it. Otherwise those up
+to two layers nearer and farther are asked as well, and the one with the least unpredicted step is taken,
+since a surface changes layer where another one begins to hide it. A sample then stands for the disparities
+from its own to half-way to its joined neighbours, so that slopes are watertight also where a ray steps
+diagonally; at open silhouettes it ends half a sample out.
 """
 
 from typing import Any
@@ -34,7 +34,9 @@ EMPTY = 0x0000FFFF
 """Packed extent of a sample that holds nothing: its least disparity exceeds its largest."""
 
 
-_SHIFTS = tuple(shift for k in range(1, _LAYER_WINDOW + 1) for shift in (-k, k))
+_SHIFTS = (0, *(shift for k in range(1, _LAYER_WINDOW + 1) for shift in (-k, k)))
+_CERTAIN = 0.05
+"""Samples of parallax that planes may miss the neighbour by without looking for a better one."""
 
 
 def join(
@@ -53,14 +55,13 @@ def join(
     """
     small_step = jnp.asarray(1.0 / max(parallax, 1e-12), dtype=disparity.dtype)
     planes = (jnp.asarray(disparity), jnp.asarray(slope_x), jnp.asarray(slope_y))
-    low, high, joined = _join_within_layers(*planes, small_step)
-    codes = np.where(np.asarray(joined), np.uint8(SAME_LAYER), np.uint8(UNJOINED))
-    if len(disparity) > 1:
-        low, high = np.array(low), np.array(high)
-        for number, (dx, dy) in enumerate(NEIGHBOURS):
-            _join_across_layers(
-                codes[:, number], low, high, (disparity, slope_x, slope_y), dx, dy, np.asarray(small_step)
-            )
+    low, high, certain = _join_within_layers(*planes, small_step)
+    low, high, certain = np.array(low), np.array(high), np.asarray(certain)
+    codes = np.where(certain, np.uint8(SAME_LAYER), np.uint8(UNJOINED))
+    for number, (dx, dy) in enumerate(NEIGHBOURS):
+        _join_across_layers(
+            codes[:, number], low, high, (disparity, slope_x, slope_y), dx, dy, np.asarray(small_step)
+        )
     return jnp.asarray(low), jnp.asarray(high), _packed_codes(jnp.asarray(codes))
 
 
@@ -77,7 +78,7 @@ def _join_within_layers(
     slope_y: Float[Array, "l h w"],
     small_step: Float[Array, ""],
 ) -> tuple[Float[Array, "l h w"], Float[Array, "l h w"], Bool[Array, "l n h w"]]:
-    """Extents with joins inside each layer, and which of the neighbours n are joined."""
+    """The joins inside each layer that need no second thought, and the extents they give."""
 
     def one_layer(planes: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         w, gx, gy = planes
@@ -88,12 +89,11 @@ def _join_within_layers(
             there, their_gx, their_gy = (_neighbour(a, dx, dy) for a in planes)
             own, step = gx * dx + gy * dy, there - w
             misfit = _misfit(step, own, their_gx * dx + their_gy * dy)
-            size = jnp.abs(step)
-            joined = held & (there > 0) & ((size <= small_step) | (misfit <= 0.5 * size))
-            half_way = w + 0.5 * jnp.where(joined, step, jnp.clip(own, -small_step, small_step))
+            certain = held & (there > 0) & (misfit <= _CERTAIN * small_step)
+            half_way = jnp.where(certain, w + 0.5 * step, w)
             low, high = jnp.minimum(low, half_way), jnp.maximum(high, half_way)
-            joins.append(joined)
-        return jnp.where(held, jnp.maximum(low, 0.0), 0.0), jnp.where(held, high, 0.0), jnp.stack(joins)
+            joins.append(certain)
+        return low, high, jnp.stack(joins)
 
     return jax.lax.map(one_layer, (disparity, slope_x, slope_y))
 
@@ -113,7 +113,7 @@ def _join_across_layers(
     dy: int,
     small_step: np.ndarray,
 ) -> None:
-    """Look in nearby layers for the samples still open towards neighbour (`dx`, `dy`); updates in place."""
+    """Join the samples still open towards neighbour (`dx`, `dy`), looking in all nearby layers; in place."""
     layers, rows, columns = planes[0].shape
     size = rows * columns
     disparity, slope_x, slope_y = (a.reshape(-1) for a in planes)
@@ -141,10 +141,10 @@ def _join_across_layers(
         chosen = candidate[better]
         best[chosen], code[chosen] = merit[better], shift + SAME_LAYER
         other[chosen] = disparity[there[better]]
-    found = np.flatnonzero(code != UNJOINED)
-    at = np.unravel_index(here[found], codes.shape)
-    codes[at] = code[found]
-    half_way = 0.5 * (w[found] + other[found])
+    at = np.unravel_index(here, codes.shape)
+    codes[at] = code
+    alone = 0.5 * np.clip(own, -small_step, small_step)
+    half_way = np.maximum(w + np.where(code == UNJOINED, alone, 0.5 * (other - w)), 0)
     low[at], high[at] = np.minimum(low[at], half_way), np.maximum(high[at], half_way)
 
 

@@ -39,7 +39,7 @@ class RangePyramid(eqx.Module):
         top level's square is answered for the whole grid.
         """
         levels, rows, columns = self.least.shape
-        limit = jnp.array([columns - 1, rows - 1])
+        limit = jnp.array([columns - 1, rows - 1], dtype=jnp.int32)
         first = jnp.clip(jnp.floor(low / self.block).astype(jnp.int32), 0, limit)
         last = jnp.clip(jnp.floor(high / self.block).astype(jnp.int32), 0, limit)
         span = jnp.max(last - first + 1)

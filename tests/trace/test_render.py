@@ -29,8 +29,7 @@ def test_uniform_radiance_stays_uniform_to_the_border():
         ),
     )
     picture = np.asarray(render(uniform, uniform.lens, rays=16))
-    # Observed: TODO
-    print("uniform", np.abs(picture / radiance - 1).max())
+    # Observed: 0.
     np.testing.assert_allclose(picture, np.broadcast_to(radiance, picture.shape), rtol=1e-12)
 
 
@@ -39,10 +38,9 @@ def test_a_closed_aperture_gives_the_pinhole_picture():
     picture = np.asarray(render(varied_layers(), closed, rays=64))
     pinhole = np.asarray(render_pinhole(varied_layers()))
     # Rays fall unevenly on the four samples of a pixel at an edge, and colours are interpolated.
-    print("pinhole", np.abs(picture - pinhole).mean(), np.abs(picture - pinhole).max())
-    # Observed: TODO
+    # Observed: 7e-4 on average, 0.015 at most.
     assert np.abs(picture - pinhole).mean() < 2e-3
-    assert np.abs(picture - pinhole).max() < 0.1
+    assert np.abs(picture - pinhole).max() < 0.05
 
 
 def test_each_thing_is_where_it_belongs():
@@ -56,20 +54,11 @@ def test_each_thing_is_where_it_belongs():
     assert picture.shape == (HEIGHT, WIDTH, 3)
     green = np.zeros((HEIGHT, WIDTH))
     green[4:9, 4:10] = 1.0
-    error = np.abs(picture[..., 1] - green)
-    print("green", error.max(), picture[..., 1].sum() / 30)
-    # Rays are tested half-way along steps of up to a sample, half a pixel here: edges are as soft as that.
-    # Observed: TODO
-    assert not error[5:8, 5:9].any()
-    assert not picture[:3, :, 1].any()
-    assert not picture[10:, :, 1].any()
-    assert not picture[:, :3, 1].any()
-    assert not picture[:, 11:, 1].any()
-    assert error.max() < 0.25
+    # Where all that a pixel's rays can meet is in focus, edges are exact. Observed: 0.
+    np.testing.assert_allclose(picture[..., 1], green, atol=1e-6)
     red = picture[..., 0]
     y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
-    print("red", (red * x).sum() / red.sum(), (red * y).sum() / red.sum(), red.sum(), red.max())
-    # Observed: TODO
+    # Observed: 22.98, 17.00 and 24.05.
     assert (red * x).sum() / red.sum() == pytest.approx(23.0, abs=0.05)
     assert (red * y).sum() / red.sum() == pytest.approx(17.0, abs=0.05)
     assert red.sum() == pytest.approx(24.0, rel=0.02)
@@ -91,7 +80,7 @@ def test_no_light_leaks_through_a_slope(slope_x: float, slope_y: float):
     lens = wide_lens(camera, pixels_per_dioptre=11.0, focus=5.0)
     layers = peel(make_scene([plane], background=constant_background(1000.0), unlit=True), camera, lens)
     picture = np.asarray(render(layers, lens, rays=64))
-    print("slope", np.abs(picture - 1).max())
+    # Observed: 0.
     np.testing.assert_allclose(picture, 1.0, atol=1e-5)
 
 
@@ -112,9 +101,8 @@ def test_the_sky_shows_beside_a_bar():
     offsets = (np.arange(50) + 0.5) / 50
     films = np.arange(WIDTH)[:, None] + offsets
     expected = 1 - (left_of(right - films) - left_of(left - films)).mean(axis=1)
-    print("bar", np.abs(picture.mean(axis=0) - expected).max(), np.abs(picture - expected).max())
     assert expected.min() < 0.7
-    # Observed: TODO
+    # Observed: 0.004 over the 24 pixels of a column, 0.054 for one pixel.
     np.testing.assert_allclose(picture.mean(axis=0), expected, atol=0.01)
     assert np.abs(picture - expected).max() < 0.15
 
@@ -133,9 +121,8 @@ def test_colour_is_interpolated():
     disparity = 0.4 + 0.005 * (x + 4) + 0.1 / 32 * (y + 4)
     seen = at_pixels(np.stack([x, y], axis=-1).reshape(-1, 2), disparity.reshape(-1), camera)
     expected = seen @ np.array([[0.1, 0.02, 0.0], [0.0, 0.08, 0.05], [0.01, 0.0, 0.03]]) + 1.0
-    print("ramp", np.abs(picture.reshape(-1, 3) - expected).max())
-    # Observed: TODO; a sample's step is 4e-3.
-    np.testing.assert_allclose(picture.reshape(-1, 3), expected, atol=5e-4)
+    # Observed: 1.1e-5; a sample's step is 4e-3.
+    np.testing.assert_allclose(picture.reshape(-1, 3), expected, atol=1e-4)
 
 
 @pytest.mark.parametrize("pixels", [100, 1])
@@ -145,8 +132,7 @@ def test_blocks_do_not_change_the_picture(pixels: int, monkeypatch: pytest.Monke
     monkeypatch.setattr(_render, "_rays_together", lambda rays: 8 if pixels == 100 else 16)
     at_once = 8 * 100 if pixels == 100 else 16 * WIDTH * HEIGHT
     monkeypatch.setattr(_render, "_SAMPLES_AT_ONCE", {jax.default_backend(): at_once})
-    # Observed: TODO
-    print("blocks", np.abs(varied_picture() - whole).max())
+    # Observed: 2e-16.
     np.testing.assert_allclose(varied_picture(), whole, rtol=1e-12)
 
 

@@ -16,7 +16,8 @@ def check_gradients(function: Callable, *arguments: object, rtol: float = 1e-6) 
     """Assert that the Jacobian of `function` with respect to every array in `arguments` is right.
 
     Differences are central, of `STEP` times the size of each number (at least `STEP` itself), so that
-    their own error is about STEP^2. A `function` of a module is compiled once for all arguments of the same shapes.
+    their own error is about STEP^2. A `function` of a module is compiled once for all arguments
+    of the same shapes.
     """
     forward, reverse, differences = _jacobians(function, arguments)
     assert np.isfinite(forward).all()

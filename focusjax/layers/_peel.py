@@ -98,7 +98,8 @@ def peel_fragments(
     layers: list[np.ndarray] = []
     shape = (grid.rows, grid.columns)
     farthest_reach = parallax * float(fragments.disparity.max(initial=0.0))
-    levels = max(1, int(farthest_reach).bit_length())
+    # The widest window reaches farther than any ray can move under the nearest surface.
+    levels = int(farthest_reach).bit_length() + 1
     while len(alive) and len(layers) < max_layers:
         sample, disparity = fragments.sample[alive], fragments.disparity[alive]
         parts = [

@@ -50,7 +50,7 @@ def hidden_below(disparity: np.ndarray, parallax: float) -> np.ndarray:
     continued = ((least(disparity, 1) > 0) & (largest(disparity, 1) - least(disparity, 1) <= step)).astype(
         float
     )
-    for level in range(max(1, int(parallax * disparity.max()).bit_length())):
+    for level in range(int(parallax * disparity.max()).bit_length() + 1):
         radius = 2**level
         solid = least(continued, radius - 1) > 0
         cut = np.where(solid, np.minimum(cut, largest(disparity, radius) - radius * step), cut)

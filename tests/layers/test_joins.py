@@ -111,6 +111,22 @@ def test_a_surface_is_followed_into_the_layer_it_changes_to(layer: int):
     np.testing.assert_allclose(low[layer, middle, 4], plane[middle, 4] - 0.035)
 
 
+def test_the_plane_that_fits_best_is_joined_whichever_layer_it_is_in():
+    """A twig pushes a wall down a layer, next to a backdrop so close behind that no ray could tell."""
+    x, _ = grid()
+    twig = x == 4
+    w = np.stack([np.where(twig, 1.5, 1.0), np.where(twig, 1.0, 0.992), np.where(twig, 0.992, 0.0)])
+    _, _, codes = joined(w)
+    for dy in (-1, 0, 1):
+        for dx in (-1, 1):
+            assert (codes[dx, dy][1, 1:-1, 4] == SAME_LAYER - 1).all()
+            assert (codes[dx, dy][2, 1:-1, 4] == SAME_LAYER - 1).all()
+            assert (codes[dx, dy][0, 1:-1, 4] == UNJOINED).all()
+        for layer in (0, 1):
+            assert (codes[1, dy][layer, 1:-1, 3] == SAME_LAYER + 1).all()
+            assert (codes[-1, dy][layer, 1:-1, 5] == SAME_LAYER + 1).all()
+
+
 def test_packed_extents_hold_the_interval_and_little_more():
     random = np.random.default_rng(0)
     low = random.uniform(0.0, 2.0, (2, 9, 9))

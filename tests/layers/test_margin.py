@@ -49,11 +49,12 @@ def test_reachable(x: float, y: float, disparity: float, reached: bool):
     assert reachable(triangles, FRAME, reach)[0] == reached
     outside = max(-x, x - WIDTH, -y, y - HEIGHT, 0.0)
     margin = needed_margin(triangles, FRAME, reach)
-    assert margin == (pytest.approx(outside, abs=1.2) if reached else 0.0)
+    # A sample more for where splitting stops, and the triangle's own size.
+    assert outside * reached <= margin <= outside * reached + 1.2
 
 
 def test_no_triangles_need_no_margin():
-    assert needed_margin(on_screen(np.zeros((0, 3, 3))), FRAME, reach) == 0.0
+    assert needed_margin(on_screen(np.zeros((0, 3, 3))), FRAME, reach) <= 1.0
 
 
 def test_margin_of_random_triangles_matches_dense_points():
@@ -66,7 +67,7 @@ def test_margin_of_random_triangles_matches_dense_points():
         dense = np.where(outside <= reach(w), outside, 0.0).max()
         margin = needed_margin(on_screen(corners), FRAME, reach)
         # Splitting stops within a sample, and the points leave gaps of about one.
-        assert dense - 1.0 <= margin <= dense + 2.5
+        assert dense <= margin <= dense + 2.5
 
 
 def test_a_ground_plane_under_the_camera_needs_little():
@@ -77,7 +78,8 @@ def test_a_ground_plane_under_the_camera_needs_little():
     triangles = clip_to_near(homogeneous_image(ground, camera, FRAME), faces, 1e-3)
     assert reach(triangles.corners[..., 2]).max() > 5000
     # A point of the ground at disparity w is 40 w pixels below the middle, 40 w - 12 below the frame, and
-    # moved by 10 |w - 1/2| + 2: they meet 3.2 below it. To the sides it is the far ground, blurred by up to 7.
+    # moved by 10 |w - 1/2| + 2: they meet 3.2 below it. To the sides it is the far ground, blurred by
+    # up to 7.
     assert needed_margin(triangles, FRAME, reach) < 8.0
 
 
@@ -100,11 +102,9 @@ def test_what_blur_brings_into_the_frame_is_there():
     expected *= 50.0 * 16 / (np.pi * radius**2)
     for side in (np.s_[:, :4], np.s_[:, -4:], np.s_[:4], np.s_[-4:]):
         assert expected[side].max() > 3
-        # Observed: TODO
-        print(picture[side].sum() / expected[side].sum())
-        assert picture[side].sum() == pytest.approx(expected[side].sum(), rel=0.03)
+        # Observed: 0.026 at worst.
+        assert picture[side].sum() == pytest.approx(expected[side].sum(), rel=0.05)
     # Means of 4 x 4 pixels, 1024 rays each.
     error = (picture - expected).reshape(HEIGHT // 4, 4, WIDTH // 4, 4).mean(axis=(1, 3))
-    # Observed: TODO
-    print(np.abs(error).max())
-    assert np.abs(error).max() < 0.5
+    # Observed: 0.18
+    assert np.abs(error).max() < 0.4

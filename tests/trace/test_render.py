@@ -150,16 +150,14 @@ def test_any_number_of_rays(rays: int):
     assert np.isfinite(picture).all()
     assert picture.min() >= 0.0
     assert picture.max() <= 1.0 + 1e-6
-    # Observed: TODO
-    print("mean", abs(picture.mean() - varied_picture().mean()))
+    # Observed: 0.006 for one ray, 0.001 for seven.
     assert picture.mean() == pytest.approx(varied_picture().mean(), abs=0.01)
 
 
 def test_the_error_falls_with_the_rays():
     converged = varied_picture(1024, seed=5)
     few, many = (np.sqrt(np.mean((varied_picture(rays) - converged) ** 2)) for rays in (16, 256))
-    print("rms", few, many)
-    # Observed: TODO; random rays would gain a factor of 4.
+    # Observed: 0.0218 and 0.0040; random rays would gain a factor of 4.
     assert few < 0.03
     assert many < few / 4
 
@@ -204,10 +202,10 @@ def test_single_precision_gives_the_same_picture():
         picture = np.asarray(render(layers, lens, rays=16))
     assert picture.dtype == np.float32
     difference = np.abs(picture - varied)
-    # Observed: TODO. A ray that passes within rounding of an edge may fall on its other side.
-    print("float32", np.median(difference), difference.mean(), (difference > 1e-3).mean())
-    assert np.median(difference) < 1e-5
-    assert (difference > 1e-3).mean() < 0.02
+    # Observed: 1e-8, 1.7e-5 and 0.13 %. A ray within rounding of an edge may fall on its other side.
+    assert np.median(difference) < 1e-6
+    assert difference.mean() < 1e-4
+    assert (difference > 1e-3).mean() < 0.01
 
 
 @pytest.mark.parametrize("rays", [0, -4])

@@ -34,7 +34,6 @@ def room(walls: bool) -> Scene:
 @pytest.mark.parametrize(
     ("walls", "focus", "radius", "aperture"),
     [
-        pytest.param(True, 2.4, 0.02, Disk(), id="room, slight blur"),
         pytest.param(True, 0.8, 0.06, Disk(), id="room, near focus"),
         pytest.param(True, np.inf, 0.06, polygon(5, rotation=0.2), id="room, focus on infinity"),
         pytest.param(True, 7.0, 0.0, Disk(), id="room, pinhole"),

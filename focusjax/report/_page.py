@@ -72,7 +72,9 @@ def metres(value: float | str) -> str:
 def f_number(value: float | str) -> str:
     """An f-number as engraved on a lens."""
     value = float(value)
-    return "pinhole" if math.isinf(value) else f"f/{value:.1f}" if value < 10 else f"f/{value:.0f}"
+    if math.isinf(value):
+        return "pinhole"
+    return f"f/{value:.2f}" if value < 1 else f"f/{value:.1f}" if value < 10 else f"f/{value:.0f}"
 
 
 def _pixels(value: float) -> str:

@@ -137,7 +137,8 @@ def _blocks(
 ) -> list[tuple[np.ndarray, int]]:
     """Pixels in blocks of like work, the last one repeating a pixel to be full, and layers to test.
 
-    Within a fifth of an octave of work pixels stay in Z-order, so that a block reads few places of the layers.
+    Within a fifth of an octave of work pixels stay in Z-order, so that a block reads few places of the
+    layers.
     """
     variants = np.unique(np.minimum([2, 4, 8, 16, most_layers], most_layers))
     level = np.searchsorted(variants, np.maximum(depth, 1))

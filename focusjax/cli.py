@@ -18,7 +18,7 @@ from rich.table import Table
 from focusjax import job
 from focusjax.config import ConfigError, load_config
 from focusjax.io import staged_folder
-from focusjax.report import depth_of_field, f_number, metres, save_outcome
+from focusjax.report import FILES, depth_of_field, f_number, metres, save_outcome
 
 FAILED, BAD_INPUT, MISSED = 1, 2, 3
 """Exit statuses beside 0: failed; bad usage or config; solved, but a wish is missed."""
@@ -83,7 +83,7 @@ def _do(
     folder = out if out is not None else Path("out") / config_path.stem
     try:
         config = load_config(config_path, overrides or ())
-        with staged_folder(folder) as stage, _progress(errors) as tell, _warnings_told(errors):
+        with staged_folder(folder, owned=FILES) as stage, _progress(errors) as tell, _warnings_told(errors):
             outcome = job.run(config, solving=solving, rendering=rendering, progress=tell)
             tell("save", None)
             save_outcome(stage, outcome)

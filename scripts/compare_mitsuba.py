@@ -132,7 +132,7 @@ def main() -> None:
             f"{row['mitsuba ssim']:.4f}",
             f"{row['mitsuba seconds']:.2f}",
         )
-    Console().print(table)
+    Console(width=max(120, Console().width)).print(table)
     if options.json is not None:
         options.json.write_text(json.dumps(results, indent=1) + "\n")
 

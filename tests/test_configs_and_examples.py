@@ -58,3 +58,10 @@ def test_readme_shows_the_still_life_as_it_is():
     assert shown["lens"].items() <= config["lens"].items()
     for part, whole in zip(shown["focus"], config["focus"], strict=True):
         assert part.items() <= whole.items()
+
+
+def test_everything_readme_links_to_is_there():
+    links = re.findall(r"\]\(([^)]+)\)", README)
+    local = [link for link in links if "://" not in link]
+    assert "docs/still_life.png" in local
+    assert [link for link in local if not (ROOT / link).exists()] == []

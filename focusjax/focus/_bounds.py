@@ -77,7 +77,7 @@ def make_limits(
             near,
             lambda v: (v > length) & (v < np.inf),
             "minimum focus distance in metres",
-            "a finite distance beyond the focal length",
+            "a finite distance beyond the focal length; raise it, or use a shorter focal length",
         ),
         far=require(
             far, lambda v: v > near, "maximum focus distance in metres", "more than the minimum, or infinity"

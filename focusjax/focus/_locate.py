@@ -131,6 +131,8 @@ class _Finder:
         return self._on_screen(rows, label)
 
     def _direction(self, direction: Float[np.ndarray, "3"], label: str) -> Float[np.ndarray, "1 3"]:
+        if not np.any(direction):
+            raise ValueError(f"{label} is in direction {direction.tolist()}; give one that is not zero")
         x, y, z = np.asarray(self.camera.world_from_camera)[:3, :3].T.astype(float) @ direction
         if not z < 0:
             raise ValueError(

@@ -108,8 +108,8 @@ def make_camera(
     if not bool(jnp.allclose(rotation @ rotation.T, jnp.eye(3), atol=1e-4)) or jnp.linalg.det(rotation) < 0:
         raise ValueError("the camera matrix's 3 x 3 part is not a rotation; remove scale, shear or mirroring")
     for name, pixels in (("width", width), ("height", height)):
-        if pixels < 1:
-            raise ValueError(f"{name} is {pixels} pixels; expected at least 1")
+        if int(pixels) != pixels or pixels < 1:
+            raise ValueError(f"{name} is {pixels} pixels; expected at least 1, and whole")
     if not 0 < sensor_width < math.inf:
         raise ValueError(f"sensor width is {sensor_width} m; expected a positive length")
     if (focal_length is None) == (field_of_view is None):

@@ -4,17 +4,22 @@ import contextlib
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 
 @contextlib.contextmanager
-def staged_folder(path: Path | str) -> Iterator[Path]:
+def staged_folder(path: Path | str, *, owned: Sequence[str] = ()) -> Iterator[Path]:
     """A temporary folder whose files move into the folder `path` when the block ends well.
 
     The temporary folder lies inside `path`, so that each move is one atomic rename; files of the same
     name from an earlier run are replaced. When the block raises, nothing in `path` changes, and the
     folders that were made for it are removed again.
+
+    Args:
+        path: the output folder.
+        owned: names of files that belong to a run; those of an earlier one that this one does not
+            make again are removed, so that a folder never mixes two runs.
 
     Raises:
         ValueError: on entry, when `path` cannot be made or written to.
@@ -29,10 +34,14 @@ def staged_folder(path: Path | str) -> Iterator[Path]:
         raise ValueError(
             f"output folder {path} is not writable ({error.strerror}); choose another with --out"
         ) from error
+    made_now: list[str] = []
     try:
         yield stage
         for file in sorted(stage.iterdir()):
             os.replace(file, path / file.name)
+            made_now.append(file.name)
+        for name in set(owned).difference(made_now):
+            (path / name).unlink(missing_ok=True)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
         _remove_empty(made)

@@ -111,6 +111,12 @@ def _frame(
 ) -> tuple[ScreenTriangles, Grid]:
     """The triangles that matter, in the coordinates of the grid that holds them."""
     frame = Grid(camera.width, camera.height, supersampling, 0)
+    if frame.size > _MOST_SAMPLES:
+        raise ValueError(
+            f"a frame of {camera.width} x {camera.height} pixels needs {frame.size / 1e6:.0f} million samples"
+            f" a layer at a supersampling of {supersampling}; the most is {_MOST_SAMPLES / 1e6:.0f} million,"
+            " so lower one of them"
+        )
     depth = 0.1 * float(camera.focal_length) if near is None else near
     if not depth > 0:
         raise ValueError(f"near is {near} m; expected a positive depth")
@@ -132,7 +138,8 @@ def _frame(
     if grid.size > _MOST_SAMPLES:
         raise ValueError(
             f"rays leave the {camera.width} x {camera.height} frame by {margin / supersampling:.0f} pixels,"
-            " because a surface is too close to the lens; move it away, raise `near`, or close the aperture"
+            " more than the layers can hold; move the nearest surface away from the lens, raise `near`, close"
+            " the aperture, or lower the supersampling"
         )
     triangles.corners[..., :2] += margin
     return triangles, grid

@@ -19,12 +19,14 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, UInt
+from jaxtyping import Array, Float, UInt
 
 NEIGHBOURS = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
 """(dx, dy) of the eight neighbours, in the order of the bits of `links`."""
 
 _LAYER_WINDOW = 2
+_SPARSE = 0.05
+_ALL_UNJOINED = 0xFFFFFFFF
 SAME_LAYER = 7
 """Code of a neighbour in the sample's own layer; one layer farther is one more."""
 UNJOINED = 15
@@ -53,16 +55,28 @@ def join(
         slope_y: the same downwards.
         parallax: samples per dioptre at the lens rim.
     """
-    small_step = jnp.asarray(1.0 / max(parallax, 1e-12), dtype=disparity.dtype)
-    planes = (jnp.asarray(disparity), jnp.asarray(slope_x), jnp.asarray(slope_y))
-    low, high, certain = _join_within_layers(*planes, small_step)
-    low, high, certain = np.array(low), np.array(high), np.asarray(certain)
-    codes = np.where(certain, np.uint8(SAME_LAYER), np.uint8(UNJOINED))
-    for number, (dx, dy) in enumerate(NEIGHBOURS):
-        _join_across_layers(
-            codes[:, number], low, high, (disparity, slope_x, slope_y), dx, dy, np.asarray(small_step)
+    small_step = np.asarray(1.0 / max(parallax, 1e-12), dtype=disparity.dtype)
+    low, high = disparity.copy(), disparity.copy()
+    certain = np.zeros(disparity.shape, dtype=np.uint8)
+    # Deep layers hold little; looking at all of their samples costs more than at the few that are there.
+    filled = int(np.sum(np.count_nonzero(disparity, axis=(1, 2)) > _SPARSE * disparity[0].size))
+    if filled:
+        planes = (jnp.asarray(a[:filled]) for a in (disparity, slope_x, slope_y))
+        for whole, part in zip(
+            (low, high, certain), _join_within_layers(*planes, jnp.asarray(small_step)), strict=True
+        ):
+            whole[:filled] = np.asarray(part)
+    links = np.full(disparity.size, _ALL_UNJOINED, dtype=np.uint32)
+    held = np.flatnonzero(disparity)
+    known = certain.reshape(-1)[held]
+    for number, neighbour in enumerate(NEIGHBOURS):
+        joined = (known >> number) & 1 == 1
+        links[held[joined]] ^= np.uint32((UNJOINED ^ SAME_LAYER) << (4 * number))
+        code = _join_across_layers(
+            held[~joined], low, high, (disparity, slope_x, slope_y), neighbour, small_step
         )
-    return jnp.asarray(low), jnp.asarray(high), _packed_codes(jnp.asarray(codes))
+        links[held[~joined]] ^= (UNJOINED ^ code).astype(np.uint32) << np.uint32(4 * number)
+    return jnp.asarray(low), jnp.asarray(high), jnp.asarray(links.reshape(disparity.shape))
 
 
 def _misfit(step: Any, own: Any, theirs: Any) -> Any:
@@ -77,23 +91,23 @@ def _join_within_layers(
     slope_x: Float[Array, "l h w"],
     slope_y: Float[Array, "l h w"],
     small_step: Float[Array, ""],
-) -> tuple[Float[Array, "l h w"], Float[Array, "l h w"], Bool[Array, "l n h w"]]:
-    """The joins inside each layer that need no second thought, and the extents they give."""
+) -> tuple[Float[Array, "l h w"], Float[Array, "l h w"], UInt[Array, "l h w"]]:
+    """The extents that joins inside each layer give where they need no second thought, and a bit for each."""
 
     def one_layer(planes: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         w, gx, gy = planes
         held = w > 0
         low = high = w
-        joins = []
-        for dx, dy in NEIGHBOURS:
+        joins = jnp.zeros(w.shape, dtype=jnp.uint8)
+        for number, (dx, dy) in enumerate(NEIGHBOURS):
             there, their_gx, their_gy = (_neighbour(a, dx, dy) for a in planes)
             own, step = gx * dx + gy * dy, there - w
             misfit = _misfit(step, own, their_gx * dx + their_gy * dy)
             certain = held & (there > 0) & (misfit <= _CERTAIN * small_step)
             half_way = jnp.where(certain, w + 0.5 * step, w)
             low, high = jnp.minimum(low, half_way), jnp.maximum(high, half_way)
-            joins.append(certain)
-        return low, high, jnp.stack(joins)
+            joins |= certain.astype(jnp.uint8) << number
+        return low, high, joins
 
     return jax.lax.map(one_layer, (disparity, slope_x, slope_y))
 
@@ -105,30 +119,30 @@ def _neighbour(a: Float[Array, "h w"], dx: int, dy: int) -> Float[Array, "h w"]:
 
 
 def _join_across_layers(
-    codes: np.ndarray,
+    here: np.ndarray,
     low: np.ndarray,
     high: np.ndarray,
     planes: tuple[np.ndarray, np.ndarray, np.ndarray],
-    dx: int,
-    dy: int,
+    neighbour: tuple[int, int],
     small_step: np.ndarray,
-) -> None:
-    """Join the samples still open towards neighbour (`dx`, `dy`), looking in all nearby layers; in place."""
-    layers, rows, columns = planes[0].shape
+) -> np.ndarray:
+    """Codes of the joins of the samples at flat index `here` to one neighbour, among all nearby layers.
+
+    Widens `low` and `high` in place.
+    """
+    dx, dy = neighbour
+    layers, rows, columns = low.shape
     size = rows * columns
     disparity, slope_x, slope_y = (a.reshape(-1) for a in planes)
-    here = np.flatnonzero((codes == UNJOINED) & (planes[0] > 0))
-    column, row = here % columns, here // columns % rows
+    column, row, layer = here % columns, here // columns % rows, here // size
     inside = (row + dy >= 0) & (row + dy < rows) & (column + dx >= 0) & (column + dx < columns)
-    here = here[inside]
-    layer = here // size
     w = disparity[here]
     own = slope_x[here] * dx + slope_y[here] * dy
     best = np.full(w.shape, np.inf, dtype=w.dtype)
     code, other = np.full(w.shape, UNJOINED, dtype=np.uint8), np.zeros_like(w)
     for shift in _SHIFTS:
         # Most of what is open borders on nothing in nearby layers either.
-        candidate = np.flatnonzero((layer + shift >= 0) & (layer + shift < layers))
+        candidate = np.flatnonzero(inside & (layer + shift >= 0) & (layer + shift < layers))
         there = here[candidate] + (shift * size + dy * columns + dx)
         held = np.flatnonzero(disparity[there] > 0)
         candidate, there = candidate[held], there[held]
@@ -141,17 +155,11 @@ def _join_across_layers(
         chosen = candidate[better]
         best[chosen], code[chosen] = merit[better], shift + SAME_LAYER
         other[chosen] = disparity[there[better]]
-    at = np.unravel_index(here, codes.shape)
-    codes[at] = code
     alone = 0.5 * np.clip(own, -small_step, small_step)
     half_way = np.maximum(w + np.where(code == UNJOINED, alone, 0.5 * (other - w)), 0)
-    low[at], high[at] = np.minimum(low[at], half_way), np.maximum(high[at], half_way)
-
-
-@jax.jit
-def _packed_codes(codes: UInt[Array, "l n h w"]) -> UInt[Array, "l h w"]:
-    shifts = jnp.arange(0, 4 * len(NEIGHBOURS), 4, dtype=jnp.uint32)
-    return (codes.astype(jnp.uint32) << shifts[None, :, None, None]).sum(axis=1, dtype=jnp.uint32)
+    for bound, widen in ((low.reshape(-1), np.minimum), (high.reshape(-1), np.maximum)):
+        bound[here] = widen(bound[here], half_way)
+    return code
 
 
 @jax.jit

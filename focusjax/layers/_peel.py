@@ -30,6 +30,7 @@ from focusjax.layers._grid import Grid
 from focusjax.layers._raster import Fragments
 
 _AT_ONCE = 1 << 20
+_SOLID_LAYERS = 2
 _SEPARATION = 1e-5
 """Relative step in disparity below which two surfaces count as one (coincident triangles)."""
 
@@ -116,7 +117,9 @@ def peel_fragments(
         layers.append(np.where(owners >= 0, alive[owners], -1).reshape(shape))
         if parallax == 0:
             return layers, True
-        cut = np.asarray(_cut(best.reshape(shape), jnp.asarray(parallax, dtype=best.dtype), levels=levels))
+        # Wide windows hide much behind the first surfaces; later ones are patches too small for them.
+        windows = levels if len(layers) <= _SOLID_LAYERS else 1
+        cut = np.asarray(_cut(best.reshape(shape), jnp.asarray(parallax, dtype=best.dtype), levels=windows))
         alive = alive[disparity < cut.reshape(-1)[sample]]
     return layers, len(alive) == 0
 

@@ -12,6 +12,9 @@ from focusjax.report._blur_picture import save_blur_picture
 from focusjax.report._page import page
 from focusjax.report._summary import summary
 
+FILES = ("report.json", "report.html", "blur.png", "image.png", "image.exr", "pinhole.png")
+"""Every file that a run can leave in its folder."""
+
 
 def save_outcome(folder: Path, outcome: Outcome) -> None:
     """Write the reports and the blur map, and the pictures when there are any.

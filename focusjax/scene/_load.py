@@ -161,7 +161,8 @@ def _read(path: Path) -> list[tuple[trimesh.Trimesh, Float[np.ndarray, "4 4"]]]:
                 found.append((scene.geometry[key], np.asarray(matrix, dtype=np.float64)))
     except IndexError as error:
         raise ValueError(
-            f"mesh file {path} cannot be read: a face refers to a vertex that is out of range ({error})"
+            f"mesh file {path} cannot be read: a face refers to a vertex that is out of range ({error});"
+            " export the mesh again"
         ) from error
     except Exception as error:
         reason = f"{type(error).__name__}: {error}".rstrip(": ")

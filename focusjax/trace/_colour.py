@@ -1,6 +1,7 @@
 """The radiance a ray brings back, interpolated over the surface it met."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt
 
@@ -72,7 +73,8 @@ def radiance_at(surface: Surface, ray: LensRay, hit: Int[Array, ""]) -> Float[Ar
         (neighbour(2 + up, dy * columns), (1 - weight_x) * weight_y),
         (neighbour(4 + left + 2 * up, dy * columns + dx), weight_x * weight_y),
     )
-    behind = far_row * columns + far_column
+    # Worked out once, not again in each of the look-ups that use them.
+    corners, behind = jax.lax.optimization_barrier((corners, far_row * columns + far_column))
     channels = []
     for plane, far_plane in zip(surface.radiance, surface.background, strict=True):
         near = sum((plane[i] * weight for i, weight in corners), jnp.zeros_like(x))

@@ -140,7 +140,7 @@ def _blocks(
     Within a fifth of an octave of work pixels stay in Z-order, so that a block reads few places of the
     layers.
     """
-    variants = np.unique(np.minimum([2, 4, 8, 16, most_layers], most_layers))
+    variants = np.unique(np.minimum([4, 8, 16, most_layers], most_layers))
     level = np.searchsorted(variants, np.maximum(depth, 1))
     row, column = np.divmod(np.arange(len(work)), columns)
     order = np.lexsort((z_order(column, row), np.ceil(5 * np.log2(1 + work)), level))

@@ -33,3 +33,12 @@ def test_not_writable_is_said_before_any_work(tmp_path):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(ValueError, match=r"output folder .*file/run is not writable .* choose another"):
         fail_in(tmp_path / "file" / "run")
+
+
+def test_files_of_an_earlier_run_do_not_stay(tmp_path):
+    for name in ("image.png", "report.json", "notes.txt"):
+        (tmp_path / name).write_text("old")
+    with staged_folder(tmp_path, owned=("image.png", "report.json")) as stage:
+        (stage / "report.json").write_text("new")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["notes.txt", "report.json"]
+    assert (tmp_path / "report.json").read_text() == "new"

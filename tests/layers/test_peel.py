@@ -143,5 +143,12 @@ def test_bad_values_are_refused(changes: dict, message: str):
 def test_a_surface_on_the_lens_is_refused():
     camera = front_camera()
     scene = make_scene([patch("mote", camera, (-1e6, -1e6, 1e6, 1e6), 250.0)], unlit=True)
-    with pytest.raises(ValueError, match=r"a surface is too close to the lens; move it away, raise `near`"):
+    with pytest.raises(ValueError, match=r"by 3000 pixels, more than the layers can hold; move the nearest"):
         peel(scene, camera, wide_lens(camera), near=1e-3)
+
+
+def test_a_frame_that_is_too_large_is_refused():
+    camera = front_camera(20000, 20000)
+    wall = patch("wall", camera, (0, 0, 20000, 20000), 0.35)
+    with pytest.raises(ValueError, match="a frame of 20000 x 20000 pixels needs 1600 million samples"):
+        peel(make_scene([wall], unlit=True), camera, wide_lens(camera))

@@ -315,3 +315,9 @@ def test_bad_arguments_are_named(tmp_path, arguments, message):
     a_tetrahedron().export(tmp_path / "shape.ply")
     with pytest.raises(ValueError, match=message):
         load_mesh(tmp_path / "shape.ply", **arguments)
+
+
+def test_text_in_any_encoding_is_read(tmp_path):
+    path = tmp_path / "cafe.obj"
+    path.write_bytes(b"# caf\xe9\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert len(load_mesh(path).faces) == 1

@@ -1,7 +1,8 @@
 """The only place that knows jaxopt: bounded minimisation by projected quasi-Newton steps.
 
 jaxopt is no longer maintained, and says so when imported. It serves as a second method, to check the
-first one with, because it has bounded solvers that run compiled.
+first one with, because it has bounded solvers that run compiled. Who does not ask for
+it does not wait for its import.
 """
 
 import warnings
@@ -10,10 +11,6 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
-
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore", DeprecationWarning)
-    import jaxopt
 
 
 def least_squares_in_box(
@@ -40,6 +37,9 @@ def least_squares_in_box(
     Returns:
         The variables, the number of steps, and whether the tolerance was reached.
     """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        import jaxopt
 
     def cost(variables: Float[Array, "p"], passed: PyTree) -> Float[Array, ""]:
         return 0.5 * jnp.sum(residuals(variables, passed) ** 2)

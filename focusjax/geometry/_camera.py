@@ -8,9 +8,12 @@ ray) and disparity w = 1/z, in dioptres, is the working depth: infinity is w = 0
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 FULL_FRAME_WIDTH = 0.036
@@ -77,6 +80,11 @@ class Camera(eqx.Module):
         return self.world_from_camera[:3, :3] @ jnp.stack([x, -y, -jnp.ones_like(x)])
 
 
+def _real(value: Any) -> Array:
+    """`value` as a device array of the default real type."""
+    return jnp.asarray(np.asarray(value, dtype=jax.dtypes.canonicalize_dtype(np.float64)))
+
+
 def make_camera(
     world_from_camera: ArrayLike | Sequence[Sequence[float]],
     *,
@@ -99,13 +107,14 @@ def make_camera(
     Raises:
         ValueError: a size, length or angle out of range, or a transform that is not rigid.
     """
-    pose = jnp.asarray(world_from_camera, dtype=float)
+    # Checked on the host: every small operation on the device would be compiled by itself.
+    pose = np.asarray(world_from_camera, dtype=np.float64)
     if pose.shape != (4, 4):
         raise ValueError(f"the camera matrix has shape {pose.shape}; expected 4 rows of 4 numbers")
     rotation = pose[:3, :3]
-    if not bool(jnp.all(jnp.isfinite(pose))):
+    if not np.all(np.isfinite(pose)):
         raise ValueError("the camera matrix has a value that is not finite; expected a pose in metres")
-    if not bool(jnp.allclose(rotation @ rotation.T, jnp.eye(3), atol=1e-4)) or jnp.linalg.det(rotation) < 0:
+    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
         raise ValueError("the camera matrix's 3 x 3 part is not a rotation; remove scale, shear or mirroring")
     for name, pixels in (("width", width), ("height", height)):
         if int(pixels) != pixels or pixels < 1:
@@ -115,16 +124,16 @@ def make_camera(
     if (focal_length is None) == (field_of_view is None):
         raise ValueError("give exactly one of focal length and field of view")
     if field_of_view is not None:
-        if not 0 < field_of_view < jnp.pi:
+        if not 0 < field_of_view < math.pi:
             raise ValueError(f"field of view is {field_of_view} rad; expected between 0 and pi")
-        focal_length = sensor_width / 2 / float(jnp.tan(field_of_view / 2))
+        focal_length = sensor_width / 2 / math.tan(field_of_view / 2)
     elif focal_length is None or not 0 < focal_length < math.inf:
         raise ValueError(f"focal length is {focal_length} m; expected a positive length")
     return Camera(
-        world_from_camera=pose,
-        focal_length=jnp.asarray(focal_length, dtype=float),
-        sensor_width=jnp.asarray(sensor_width, dtype=float),
-        principal_point=jnp.asarray([width / 2, height / 2], dtype=float),
+        world_from_camera=_real(pose),
+        focal_length=_real(focal_length),
+        sensor_width=_real(sensor_width),
+        principal_point=_real([width / 2, height / 2]),
         width=width,
         height=height,
     )
@@ -148,18 +157,19 @@ def look_at(
     Raises:
         ValueError: `target` is at `position`, or `up` is along the line between them.
     """
-    eye, aim, upwards = (jnp.asarray(v, dtype=float) for v in (position, target, up))
+    eye, aim, upwards = (np.asarray(v, dtype=np.float64) for v in (position, target, up))
     backward = eye - aim
-    distance = jnp.linalg.norm(backward)
+    distance = np.linalg.norm(backward)
     if not distance > 0:
         raise ValueError(f"the camera looks at its own position {position}; move one of the two")
     backward = backward / distance
-    right = jnp.cross(upwards, backward)
-    if not jnp.linalg.norm(right) > 1e-6 * jnp.linalg.norm(upwards):
+    right = np.cross(upwards, backward)
+    if not np.linalg.norm(right) > 1e-6 * np.linalg.norm(upwards):
         raise ValueError(f"up {up} is along the view axis; choose another up direction")
-    right = right / jnp.linalg.norm(right)
-    rotation = jnp.stack([right, jnp.cross(backward, right), backward], axis=1)
-    pose = jnp.eye(4).at[:3, :3].set(rotation).at[:3, 3].set(eye)
+    right = right / np.linalg.norm(right)
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([right, np.cross(backward, right), backward], axis=1)
+    pose[:3, 3] = eye
     return make_camera(
         pose,
         width=width,

@@ -1,5 +1,7 @@
 """From a scene, a camera and a lens to layers: clip, frame, rasterise, peel, shade, join."""
 
+import concurrent.futures
+import os
 from collections.abc import Callable
 
 import equinox as eqx
@@ -187,15 +189,19 @@ def _shade_block(
 def _shaded(shader: Shader, face: np.ndarray, barycentric: np.ndarray, extent: np.ndarray) -> np.ndarray:
     """Radiance [n, 3] of the surface samples."""
     real = jnp.zeros(()).dtype
-    out = [np.zeros((0, 3), dtype=real)]
-    for start in range(0, len(face), _SHADED_AT_ONCE):
+
+    def block(start: int) -> np.ndarray:
         part = slice(start, start + _SHADED_AT_ONCE)
         inputs = [
             pad_rows(a[part], _SHADED_AT_ONCE) for a in (face, barycentric.astype(real), extent.astype(real))
         ]
-        block = _shade_block(shader, *(jnp.asarray(a) for a in inputs))
-        out.append(np.asarray(block)[: len(face) - start])
-    return np.concatenate(out)
+        shaded = _shade_block(shader, *(jnp.asarray(a) for a in inputs))
+        return np.asarray(shaded)[: len(face) - start]
+
+    # The blocks are scanned, which XLA does on one core: a CPU is given one per core at a time.
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        parts = list(pool.map(block, range(0, len(face), _SHADED_AT_ONCE)))
+    return np.concatenate([np.zeros((0, 3), dtype=real), *parts])
 
 
 @eqx.filter_jit

@@ -29,6 +29,7 @@ class Surface(eqx.Module):
     rows: int = eqx.field(static=True)
 
 
+@eqx.filter_jit
 def surface_of(layers: Layers) -> Surface:
     """The flat planes of `layers`."""
     return Surface(

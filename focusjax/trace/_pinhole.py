@@ -1,6 +1,7 @@
 """The sharp picture, everything in focus, which needs no rays at all."""
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.layers import Layers
@@ -13,7 +14,8 @@ def render_pinhole(layers: Layers) -> Float[Array, "h w 3"]:
     also what the picture of any lens tends to when its aperture closes.
     """
     grid = layers.grid
-    seen = jnp.where(layers.triangle[0, ..., None] >= 0, layers.radiance[0], layers.background)
+    first, behind = np.asarray(layers.radiance[0]), np.asarray(layers.background)
+    seen = np.where(np.asarray(layers.triangle[0])[..., None] >= 0, first, behind)
     inside = seen[grid.margin : grid.rows - grid.margin, grid.margin : grid.columns - grid.margin]
     blocks = inside.reshape(grid.height, grid.supersampling, grid.width, grid.supersampling, 3)
-    return blocks.mean(axis=(1, 3))
+    return jnp.asarray(blocks.mean(axis=(1, 3)))

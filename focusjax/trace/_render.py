@@ -112,10 +112,19 @@ def _strays(layers: Layers, lens: AbstractLens) -> np.ndarray:
     least, largest = (float(w) for w in layers.ranges.overall)
     if not largest > 0:
         return np.zeros(1)
-    camera = layers.camera
-    corner = jnp.zeros(2, dtype=float)
-    away = [lens.footprint(camera, corner, jnp.asarray(w)) for w in np.linspace(least, largest, 9)]
-    return np.array([float(radius + jnp.abs(centre - corner).max()) for centre, radius in away])
+    disparities = jnp.asarray(np.linspace(least, largest, 9).astype(layers.disparity.dtype))
+    return np.asarray(_strays_at(lens, layers.camera, disparities))
+
+
+@eqx.filter_jit
+def _strays_at(lens: AbstractLens, camera: Camera, disparities: Float[Array, " n"]) -> Float[Array, " n"]:
+    corner = jnp.zeros(2, dtype=disparities.dtype)
+
+    def one(disparity: Float[Array, ""]) -> Float[Array, ""]:
+        centre, radius = lens.footprint(camera, corner, disparity)
+        return radius + jnp.abs(centre - corner).max()
+
+    return jax.vmap(one)(disparities)
 
 
 @eqx.filter_jit
@@ -150,7 +159,10 @@ def _blocks(
         pixels = order[start : start + block]
         pixels = np.concatenate([pixels, np.full(block - len(pixels), pixels[-1])])
         out.append((pixels, int(variants[level[pixels].max()])))
-    return out
+    # One block of each kind first, so that their programs are compiled side by side.
+    kinds = [variant for _, variant in out]
+    first = sorted({kinds.index(variant) for variant in kinds})
+    return [out[k] for k in first] + [block for k, block in enumerate(out) if k not in first]
 
 
 @eqx.filter_jit

@@ -75,20 +75,27 @@ def peel(
         flat[held] = samples
         return flat.reshape(*owner.shape, *samples.shape[1:])
 
-    extent_m = 1.0 / (values * float(camera.focal_px) * supersampling)
-    radiance = _shaded(scene.shader(camera.position), surface.face, surface.barycentric, extent_m)
-    disparity = scattered(values, 0.0, real)
-    slope_x, slope_y = (scattered(surface.slope[:, k], 0.0, real) for k in (0, 1))
-    low, high, links = join(disparity, slope_x, slope_y, parallax)
-    extent, scale = pack_extent(low, high, jnp.asarray(disparity))
+    # Shading and joining need nothing of each other: while one compiles or waits, the other works.
+    with concurrent.futures.ThreadPoolExecutor(1) as pool:
+        extent_m = 1.0 / (values * float(camera.focal_px) * supersampling)
+        shading = pool.submit(
+            _shaded, scene.shader(camera.position), surface.face, surface.barycentric, extent_m
+        )
+        disparity = scattered(values, 0.0, real)
+        slope_x, slope_y = (scattered(surface.slope[:, k], 0.0, real) for k in (0, 1))
+        low, high, links = join(disparity, slope_x, slope_y, parallax)
+        extent, scale = pack_extent(low, high, jnp.asarray(disparity))
+        ranges = build_ranges(low, high, block=supersampling, widest=2.0 * grid.margin + 4 * supersampling)
+        background = _background(scene, camera, grid)
+        radiance = shading.result()
     return Layers(
         disparity=jnp.asarray(disparity),
         radiance=jnp.asarray(scattered(radiance, 0.0, real)),
         triangle=jnp.asarray(scattered(surface.face, -1, np.dtype(np.int32))),
         extent=extent,
         links=links,
-        background=_background(scene, camera, grid),
-        ranges=build_ranges(low, high, block=supersampling, widest=2.0 * grid.margin + 4 * supersampling),
+        background=background,
+        ranges=ranges,
         disparity_scale=scale,
         lens=lens,
         camera=camera,
@@ -213,6 +220,9 @@ def _background_radiance(
 
 def _background(scene: Scene, camera: Camera, grid: Grid) -> Float[Array, "h w 3"]:
     """What is seen at infinity through every sample of the grid."""
+    if isinstance(scene.background, ConstantBackground):
+        colour = np.asarray(scene.background.colour)
+        return jnp.asarray(np.broadcast_to(colour, (grid.rows, grid.columns, 3)))
     x, y = np.meshgrid(np.arange(grid.columns) + 0.5, np.arange(grid.rows) + 0.5)
     positions = (np.stack([x, y], axis=-1).reshape(-1, 2) - grid.margin) / grid.supersampling
     flat = _background_radiance(scene.background, camera, jnp.asarray(positions, dtype=float))

@@ -20,6 +20,7 @@ so that what a solid object hides is dropped but for a border as wide as the par
 
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -56,35 +57,42 @@ def _owners(
     return owner.at[sample].max(jnp.where(wins, number, -1), mode="drop")
 
 
-@functools.partial(jax.jit, static_argnames="levels")
-def _cut(best: Float[Array, "h w"], parallax: Float[Array, ""], *, levels: int) -> Float[Array, "h w"]:
-    """Disparity that the next surface must stay below."""
+@functools.partial(jax.jit, static_argnames="widest")
+def _cut(
+    best: Float[Array, "h w"], parallax: Float[Array, ""], levels: Int[Array, ""], *, widest: int
+) -> Float[Array, "h w"]:
+    """Disparity that the next surface must stay below, by windows of radius 1, 2, 4, ..., `levels` of them.
+
+    `widest` is the radius of the last.
+    """
     umbra = 1.0 / jnp.maximum(parallax, 1e-30)
-    cut = jnp.minimum(best * (1.0 - _SEPARATION), best - 0.5 * umbra)
-    nearest, farthest = _over_window(best, 1, jnp.maximum), _over_window(best, 1, jnp.minimum)
+
+    def over_window(a: Array, reach: Array, op: Callable[[Array, Array], Array]) -> Array:
+        """`op` over the nine places 0 and `reach` away in x and y; nothing is beyond the grid."""
+        for axis in (0, 1):
+            padded = jnp.pad(a, [(widest, widest) if k == axis else (0, 0) for k in (0, 1)])
+            before, after = (
+                jax.lax.dynamic_slice_in_dim(padded, widest + shift, a.shape[axis], axis=axis)
+                for shift in (-reach, reach)
+            )
+            a = op(op(before, a), after)
+        return a
+
+    one = jnp.int32(1)
+    nearest, farthest = over_window(best, one, jnp.maximum), over_window(best, one, jnp.minimum)
     continued = (farthest > 0) & (nearest - farthest <= umbra)
-    # Windows grow by doubling: that of radius 2 r is four of radius r, a step of r from the middle.
-    # Continuity has to hold within one sample of every sample but the outermost.
-    reach = 1
-    for _ in range(levels):
-        cut = jnp.where(continued, jnp.minimum(cut, nearest - reach * umbra), cut)
-        nearest = _over_window(nearest, reach, jnp.maximum)
-        continued = _over_window(continued, reach, jnp.logical_and)
-        reach *= 2
-    return cut
 
+    def widen(_: Any, state: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
+        # Windows grow by doubling: that of radius 2 r is nine of radius r, steps of r apart.
+        # Continuity has to hold within one sample of every sample but the outermost.
+        cut, nearest, continued, reach = state
+        behind = nearest - reach.astype(best.dtype) * umbra
+        cut = jnp.where(continued, jnp.minimum(cut, behind), cut)
+        nearest = over_window(nearest, reach, jnp.maximum)
+        return cut, nearest, over_window(continued, reach, jnp.logical_and), 2 * reach
 
-def _over_window(a: Array, reach: int, op: Callable[[Array, Array], Array]) -> Array:
-    """`op` over the nine places 0 and `reach` away in x and y; nothing is beyond the grid."""
-    for axis in (0, 1):
-        pad = [(reach, reach) if k == axis else (0, 0) for k in (0, 1)]
-        padded = jnp.pad(a, pad)
-        size = a.shape[axis]
-        parts = [
-            jax.lax.slice_in_dim(padded, start, start + size, axis=axis) for start in (0, reach, 2 * reach)
-        ]
-        a = op(op(parts[0], parts[1]), parts[2])
-    return a
+    cut = jnp.minimum(best * (1.0 - _SEPARATION), best - 0.5 * umbra)
+    return jax.lax.fori_loop(0, levels, widen, (cut, nearest, continued, one))[0]
 
 
 def peel_fragments(
@@ -119,8 +127,13 @@ def peel_fragments(
             return layers, True
         # Wide windows hide much behind the first surfaces; later ones are patches too small for them.
         windows = levels if len(layers) <= _SOLID_LAYERS else 1
-        cut = np.asarray(_cut(best.reshape(shape), jnp.asarray(parallax, dtype=best.dtype), levels=windows))
-        alive = alive[disparity < cut.reshape(-1)[sample]]
+        cut = _cut(
+            best.reshape(shape),
+            jnp.asarray(np.asarray(parallax, dtype=best.dtype)),
+            jnp.int32(windows),
+            widest=1 << (levels - 1),
+        )
+        alive = alive[disparity < np.asarray(cut).reshape(-1)[sample]]
     return layers, len(alive) == 0
 
 

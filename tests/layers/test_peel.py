@@ -13,9 +13,11 @@ from focusjax.scene import make_object, make_scene
 from focusjax.trace import render
 
 
-def only_coincident(best: jnp.ndarray, parallax: jnp.ndarray, *, levels: int) -> jnp.ndarray:
+def only_coincident(
+    best: jnp.ndarray, parallax: jnp.ndarray, levels: jnp.ndarray, *, widest: int
+) -> jnp.ndarray:
     """In place of the umbra: nothing is hidden but what lies in the same place."""
-    del parallax, levels
+    del parallax, levels, widest
     return best * (1 - 1e-5)
 
 

@@ -56,10 +56,10 @@ def ray_samples(lens: AbstractLens, rays: int, seed: int) -> RaySamples:
     points = sequence.random_base2(max(length - 1, 0).bit_length())[:length].reshape(edge**2, rays, 4)
     rows, columns = np.divmod(np.arange(edge**2), edge)
     points = jnp.asarray(points[z_order(columns, rows)], dtype=float)
-    pupil = eqx.filter_jit(_pupil_points)(lens, points[..., :2])
+    pupil = eqx.filter_jit(_pupil_points)(lens, points[..., 2:])
     order = np.argsort(np.abs(np.asarray(pupil)).max(axis=-1), axis=-1)[..., None]
     offset, pupil = (
-        jnp.asarray(np.take_along_axis(np.asarray(a), order, axis=1)) for a in (points[..., 2:], pupil)
+        jnp.asarray(np.take_along_axis(np.asarray(a), order, axis=1)) for a in (points[..., :2], pupil)
     )
     return RaySamples(offset=offset, pupil=pupil, edge=edge)
 

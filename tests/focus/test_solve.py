@@ -111,7 +111,10 @@ class TestBounds:
 
     def test_the_end_of_the_range_is_a_legal_start(self, make_setup, make_points):
         camera, lens = make_setup(f_number=2.8)
-        solve(make_points((0.5, 0, True, 1)), camera, lens, free=BOTH, f_number_range=(2.8, 11.0))
+        points = make_points((0.5, 0, True, 1))
+        solution = solve(points, camera, lens, free=BOTH, f_number_range=(2.8, 11.0))
+        # Any f-number keeps one plane sharp, so the start is kept.
+        np.testing.assert_allclose(parameters(solution), [0.5, float(lens.aperture_radius)], rtol=1e-7)
 
 
 class TestWhatWishesLeaveOpen:

@@ -16,11 +16,11 @@ BORDER = 12
 
 # PSNR in dB, the same over the outermost 12 pixels, and SSIM observed at 64 rays (float32).
 OBSERVED = {
-    ("cow_bars", "dof_strong_foreground"): (39.7, 40.5, 0.978),
-    ("cow_bars", "dof_ball_on_border"): (41.1, 42.3, 0.982),
-    ("cow_bars", "dof_infinity"): (39.7, 41.1, 0.987),
-    ("town_tree", "dof_focus_town"): (42.4, 45.6, 0.990),
-    ("town_tree", "dof_focus_tree"): (42.2, 49.5, 0.990),
+    ("cow_bars", "dof_strong_foreground"): (40.4, 41.1, 0.979),
+    ("cow_bars", "dof_ball_on_border"): (41.7, 43.1, 0.983),
+    ("cow_bars", "dof_infinity"): (40.2, 41.7, 0.987),
+    ("town_tree", "dof_focus_town"): (42.8, 46.3, 0.991),
+    ("town_tree", "dof_focus_tree"): (46.1, 52.1, 0.994),
 }
 SETTINGS = [pytest.param(*setting, id="-".join(setting)) for setting in OBSERVED]
 
@@ -61,12 +61,12 @@ def test_border(name: str, view: str) -> None:
 @pytest.mark.parametrize(("name", "view"), SETTINGS)
 def test_brightness_is_unbiased(name: str, view: str) -> None:
     # Blur moves light about but for border and occlusion; the mean of a picture is nearly free of noise.
-    # Observed: at most 0.22 % too dark, where bars 17 samples wide are a sample narrower in the layers.
+    # Observed: at most 0.19 % too dark, where thin bars are blurred strongly.
     ours, theirs = picture(name, view), load_reference(name).pictures[view]
     np.testing.assert_allclose(ours.mean(axis=(0, 1)), theirs.mean(axis=(0, 1)), rtol=4e-3)
 
 
 def test_mean_over_all_settings() -> None:
-    # Observed: 41.0 dB.
+    # Observed: 42.2 dB.
     scores = [psnr(picture(*key), load_reference(key[0]).pictures[key[1]]) for key in OBSERVED]
-    assert np.mean(scores) >= 40.0
+    assert np.mean(scores) >= 41.2

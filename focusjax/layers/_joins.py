@@ -14,6 +14,7 @@ from its own to half-way to its joined neighbours, so that slopes are watertight
 diagonally; at open silhouettes it ends half a sample out.
 """
 
+import dataclasses
 from typing import Any
 
 import jax
@@ -26,14 +27,12 @@ NEIGHBOURS = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -
 
 _LAYER_WINDOW = 2
 _SPARSE = 0.05
-_ALL_UNJOINED = 0xFFFFFFFF
+ALL_UNJOINED = 0xFFFFFFFF
+"""Links of a sample that no neighbour continues."""
 SAME_LAYER = 7
 """Code of a neighbour in the sample's own layer; one layer farther is one more."""
 UNJOINED = 15
 """Code of a neighbour that does not continue the sample's surface."""
-EXTENT_STEPS = 65534
-EMPTY = 0x0000FFFF
-"""Packed extent of a sample that holds nothing: its least disparity exceeds its largest."""
 
 
 _SHIFTS = (0, *(shift for k in range(1, _LAYER_WINDOW + 1) for shift in (-k, k)))
@@ -41,42 +40,60 @@ _CERTAIN = 0.05
 """Samples of parallax that planes may miss the neighbour by without looking for a better one."""
 
 
-def join(
-    disparity: np.ndarray, slope_x: np.ndarray, slope_y: np.ndarray, parallax: float
-) -> tuple[Float[Array, "l h w"], Float[Array, "l h w"], UInt[Array, "l h w"]]:
-    """Least and largest disparity of each sample, and its packed joins.
+@dataclasses.dataclass(frozen=True)
+class Planes:
+    """Samples of surface as pieces of plane.
 
-    `links` holds four bits per neighbour: the neighbour's layer less the sample's own, plus 7, or 15
-    where they are not joined.
-
-    Args:
-        disparity: 1/m [l, h, w], 0 where nothing is.
-        slope_x: change of disparity [l, h, w] per sample to the right along the surface's plane.
+    Attributes:
+        disparity: 1/m [l, h, w]; 0 where nothing is.
+        slope_x: change of disparity [l, h, w] per sample to the right.
         slope_y: the same downwards.
-        parallax: samples per dioptre at the lens rim.
     """
+
+    disparity: np.ndarray
+    slope_x: np.ndarray
+    slope_y: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Joins:
+    """What samples stand for.
+
+    Attributes:
+        low: least disparity [l, h, w] of each; 0 where nothing is.
+        high: largest disparity [l, h, w].
+        links: four bits per neighbour [l, h, w]: the neighbour's layer less the sample's own, plus 7, or 15
+            where they are not joined.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    links: np.ndarray
+
+
+def join(planes: Planes, parallax: float) -> Joins:
+    """Which neighbours continue each sample; `parallax` in samples per dioptre at the lens rim."""
+    disparity, slopes = planes.disparity, (planes.slope_x, planes.slope_y)
     small_step = np.asarray(1.0 / max(parallax, 1e-12), dtype=disparity.dtype)
     low, high = disparity.copy(), disparity.copy()
     certain = np.zeros(disparity.shape, dtype=np.uint8)
     # Deep layers hold little; looking at all of their samples costs more than at the few that are there.
     filled = int(np.sum(np.count_nonzero(disparity, axis=(1, 2)) > _SPARSE * disparity[0].size))
     if filled:
-        planes = (jnp.asarray(a[:filled]) for a in (disparity, slope_x, slope_y))
+        dense = (jnp.asarray(a[:filled]) for a in (disparity, *slopes))
         for whole, part in zip(
-            (low, high, certain), _join_within_layers(*planes, jnp.asarray(small_step)), strict=True
+            (low, high, certain), _join_within_layers(*dense, jnp.asarray(small_step)), strict=True
         ):
             whole[:filled] = np.asarray(part)
-    links = np.full(disparity.size, _ALL_UNJOINED, dtype=np.uint32)
+    links = np.full(disparity.size, ALL_UNJOINED, dtype=np.uint32)
     held = np.flatnonzero(disparity)
     known = certain.reshape(-1)[held]
     for number, neighbour in enumerate(NEIGHBOURS):
         joined = (known >> number) & 1 == 1
         links[held[joined]] ^= np.uint32((UNJOINED ^ SAME_LAYER) << (4 * number))
-        code = _join_across_layers(
-            held[~joined], low, high, (disparity, slope_x, slope_y), neighbour, small_step
-        )
+        code = _join_across_layers(held[~joined], low, high, (disparity, *slopes), neighbour, small_step)
         links[held[~joined]] ^= (UNJOINED ^ code).astype(np.uint32) << np.uint32(4 * number)
-    return jnp.asarray(low), jnp.asarray(high), jnp.asarray(links.reshape(disparity.shape))
+    return Joins(low, high, links.reshape(disparity.shape))
 
 
 def _misfit(step: Any, own: Any, theirs: Any) -> Any:
@@ -160,14 +177,3 @@ def _join_across_layers(
     for bound, widen in ((low.reshape(-1), np.minimum), (high.reshape(-1), np.maximum)):
         bound[here] = widen(bound[here], half_way)
     return code
-
-
-@jax.jit
-def pack_extent(
-    low: Float[Array, "l h w"], high: Float[Array, "l h w"], valid: Float[Array, "l h w"]
-) -> tuple[UInt[Array, "l h w"], Float[Array, ""]]:
-    """Interval as 16 + 16 bits (largest above least), rounded outwards, and dioptres per step."""
-    scale = jnp.maximum(high.max(), jnp.finfo(high.dtype).tiny * 2**20) / EXTENT_STEPS
-    least = jnp.floor(low / scale).astype(jnp.uint32)
-    most = jnp.minimum(jnp.ceil(high / scale), EXTENT_STEPS).astype(jnp.uint32)
-    return jnp.where(valid > 0, (most << 16) | least, jnp.uint32(EMPTY)), scale

@@ -17,14 +17,15 @@ class Layers(eqx.Module):
     around its centre; where surfaces continue into a neighbouring sample the two are joined.
 
     Attributes:
-        disparity: 1/m [l, h, w]; 0 where the layer holds nothing.
+        disparity: 1/m [l, h, w]; 0 where the layer holds nothing. Fringe samples, where a surface reaches
+            into the square but misses its centre, lie in the first layer that is free there.
         radiance: linear radiance [l, h, w, 3].
-        triangle: the scene's face [l, h, w]; -1 where the layer holds nothing.
-        extent: packed disparity interval [l, h, w] that each sample spans; see `_joins`.
+        triangle: the scene's face [l, h, w] at the sample's centre; -1 where there is none.
+        cells: packed disparity interval and outline [l, h, w] of each sample; see `_cells`.
         links: packed joins [l, h, w] to the eight neighbours; see `_joins`.
         background: radiance [h, w, 3] at infinity.
         ranges: least and largest disparity over any square, all layers together.
-        disparity_scale: dioptres per step of `extent`.
+        disparity_scale: dioptres per step of `cells`.
         lens: the lens that the layers were peeled for.
         camera: the camera they were peeled from.
         grid: the sample grid (static).
@@ -34,7 +35,7 @@ class Layers(eqx.Module):
     disparity: Float[Array, "l h w"]
     radiance: Float[Array, "l h w 3"]
     triangle: Int[Array, "l h w"]
-    extent: UInt[Array, "l h w"]
+    cells: UInt[Array, "l h w"]
     links: UInt[Array, "l h w"]
     background: Float[Array, "h w 3"]
     ranges: RangePyramid

@@ -35,23 +35,28 @@ class Fragments:
 
 @functools.partial(jax.jit, static_argnames="size")
 def _cover(
-    edges: Float[Array, "n 3 3"], disparity: Float[Array, "n 3"], bounds: Float[Array, "n 2"], *, size: int
+    edges: Float[Array, "n 3 3"],
+    disparity: Float[Array, "n 3"],
+    bounds: Float[Array, "n 2"],
+    reach: Float[Array, ""],
+    *,
+    size: int,
 ) -> tuple[Bool[Array, "n samples"], Float[Array, "n samples"]]:
-    """Which samples of each stamp are covered, and the disparity there."""
+    """Which samples of each stamp are within `reach` (in x and y) of being covered, and the disparity there."""
     step = jnp.arange(size, dtype=edges.dtype)
     x, y = jnp.tile(step, size)[None, :], jnp.repeat(step, size)[None, :]
     inside = jnp.ones((edges.shape[0], size * size), dtype=bool)
     w = jnp.zeros((edges.shape[0], size * size), dtype=edges.dtype)
     for i in range(3):
         distance = edges[:, i, 0, None] * x + edges[:, i, 1, None] * y + edges[:, i, 2, None]
-        inside &= distance >= -_TOLERANCE
+        inside &= distance + reach * jnp.abs(edges[:, i, :2]).sum(axis=1, keepdims=True) >= -_TOLERANCE
         w += distance * disparity[:, i, None]
     # Fattening may step outside a sliver; its disparity must stay between those of its corners.
     return inside, jnp.clip(w, bounds[:, :1], bounds[:, 1:])
 
 
-def rasterise(stamps: Stamps, grid: Grid) -> Fragments:
-    """All fragments of `stamps` on `grid`."""
+def rasterise(stamps: Stamps, grid: Grid, *, reach: float = 0.0) -> Fragments:
+    """All fragments of `stamps`, diced for the same `reach`, on `grid`."""
     samples, disparities, owners = [], [], []
     start = 0
     for size, count in zip(SIZES, stamps.counts, strict=True):
@@ -60,7 +65,9 @@ def rasterise(stamps: Stamps, grid: Grid) -> Fragments:
         while start < end:
             part = slice(start, min(start + at_once, end))
             inputs = [pad_rows(a[part], at_once) for a in (stamps.edges, stamps.disparity, stamps.bounds)]
-            covered, disparity = (np.asarray(a)[: part.stop - start] for a in _cover(*inputs, size=size))
+            covered, disparity = (
+                np.asarray(a)[: part.stop - start] for a in _cover(*inputs, np.float32(reach), size=size)
+            )
             flat = np.flatnonzero(covered)
             stamp, offset = np.divmod(flat.astype(np.int32), np.int32(size * size))
             stamp += start

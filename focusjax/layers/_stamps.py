@@ -49,11 +49,15 @@ class Stamps:
     triangle: np.ndarray
 
 
-def dice(triangles: ScreenTriangles, grid: Grid) -> Stamps:
-    """All stamps that may hold a covered sample of `grid`."""
+def dice(triangles: ScreenTriangles, grid: Grid, *, reach: float = 0.0) -> Stamps:
+    """All stamps that may hold a sample of `grid` whose square of half-width `reach` a triangle touches.
+
+    With a reach of 0 that is a sample whose centre it covers.
+    """
     x, y = triangles.corners[..., 0], triangles.corners[..., 1]
-    first = np.stack([_first_sample(x, grid.columns), _first_sample(y, grid.rows)], axis=1)
-    span = np.stack([_last_sample(x, grid.columns), _last_sample(y, grid.rows)], axis=1) - first + 1
+    first = np.stack([_first_sample(x, grid.columns, reach), _first_sample(y, grid.rows, reach)], axis=1)
+    last = np.stack([_last_sample(x, grid.columns, reach), _last_sample(y, grid.rows, reach)], axis=1)
+    span = last - first + 1
     index = np.flatnonzero((span[:, 0] > 0) & (span[:, 1] > 0))
     span, first = span[index], first[index]
     size = _stamp_size(span)
@@ -62,7 +66,12 @@ def dice(triangles: ScreenTriangles, grid: Grid) -> Stamps:
         chosen = np.flatnonzero(size == edge_length)
         parts.append(
             _stamps_of_size(
-                edge_length, index[chosen], triangles.corners[index[chosen]], first[chosen], span[chosen]
+                edge_length,
+                index[chosen],
+                triangles.corners[index[chosen]],
+                first[chosen],
+                span[chosen],
+                reach,
             )
         )
     return Stamps(
@@ -70,14 +79,14 @@ def dice(triangles: ScreenTriangles, grid: Grid) -> Stamps:
     )
 
 
-def _first_sample(position: np.ndarray, limit: int) -> np.ndarray:
+def _first_sample(position: np.ndarray, limit: int, reach: float) -> np.ndarray:
     low = np.minimum(np.minimum(position[:, 0], position[:, 1]), position[:, 2])
-    return np.clip(np.ceil(low - 0.5), 0, limit).astype(np.int32)
+    return np.clip(np.ceil(low - 0.5 - reach), 0, limit).astype(np.int32)
 
 
-def _last_sample(position: np.ndarray, limit: int) -> np.ndarray:
+def _last_sample(position: np.ndarray, limit: int, reach: float) -> np.ndarray:
     high = np.maximum(np.maximum(position[:, 0], position[:, 1]), position[:, 2])
-    return np.clip(np.floor(high - 0.5), -1, limit - 1).astype(np.int32)
+    return np.clip(np.floor(high - 0.5 + reach), -1, limit - 1).astype(np.int32)
 
 
 def _edge_functions(corners: Any, xp: Any) -> tuple[Any, Any]:
@@ -130,7 +139,7 @@ def _stamp_size(span: np.ndarray) -> np.ndarray:
 
 
 def _stamps_of_size(
-    size: int, index: np.ndarray, corners: np.ndarray, first: np.ndarray, span: np.ndarray
+    size: int, index: np.ndarray, corners: np.ndarray, first: np.ndarray, span: np.ndarray, reach: float
 ) -> tuple[np.ndarray, ...]:
     """The arrays of `Stamps`, from `origin` on, for triangles `index` of one stamp size."""
     across, down = -(-span[:, 0] // size), -(-span[:, 1] // size)
@@ -145,6 +154,8 @@ def _stamps_of_size(
     if size > 2:
         # A stamp wholly outside one side holds nothing: keep those whose best corner is inside all.
         best = edges[..., 2] + (size - 1) * (np.maximum(edges[..., 0], 0) + np.maximum(edges[..., 1], 0))
+        if reach:
+            best += reach * (np.abs(edges[..., 0]) + np.abs(edges[..., 1]))
         kept = np.flatnonzero((best[:, 0] >= -1e-4) & (best[:, 1] >= -1e-4) & (best[:, 2] >= -1e-4))
         owner, origin, local = owner[kept], origin[kept], local[kept]
         edges, disparity = edges[kept], disparity[kept]

@@ -56,7 +56,7 @@ def render(
     grid, camera = layers.grid, layers.camera
     samples = ray_samples(lens, rays, seed)
     scene = _Scene(
-        volume=Volume(layers.extent.reshape(-1), layers.disparity_scale, grid.columns, grid.rows),
+        volume=Volume(layers.cells.reshape(-1), layers.disparity_scale, grid.columns, grid.rows),
         surface=surface_of(layers),
         camera=camera,
         grid=grid,

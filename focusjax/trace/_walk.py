@@ -6,19 +6,20 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt
 
 from focusjax.geometry import LensRay
+from focusjax.layers import covered, interval
 
 
 class Volume(eqx.Module):
     """The layers as flat planes, in the form the walk reads them.
 
     Attributes:
-        extent: packed disparity interval [n] of every sample of every layer.
-        scale: dioptres per step of `extent`.
+        cells: packed interval and outline [n] of every sample of every layer.
+        scale: dioptres per step of `cells`.
         columns: samples per row (static).
         rows: rows (static).
     """
 
-    extent: UInt[Array, " n"]
+    cells: UInt[Array, " n"]
     scale: Float[Array, ""]
     columns: int = eqx.field(static=True)
     rows: int = eqx.field(static=True)
@@ -47,13 +48,14 @@ def first_hit(
     steps = jnp.where(largest > 0, length.astype(jnp.int32) + 1, 0)
     stride = (largest - least) / jnp.maximum(steps, 1).astype(largest.dtype)
     per_dioptre = 1.0 / volume.scale
+    per_step_x, per_step_y = b_x * volume.scale, b_y * volume.scale
 
-    def unfinished(state: tuple[Int[Array, ""], Int[Array, ""]]) -> Bool[Array, ""]:
-        step, hit = state
+    def unfinished(walk: tuple[Int[Array, ""], Int[Array, ""]]) -> Bool[Array, ""]:
+        step, hit = walk
         return (step < steps) & (hit < 0)
 
-    def advance(state: tuple[Int[Array, ""], Int[Array, ""]]) -> tuple[Int[Array, ""], Int[Array, ""]]:
-        step, _ = state
+    def advance(walk: tuple[Int[Array, ""], Int[Array, ""]]) -> tuple[Int[Array, ""], Int[Array, ""]]:
+        step, _ = walk
         near = largest - step.astype(largest.dtype) * stride
         middle = near - 0.5 * stride
         column = jnp.clip((a_x + b_x * middle).astype(jnp.int32), 0, volume.columns - 1)
@@ -61,13 +63,19 @@ def first_hit(
         sample = row * volume.columns + column
         nearest = (near * per_dioptre).astype(jnp.int32) + 1
         farthest = ((near - stride) * per_dioptre).astype(jnp.int32)
-        best, hit = jnp.int32(0), jnp.int32(-1)
+        # Words are ordered by their nearest disparity.
+        half_way = (nearest + farthest) >> 1
+        offset_x, offset_y = a_x - 0.5 - column.astype(a_x.dtype), a_y - 0.5 - row.astype(a_y.dtype)
+        best, hit = jnp.uint32(0), jnp.int32(-1)
         for layer in range(depth):
             index = sample + layer * layer_size
-            extent = volume.extent.at[index].get(mode="promise_in_bounds")
-            most, low = (extent >> 16).astype(jnp.int32), (extent & 0xFFFF).astype(jnp.int32)
-            meets = (low <= nearest) & (most >= farthest) & (most > best)
-            best = jnp.where(meets, most, best)
+            # Words are ordered by their nearest disparity.
+            word = volume.cells.at[index].get(mode="promise_in_bounds")
+            low, most = interval(word)
+            at = jnp.clip(half_way, low, most).astype(offset_x.dtype)
+            inside = covered(word, offset_x + per_step_x * at, offset_y + per_step_y * at)
+            meets = (low <= nearest) & (most >= farthest) & (word > best) & inside
+            best = jnp.where(meets, word, best)
             hit = jnp.where(meets, index, hit)
         return step + 1, hit
 

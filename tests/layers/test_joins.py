@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from focusjax.layers import NEIGHBOURS, SAME_LAYER, UNJOINED
-from focusjax.layers._joins import join, pack_extent
+from focusjax.layers._joins import Planes, join
 
 PARALLAX = 100.0
 """Samples per dioptre: a step of 0.01 is one sample."""
@@ -14,9 +14,9 @@ def joined(disparity: object, slope_x: object = 0.0, slope_y: object = 0.0) -> t
     """Extents [l, h, w] and the code [l, h, w] of every neighbour (dx, dy)."""
     disparity = np.asarray(disparity, dtype=np.float64)
     slopes = (np.array(np.broadcast_to(s, disparity.shape), dtype=np.float64) for s in (slope_x, slope_y))
-    low, high, links = (np.asarray(a) for a in join(disparity, *slopes, PARALLAX))
-    codes = {step: (links >> np.uint32(4 * k)) & 15 for k, step in enumerate(NEIGHBOURS)}
-    return low, high, codes
+    joins = join(Planes(disparity, *slopes), PARALLAX)
+    codes = {step: (joins.links >> np.uint32(4 * k)) & 15 for k, step in enumerate(NEIGHBOURS)}
+    return joins.low, joins.high, codes
 
 
 def grid(rows: int = 6, columns: int = 8) -> tuple[np.ndarray, np.ndarray]:
@@ -125,17 +125,3 @@ def test_the_plane_that_fits_best_is_joined_whichever_layer_it_is_in():
         for layer in (0, 1):
             assert (codes[1, dy][layer, 1:-1, 3] == SAME_LAYER + 1).all()
             assert (codes[-1, dy][layer, 1:-1, 5] == SAME_LAYER + 1).all()
-
-
-def test_packed_extents_hold_the_interval_and_little_more():
-    random = np.random.default_rng(0)
-    low = random.uniform(0.0, 2.0, (2, 9, 9))
-    high = low + random.uniform(0.0, 1.0, low.shape)
-    held = (random.random(low.shape) < 0.7).astype(float)
-    packed, scale = (np.asarray(a) for a in pack_extent(*map(np.asarray, (low, high, held))))
-    most, least = packed >> 16, packed & 0xFFFF
-    assert (least > most)[held == 0].all()
-    assert (least * scale <= low + 1e-12)[held > 0].all()
-    assert (most * scale >= high - 1e-12)[held > 0].all()
-    assert (low - least * scale < scale)[held > 0].all()
-    assert (most * scale - high < scale)[held > 0].all()

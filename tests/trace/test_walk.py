@@ -9,6 +9,7 @@ import numpy as np
 from small_scenes import HEIGHT, WIDTH, varied_layers
 
 from focusjax.geometry import LensRay
+from focusjax.layers import covered, interval
 from focusjax.trace._ranges import disparity_range
 from focusjax.trace._walk import Volume, first_hit
 
@@ -31,25 +32,33 @@ def rays() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 @cache
 def intervals() -> tuple[np.ndarray, np.ndarray]:
-    """Least and largest disparity [l, h, w] of every sample; an empty one has least above largest."""
-    extent, scale = np.asarray(varied_layers().extent), float(varied_layers().disparity_scale)
-    return (extent & 0xFFFF) * scale, (extent >> 16) * scale
+    """Least and largest disparity [l, h, w] of every sample; an empty one is out of reach."""
+    scale = float(varied_layers().disparity_scale)
+    least, largest = (np.asarray(a) * scale for a in interval(varied_layers().cells))
+    return np.where(largest > 0, least, np.inf), np.where(largest > 0, largest, -np.inf)
 
 
 def slow_hit(a: np.ndarray, b: np.ndarray) -> int:
     """Index of the first sample that the ray meets, -1 if none, by steps of a small part of a sample."""
     least, largest = intervals()
+    words = np.asarray(varied_layers().cells)
     layers, rows, columns = least.shape
-    top = largest.max()
+    top = float(varied_layers().ranges.overall[1])
     count = int(FINER * (top * np.abs(b).max() + 1))
     for step in range(count):
         near, far = top * (1 - step / count), top * (1 - (step + 1) / count)
-        column, row = np.floor(a + b * (near + far) / 2).astype(int)
+        x, y = a + b * (near + far) / 2
+        column, row = int(np.floor(x)), int(np.floor(y))
         if 0 <= column < columns and 0 <= row < rows:
             for layer in range(layers):
-                if least[layer, row, column] <= near and largest[layer, row, column] >= far:
+                within = least[layer, row, column] <= near and largest[layer, row, column] >= far
+                if within and on_surface(words[layer, row, column], x - column - 0.5, y - row - 0.5):
                     return (layer * rows + row) * columns + column
     return -1
+
+
+def on_surface(word: np.ndarray, dx: float, dy: float) -> bool:
+    return bool(covered(jnp.asarray(word), jnp.asarray(dx), jnp.asarray(dy)))
 
 
 @cache
@@ -78,7 +87,7 @@ def quick_hits(volume, a, b, least, largest, depth):
 
 def quick(least: np.ndarray, largest: np.ndarray) -> np.ndarray:
     layers = varied_layers()
-    volume = Volume(layers.extent.reshape(-1), layers.disparity_scale, layers.grid.columns, layers.grid.rows)
+    volume = Volume(layers.cells.reshape(-1), layers.disparity_scale, layers.grid.columns, layers.grid.rows)
     return np.asarray(quick_hits(volume, *rays()[1:], least, largest, layers.count))
 
 
@@ -97,7 +106,7 @@ def agreement(hits: np.ndarray) -> np.ndarray:
 def test_the_walk_meets_what_the_slow_walk_meets():
     overall = [np.full(RAYS, float(w)) for w in varied_layers().ranges.overall]
     hits = quick(*overall)
-    assert 0.1 < (hits < 0).mean() < 0.9
+    assert 0.05 < (hits < 0).mean() < 0.9
     # Observed: 0.972. Where a coarse step straddles a silhouette, it takes the sample under its middle.
     assert agreement(hits).mean() > 0.95
 

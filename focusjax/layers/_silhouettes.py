@@ -1,0 +1,213 @@
+"""Where surfaces end inside the square of a sample.
+
+A sample is held by the surface at its centre, so a silhouette would follow the squares of the samples. It
+is put where it belongs, to a small share of a sample, by looking at all triangles that touch the squares
+along it: those of samples whose surface does not continue to a neighbour, and those of the neighbours it
+does not continue to. The part of a square that a surface covers is counted on 32 points, and a line that
+leaves as much of the square on the side of their centroid stands for it. Where a surface reaches into a
+square whose centre it misses, a fringe sample is added there.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, UInt
+
+from focusjax.layers._cells import line_code
+from focusjax.layers._clip import ScreenTriangles
+from focusjax.layers._grid import Grid
+from focusjax.layers._joins import NEIGHBOURS, UNJOINED, Joins, Planes
+from focusjax.layers._raster import rasterise
+from focusjax.layers._stamps import dice, pad_rows
+
+_SIDES = 4
+_AT_ONCE = 1 << 17
+_POINTS = 32
+
+
+def _points() -> np.ndarray:
+    """Hammersley points [32, 2] around the centre of the unit square: every row and column has one."""
+    number = np.arange(_POINTS)
+    mirrored = sum(((number >> bit) & 1) << (4 - bit) for bit in range(5))
+    return (np.stack([number, mirrored], axis=1) + 0.5) / _POINTS - 0.5
+
+
+_OFFSETS = _points()
+
+
+@dataclasses.dataclass(frozen=True)
+class Silhouettes:
+    """Lines of the samples that are there, and samples to add.
+
+    Attributes:
+        cut: flat index [c] of samples whose square is not covered whole.
+        line: code [c] of the line in each.
+        cell: grid sample [f], row-major, of each fringe sample.
+        source: flat index [f] of the sample whose surface reaches into it.
+        disparity: 1/m [f] of that surface there.
+        low: least disparity [f] that it spans there.
+        high: largest disparity [f].
+        fringe_line: code [f].
+    """
+
+    cut: np.ndarray
+    line: np.ndarray
+    cell: np.ndarray
+    source: np.ndarray
+    disparity: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    fringe_line: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class _Squares:
+    """Squares to be looked at: grid sample, sample it belongs to, and disparities that count as its surface."""
+
+    cell: np.ndarray
+    source: np.ndarray
+    disparity: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def find_silhouettes(
+    triangles: ScreenTriangles, grid: Grid, planes: Planes, joins: Joins, parallax: float
+) -> Silhouettes:
+    """The silhouettes of the layers that `planes` and `joins` describe; `parallax` in samples per dioptre."""
+    small_step = 1.0 / max(parallax, 1e-12)
+    own, beyond = _squares(grid, planes, joins, small_step)
+    both = _Squares(*(np.concatenate(pair) for pair in zip(_fields(own), _fields(beyond), strict=True)))
+    mask, centre = _covered_points(triangles, grid, both, 0.5 * small_step)
+    bits = np.unpackbits(mask.view(np.uint8).reshape(-1, 4), axis=1, bitorder="little").astype(np.float32)
+    count = bits.sum(axis=1)
+    towards = bits @ _OFFSETS.astype(np.float32)
+    line = line_code(towards, count / _POINTS)
+    number = len(own.cell)
+    cut = np.flatnonzero((count[:number] > 0) & (count[:number] < _POINTS))
+    kept = np.flatnonzero((count[number:] > 0) & ~centre[number:])
+    half = 0.5 * np.clip(np.abs(planes.slope_x) + np.abs(planes.slope_y), 0, small_step).reshape(-1)
+    w, spread = beyond.disparity[kept], half[beyond.source[kept]]
+    return Silhouettes(
+        cut=own.source[cut],
+        line=line[:number][cut],
+        cell=beyond.cell[kept],
+        source=beyond.source[kept],
+        disparity=w,
+        low=np.maximum(w - spread, 0),
+        high=w + spread,
+        fringe_line=line[number:][kept],
+    )
+
+
+def _fields(squares: _Squares) -> tuple[np.ndarray, ...]:
+    return squares.cell, squares.source, squares.disparity, squares.low, squares.high
+
+
+def _squares(grid: Grid, planes: Planes, joins: Joins, small_step: float) -> tuple[_Squares, _Squares]:
+    """Squares of samples with an open side, and those across their open sides."""
+    disparity, slopes = planes.disparity.reshape(-1), (planes.slope_x.reshape(-1), planes.slope_y.reshape(-1))
+    held = np.flatnonzero(disparity)
+    links = joins.links.reshape(-1)[held]
+    opens = [((links >> np.uint32(4 * side)) & 15) == UNJOINED for side in range(_SIDES)]
+    source = held[np.logical_or.reduce(opens)]
+    own = _Squares(
+        source % grid.size,
+        source,
+        disparity[source],
+        joins.low.reshape(-1)[source],
+        joins.high.reshape(-1)[source],
+    )
+    parts = []
+    for side, (dx, dy) in enumerate(NEIGHBOURS[:_SIDES]):
+        source = held[opens[side]]
+        row, column = np.divmod(source % grid.size, grid.columns)
+        inside = (column + dx >= 0) & (column + dx < grid.columns) & (row + dy >= 0) & (row + dy < grid.rows)
+        source = source[inside]
+        w = disparity[source]
+        step = np.clip(slopes[0][source] * dx + slopes[1][source] * dy, -small_step, small_step)
+        there = np.maximum(w + step, 0.5 * w)
+        cell = source % grid.size + dy * grid.columns + dx
+        parts.append((cell, source, there, np.minimum(w, there), np.maximum(w, there)))
+    beyond = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    # One surface may reach a square from several sides.
+    order = np.lexsort((beyond[2], beyond[0]))
+    beyond = [column[order] for column in beyond]
+    cell, w = beyond[0], beyond[2]
+    fresh = np.ones(len(cell), dtype=bool)
+    fresh[1:] = (cell[1:] != cell[:-1]) | (w[1:] - w[:-1] > small_step)
+    return own, _Squares(*(column[fresh] for column in beyond))
+
+
+def _covered_points(
+    triangles: ScreenTriangles, grid: Grid, squares: _Squares, tolerance: float
+) -> tuple[UInt[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """Points of each square that its surface covers, a bit each, and whether it covers the centre."""
+    order = np.argsort(squares.cell, kind="stable")
+    low, high = squares.low[order] - tolerance, squares.high[order] + tolerance
+    count = np.bincount(squares.cell, minlength=grid.size).astype(np.int32)
+    first = np.cumsum(count, dtype=np.int32) - count
+    stamps = dice(triangles.take(_touching(triangles, grid, count > 0)), grid, reach=0.5)
+    fragments = rasterise(stamps, grid, reach=0.5)
+    near = np.flatnonzero(count[fragments.sample])
+    cell = fragments.sample[near]
+    # Every fragment beside every surface of its square.
+    times = count[cell]
+    fragment = np.repeat(near, times)
+    within = np.arange(len(fragment)) - np.repeat(np.cumsum(times) - times, times)
+    square = np.repeat(first[cell], times) + within
+    w = fragments.disparity[fragment]
+    same = np.flatnonzero((w >= low[square]) & (w <= high[square]))
+    fragment, square = fragment[same], square[same]
+    stamp, sample = fragments.stamp[fragment], fragments.sample[fragment]
+    row, column = np.divmod(sample, np.int32(grid.columns))
+    place = np.stack([column, row], axis=1) - stamps.origin[stamp]
+    masks = np.zeros(len(stamp), dtype=np.uint32)
+    centres = np.zeros(len(stamp), dtype=bool)
+    for start in range(0, len(stamp), _AT_ONCE):
+        part = slice(start, start + _AT_ONCE)
+        inputs = (pad_rows(a, _AT_ONCE) for a in (stamps.edges[stamp[part]], place[part].astype(np.float32)))
+        mask, centre = _inside(*inputs)
+        masks[part], centres[part] = (np.asarray(a)[: len(stamp) - start] for a in (mask, centre))
+    together = np.zeros(len(order), dtype=np.uint32)
+    np.bitwise_or.at(together, order[square], masks)
+    at_centre = np.zeros(len(order), dtype=bool)
+    at_centre[order[square[centres]]] = True
+    return together, at_centre
+
+
+def _touching(triangles: ScreenTriangles, grid: Grid, wanted: Bool[np.ndarray, " n"]) -> np.ndarray:
+    """Triangles whose box overlaps the square of a wanted sample, by a summed-area table."""
+    table = np.zeros((grid.rows + 1, grid.columns + 1), dtype=np.int32)
+    table[1:, 1:] = wanted.reshape(grid.rows, grid.columns).cumsum(axis=0, dtype=np.int32).cumsum(axis=1)
+    x, y = triangles.corners[..., 0], triangles.corners[..., 1]
+    left, right = _span(x, grid.columns)
+    top, bottom = _span(y, grid.rows)
+    inside = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
+    return np.flatnonzero(inside)
+
+
+def _span(position: np.ndarray, limit: int) -> tuple[np.ndarray, np.ndarray]:
+    """First sample whose square the triangles reach, and the one after the last."""
+    low = np.minimum(np.minimum(position[:, 0], position[:, 1]), position[:, 2])
+    high = np.maximum(np.maximum(position[:, 0], position[:, 1]), position[:, 2])
+    first = np.clip(np.floor(low), 0, limit).astype(np.int32)
+    return first, np.clip(np.floor(high) + 1, first, limit).astype(np.int32)
+
+
+@jax.jit
+def _inside(
+    edges: Float[Array, "n 3 3"], place: Float[Array, "n 2"]
+) -> tuple[UInt[Array, " n"], Bool[Array, " n"]]:
+    """Points around `place` inside the triangle, a bit each, and whether `place` itself is."""
+    points = jnp.asarray(_OFFSETS, dtype=edges.dtype)
+    at_place = edges[:, :, 0] * place[:, :1] + edges[:, :, 1] * place[:, 1:] + edges[:, :, 2]
+    inside = jnp.ones((edges.shape[0], _POINTS), dtype=bool)
+    for side in range(3):
+        nx, ny = edges[:, side, :1], edges[:, side, 1:2]
+        inside &= nx * points[None, :, 0] + ny * points[None, :, 1] + at_place[:, side, None] >= -1e-5
+    bits = inside.astype(jnp.uint32) << jnp.arange(_POINTS, dtype=jnp.uint32)[None]
+    bits = bits.sum(axis=1, dtype=jnp.uint32)
+    return bits, (at_place >= -1e-5).all(axis=1)

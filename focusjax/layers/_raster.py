@@ -42,7 +42,7 @@ def _cover(
     *,
     size: int,
 ) -> tuple[Bool[Array, "n samples"], Float[Array, "n samples"]]:
-    """Which samples of each stamp are within `reach` (in x and y) of being covered, and the disparity there."""
+    """Which samples of each stamp a triangle covers within `reach` in x and y, and the disparity there."""
     step = jnp.arange(size, dtype=edges.dtype)
     x, y = jnp.tile(step, size)[None, :], jnp.repeat(step, size)[None, :]
     inside = jnp.ones((edges.shape[0], size * size), dtype=bool)

@@ -64,7 +64,7 @@ class Silhouettes:
 
 @dataclasses.dataclass(frozen=True)
 class _Squares:
-    """Squares to be looked at: grid sample, sample it belongs to, and disparities that count as its surface."""
+    """Squares to be looked at: grid sample, sample whose surface is meant, disparities that count as it."""
 
     cell: np.ndarray
     source: np.ndarray

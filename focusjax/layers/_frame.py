@@ -1,0 +1,92 @@
+"""The grid that a picture's layers need, and the triangles that matter on it."""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from focusjax.geometry import Camera
+from focusjax.layers._clip import ScreenTriangles, clip_to_near
+from focusjax.layers._grid import Grid, homogeneous_image
+from focusjax.layers._margin import needed_margin, reachable
+from focusjax.layers._stamps import pad_rows, padded_length
+from focusjax.lens import AbstractLens
+from focusjax.scene import ConstantBackground, Scene
+
+_MOST_SAMPLES = 1 << 27
+_BORDER = 2.0
+"""Samples beyond the farthest ray: half a pixel of filter, half a sample of rounding, one for bilinear."""
+_MARGIN_STEP = 8
+
+
+def frame(
+    scene: Scene, camera: Camera, lens: AbstractLens | None, supersampling: int, near: float | None
+) -> tuple[ScreenTriangles, Grid]:
+    """The triangles that matter, in the coordinates of the grid that holds them."""
+    inner = Grid(camera.width, camera.height, supersampling, 0)
+    if inner.size > _MOST_SAMPLES:
+        raise ValueError(
+            f"a frame of {camera.width} x {camera.height} pixels needs {inner.size / 1e6:.0f} million samples"
+            f" a layer at a supersampling of {supersampling}; the most is {_MOST_SAMPLES / 1e6:.0f} million,"
+            " so lower one of them"
+        )
+    depth = 0.1 * float(camera.focal_length) if near is None else near
+    if not depth > 0:
+        raise ValueError(f"near is {near} m; expected a positive depth")
+    triangles = clip_to_near(homogeneous_image(scene.vertices, camera, inner), scene.faces, depth)
+    reach = _reach(lens, camera, supersampling)
+    triangles = triangles.take(np.flatnonzero(reachable(triangles, inner, reach)))
+    margin = 0
+    if lens is not None and float(lens.parallax(camera)) > 0:
+        widest = needed_margin(triangles, inner, reach)
+        if not isinstance(scene.background, ConstantBackground):
+            widest = max(widest, float(reach(np.zeros(1))[0]))
+        # One empty ring more, so that a ray outside the grid is told of nothing.
+        margin = int(np.ceil(widest)) + 1
+        # Whole pixels, so that blocks of the range pyramid line up with them, and coarse steps, so
+        # that a small change of the lens keeps the shapes that are already compiled.
+        step = _MARGIN_STEP * supersampling
+        margin = -(-margin // step) * step
+    grid = Grid(camera.width, camera.height, supersampling, margin)
+    if grid.size > _MOST_SAMPLES:
+        raise ValueError(
+            f"rays leave the {camera.width} x {camera.height} frame by {margin / supersampling:.0f} pixels,"
+            " more than the layers can hold; move the nearest surface away from the lens, raise `near`, close"
+            " the aperture, or lower the supersampling"
+        )
+    triangles.corners[..., :2] += margin
+    return triangles, grid
+
+
+def _reach(
+    lens: AbstractLens | None, camera: Camera, supersampling: int
+) -> Callable[[np.ndarray], np.ndarray]:
+    """How far in samples rays of any film point stray from it, as a function of disparities."""
+    if lens is None:
+        return np.zeros_like
+    films = jnp.array(
+        [[x * camera.width, y * camera.height] for x in (0.0, 0.5, 1.0) for y in (0.0, 0.5, 1.0)]
+    )
+
+    def reach(disparity: np.ndarray) -> np.ndarray:
+        flat = pad_rows(disparity.reshape(-1), max(1024, padded_length(disparity.size)))
+        radius = np.asarray(_footprints(lens, camera, films, jnp.asarray(flat, dtype=films.dtype)))
+        return radius[: disparity.size].reshape(disparity.shape) * supersampling + supersampling / 2 + _BORDER
+
+    return reach
+
+
+@eqx.filter_jit
+def _footprints(
+    lens: AbstractLens, camera: Camera, films: Float[Array, "p 2"], disparity: Float[Array, " t"]
+) -> Float[Array, " t"]:
+    """Largest distance of any ray from its own film point, over the film points."""
+
+    def one(film: Float[Array, "2"], w: Float[Array, ""]) -> Float[Array, ""]:
+        centre, radius = lens.footprint(camera, film, w)
+        return radius + jnp.abs(centre - film).max()
+
+    return jax.vmap(lambda w: jax.vmap(lambda p: one(p, w))(films).max())(disparity)

@@ -7,11 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from focusjax._parallel import in_parallel, parts
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
 from focusjax.layers._stamps import Stamps, pad_rows, padded_length
 
-_AT_ONCE = 1 << 19
+_AT_ONCE = 1 << 18
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,18 +60,19 @@ def surface_samples(
     y = (row - stamps.origin[stamp, 1]).astype(np.float32)
     length = padded_length(len(stamps.triangle))
     edges, disparity = (jnp.asarray(pad_rows(a, length)) for a in (stamps.edges, stamps.disparity))
-    weights, slopes = [np.zeros((0, 3), np.float32)], [np.zeros((0, 2), np.float32)]
-    for start in range(0, len(sample), _AT_ONCE):
-        part = slice(start, start + _AT_ONCE)
+
+    def block(part: slice) -> tuple[np.ndarray, np.ndarray]:
         inputs = (pad_rows(a[part], _AT_ONCE) for a in (stamp, x, y))
-        count = min(_AT_ONCE, len(sample) - start)
-        weight, slope = (np.asarray(a)[:count] for a in _attributes(edges, disparity, *inputs))
-        weights.append(weight)
-        slopes.append(slope)
+        weight, slope = _attributes(edges, disparity, *inputs)
+        count = part.stop - part.start
+        return np.asarray(weight)[:count], np.asarray(slope)[:count]
+
+    blocks = in_parallel(block, parts(len(sample), _AT_ONCE))
+    barycentric = np.concatenate([np.zeros((0, 3), np.float32), *(weight for weight, _ in blocks)])
+    slopes = np.concatenate([np.zeros((0, 2), np.float32), *(slope for _, slope in blocks)])
     triangle = stamps.triangle[stamp]
-    barycentric = np.concatenate(weights)
     clipped = np.flatnonzero(triangle >= triangles.unclipped)
     if len(clipped):
         mixed = barycentric[clipped, :, None] * triangles.weights[triangle[clipped] - triangles.unclipped]
         barycentric[clipped] = mixed.sum(axis=1)
-    return SurfaceSamples(triangles.source[triangle], barycentric, np.concatenate(slopes))
+    return SurfaceSamples(triangles.source[triangle], barycentric, slopes)

@@ -10,14 +10,16 @@ class ScreenTriangles:
     """Triangles in image space, where planes stay planes and disparity is affine.
 
     Attributes:
-        corners: grid x, grid y and disparity of the three corners [t, 3, 3].
+        points: grid x, grid y and disparity [v, 3].
+        faces: the three corners [t, 3], rows of `points`.
         source: index [t] of the scene's face each one is a part of.
         unclipped: the first so many triangles are whole faces.
         weights: barycentric weights [t - unclipped, 3 corners, 3] of the other ones' corners in
             their source faces.
     """
 
-    corners: np.ndarray
+    points: np.ndarray
+    faces: np.ndarray
     source: np.ndarray
     unclipped: int
     weights: np.ndarray
@@ -26,7 +28,31 @@ class ScreenTriangles:
         """The triangles at the increasing positions `index`."""
         unclipped = int(np.searchsorted(index, self.unclipped))
         weights = self.weights[index[unclipped:] - self.unclipped]
-        return ScreenTriangles(self.corners[index], self.source[index], unclipped, weights)
+        return ScreenTriangles(self.points, self.faces[index], self.source[index], unclipped, weights)
+
+    @property
+    def count(self) -> int:
+        """Number of triangles."""
+        return len(self.faces)
+
+    @property
+    def corners(self) -> np.ndarray:
+        """Grid x, grid y and disparity of the three corners [t, 3, 3]."""
+        return self.points[self.faces]
+
+    def coordinate(self, number: int, part: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Grid x (0), grid y (1) or disparity (2) of the three corners, [t] each, of some triangles."""
+        values = self.points[:, number]
+        first, second, third = (values[self.faces[part, corner]] for corner in range(3))
+        return first, second, third
+
+    def span(self, number: int, part: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest of a coordinate [t] over the corners of some triangles."""
+        first, second, third = self.coordinate(number, part)
+        return (
+            np.minimum(np.minimum(first, second), third),
+            np.maximum(np.maximum(first, second), third),
+        )
 
 
 def clip_to_near(homogeneous: np.ndarray, faces: np.ndarray, near: float) -> ScreenTriangles:
@@ -40,26 +66,41 @@ def clip_to_near(homogeneous: np.ndarray, faces: np.ndarray, near: float) -> Scr
         faces: vertex indices [t, 3].
         near: depth of the near plane in metres, above 0.
     """
-    ahead = (homogeneous[:, 2] >= near)[faces]
+    in_front = homogeneous[:, 2] >= near
+    if in_front.all():
+        # The usual case; it touches no triangle.
+        everything = np.arange(len(faces), dtype=np.int32)
+        whole = faces.astype(np.int32, copy=False)
+        return ScreenTriangles(_projected(homogeneous), whole, everything, len(faces), np.zeros((0, 3, 3)))
+    ahead = in_front[faces]
     count = ahead.sum(axis=1)
     whole = np.flatnonzero(count == 3)
-    points, sources = [homogeneous[faces[whole]]], [whole]
+    points, kept_faces, sources = [homogeneous], [faces[whole]], [whole]
     weights = [np.zeros((0, 3, 3))]
+    number = len(homogeneous)
     for kept in (1, 2):
         crossing = np.flatnonzero(count == kept)
         if len(crossing):
             for polygon_points, polygon_weights in _cut(homogeneous, faces, ahead, crossing, near):
-                points.append(polygon_points)
+                points.append(polygon_points.reshape(-1, 3))
+                kept_faces.append(number + np.arange(3 * len(crossing)).reshape(-1, 3))
+                number += 3 * len(crossing)
                 weights.append(polygon_weights)
                 sources.append(crossing)
-    clipped = np.concatenate(points)
-    z = clipped[..., 2:]
     return ScreenTriangles(
-        corners=np.concatenate([clipped[..., :2] / z, 1.0 / z], axis=-1),
+        points=_projected(np.concatenate(points)),
+        faces=np.concatenate(kept_faces).astype(np.int32),
         source=np.concatenate(sources).astype(np.int32),
         unclipped=len(whole),
         weights=np.concatenate(weights),
     )
+
+
+def _projected(homogeneous: np.ndarray) -> np.ndarray:
+    """Grid x, grid y and disparity [n, 3]; of points at or behind the lens plane, which no face uses, 0."""
+    z = homogeneous[:, 2]
+    disparity = np.divide(1.0, z, out=np.zeros_like(z), where=z > 0)
+    return np.stack([homogeneous[:, 0] * disparity, homogeneous[:, 1] * disparity, disparity], axis=1)
 
 
 def _cut(

@@ -57,7 +57,7 @@ def frame(
             " more than the layers can hold; move the nearest surface away from the lens, raise `near`, close"
             " the aperture, or lower the supersampling"
         )
-    triangles.corners[..., :2] += margin
+    triangles.points[:, :2] += margin
     return triangles, grid
 
 

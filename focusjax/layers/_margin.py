@@ -8,11 +8,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from focusjax._parallel import in_parallel, parts
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
 
 _ROUNDS = 40
 _MOST_PIECES = 200_000
+_AT_ONCE = 1 << 17
 _SLACK = 1.0
 """Samples by which the answer may be too large; never too small."""
 
@@ -27,11 +29,16 @@ def reachable(
         frame: the picture without margin.
         reach: footprint radius in samples for disparities; convex, as rays are lines in disparity.
     """
-    gap = _overshoot_bounds(triangles.corners, frame)
-    outside = np.flatnonzero(gap > 0)
-    mask = gap <= 0
-    mask[outside] = gap[outside] <= _widest_reach(triangles.corners[outside], reach)
-    return mask
+
+    def some(part: slice) -> np.ndarray:
+        gap = _gap(triangles.span(0, part), triangles.span(1, part), frame)
+        outside = np.flatnonzero(gap > 0)
+        mask = gap <= 0
+        corners = triangles.points[triangles.faces[part][outside]]
+        mask[outside] = gap[outside] <= _widest_reach(corners, reach)
+        return mask
+
+    return np.concatenate([np.zeros(0, dtype=bool), *in_parallel(some, parts(triangles.count, _AT_ONCE))])
 
 
 def needed_margin(
@@ -44,9 +51,14 @@ def needed_margin(
     sample. A ground plane that runs under the camera comes close to the lens, where blur is
     huge, but outside the frame by even more: only splitting tells.
     """
-    x, y = triangles.corners[..., 0], triangles.corners[..., 1]
-    crossing = (_least(x) < 0) | (_most(x) > frame.columns) | (_least(y) < 0) | (_most(y) > frame.rows)
-    corners = triangles.corners[np.flatnonzero(crossing)]
+
+    def beyond(part: slice) -> np.ndarray:
+        (left, right), (top, bottom) = triangles.span(0, part), triangles.span(1, part)
+        crossing = (left < 0) | (right > frame.columns) | (top < 0) | (bottom > frame.rows)
+        return part.start + np.flatnonzero(crossing)
+
+    crossing = np.concatenate([np.zeros(0, np.intp), *in_parallel(beyond, parts(triangles.count, _AT_ONCE))])
+    corners = triangles.points[triangles.faces[crossing]]
     best, upper = 0.0, np.zeros(0)
     for _ in range(_ROUNDS):
         if not len(corners):
@@ -73,18 +85,18 @@ def _distance_outside(points: np.ndarray, frame: Grid) -> np.ndarray:
 def _overshoot_bounds(corners: np.ndarray, frame: Grid) -> np.ndarray:
     """Least distance from the frame over each triangle's bounding box [t]."""
     x, y = corners[..., 0], corners[..., 1]
-    across = np.maximum(-_most(x), _least(x) - frame.columns)
-    down = np.maximum(-_most(y), _least(y) - frame.rows)
+    return _gap((-_most(-x), _most(x)), (-_most(-y), _most(y)), frame)
+
+
+def _gap(x: tuple[np.ndarray, np.ndarray], y: tuple[np.ndarray, np.ndarray], frame: Grid) -> np.ndarray:
+    """Distance (max norm) of boxes, given by least and largest x and y [t], from the frame."""
+    across = np.maximum(-x[1], x[0] - frame.columns)
+    down = np.maximum(-y[1], y[0] - frame.rows)
     return np.maximum(np.maximum(across, down), 0.0)
 
 
-def _least(a: np.ndarray) -> np.ndarray:
-    """Least of the three columns; numpy's reduction over so short an axis is ten times slower."""
-    return np.minimum(np.minimum(a[:, 0], a[:, 1]), a[:, 2])
-
-
 def _most(a: np.ndarray) -> np.ndarray:
-    """Largest of the three columns."""
+    """Largest of the three columns; numpy's reduction over so short an axis is ten times slower."""
     return np.maximum(np.maximum(a[:, 0], a[:, 1]), a[:, 2])
 
 

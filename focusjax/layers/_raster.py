@@ -8,10 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from focusjax._parallel import in_parallel, parts
 from focusjax.layers._grid import Grid
 from focusjax.layers._stamps import SIZES, Stamps, pad_rows
 
-SAMPLES_AT_ONCE = 1 << 20
+SAMPLES_AT_ONCE = 1 << 18
 """Samples tested by one call, so that compilation depends on the stamp size alone."""
 
 _TOLERANCE = 1e-5
@@ -57,31 +58,31 @@ def _cover(
 
 def rasterise(stamps: Stamps, grid: Grid, *, reach: float = 0.0) -> Fragments:
     """All fragments of `stamps`, diced for the same `reach`, on `grid`."""
-    samples, disparities, owners = [], [], []
-    start = 0
+
+    def block(work: tuple[int, slice]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        size, part = work
+        inputs = [
+            pad_rows(a[part], SAMPLES_AT_ONCE // size**2)
+            for a in (stamps.edges, stamps.disparity, stamps.bounds)
+        ]
+        covered, disparity = (
+            np.asarray(a)[: part.stop - part.start] for a in _cover(*inputs, np.float32(reach), size=size)
+        )
+        flat = np.flatnonzero(covered)
+        stamp, offset = np.divmod(flat.astype(np.int32), np.int32(size * size))
+        stamp += part.start
+        column = stamps.origin[stamp, 0] + offset % size
+        row = stamps.origin[stamp, 1] + offset // size
+        values = disparity.reshape(-1)[flat]
+        if size > 1:
+            on_grid = np.flatnonzero((column < grid.columns) & (row < grid.rows))
+            column, row, values, stamp = column[on_grid], row[on_grid], values[on_grid], stamp[on_grid]
+        return row * np.int32(grid.columns) + column, values, stamp
+
+    work, start = [], 0
     for size, count in zip(SIZES, stamps.counts, strict=True):
-        at_once = SAMPLES_AT_ONCE // size**2
-        end = start + count
-        while start < end:
-            part = slice(start, min(start + at_once, end))
-            inputs = [pad_rows(a[part], at_once) for a in (stamps.edges, stamps.disparity, stamps.bounds)]
-            covered, disparity = (
-                np.asarray(a)[: part.stop - start] for a in _cover(*inputs, np.float32(reach), size=size)
-            )
-            flat = np.flatnonzero(covered)
-            stamp, offset = np.divmod(flat.astype(np.int32), np.int32(size * size))
-            stamp += start
-            column = stamps.origin[stamp, 0] + offset % size
-            row = stamps.origin[stamp, 1] + offset // size
-            values = disparity.reshape(-1)[flat]
-            if size > 1:
-                on_grid = np.flatnonzero((column < grid.columns) & (row < grid.rows))
-                column, row, values, stamp = column[on_grid], row[on_grid], values[on_grid], stamp[on_grid]
-            samples.append(row * np.int32(grid.columns) + column)
-            disparities.append(values)
-            owners.append(stamp)
-            start = part.stop
-    if not samples:
-        empty = np.zeros(0, dtype=np.int32)
-        return Fragments(empty, empty.astype(np.float32), empty)
-    return Fragments(np.concatenate(samples), np.concatenate(disparities), np.concatenate(owners))
+        for part in parts(count, SAMPLES_AT_ONCE // size**2):
+            work.append((size, slice(start + part.start, start + part.stop)))
+        start += count
+    empty = (np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.int32))
+    return Fragments(*(np.concatenate(a) for a in zip(empty, *in_parallel(block, work), strict=True)))

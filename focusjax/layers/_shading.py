@@ -1,14 +1,12 @@
 """The radiance of surface samples, and what is seen behind them."""
 
-import concurrent.futures
-import os
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from focusjax._parallel import in_parallel, parts
 from focusjax.geometry import Camera
 from focusjax.layers._grid import Grid
 from focusjax.layers._stamps import pad_rows
@@ -29,18 +27,16 @@ def shaded(shader: Shader, face: np.ndarray, barycentric: np.ndarray, extent: np
     """Radiance [n, 3] of the surface samples."""
     real = jnp.zeros(()).dtype
 
-    def block(start: int) -> np.ndarray:
-        part = slice(start, start + _SHADED_AT_ONCE)
+    def block(part: slice) -> np.ndarray:
         inputs = [
             pad_rows(a[part], _SHADED_AT_ONCE) for a in (face, barycentric.astype(real), extent.astype(real))
         ]
         shaded = _shade_block(shader, *(jnp.asarray(a) for a in inputs))
-        return np.asarray(shaded)[: len(face) - start]
+        return np.asarray(shaded)[: part.stop - part.start]
 
     # The blocks are scanned, which XLA does on one core: a CPU is given one per core at a time.
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        parts = list(pool.map(block, range(0, len(face), _SHADED_AT_ONCE)))
-    return np.concatenate([np.zeros((0, 3), dtype=real), *parts])
+    blocks = in_parallel(block, parts(len(face), _SHADED_AT_ONCE))
+    return np.concatenate([np.zeros((0, 3), dtype=real), *blocks])
 
 
 @eqx.filter_jit

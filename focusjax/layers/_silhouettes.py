@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, UInt
 
+from focusjax._parallel import in_parallel, parts
 from focusjax.layers._cells import line_code
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
@@ -23,7 +24,8 @@ from focusjax.layers._raster import rasterise
 from focusjax.layers._stamps import dice, pad_rows
 
 _SIDES = 4
-_AT_ONCE = 1 << 17
+_AT_ONCE = 1 << 16
+_TRIANGLES_AT_ONCE = 1 << 17
 _POINTS = 32
 
 
@@ -166,11 +168,13 @@ def _covered_points(
     place = np.stack([column, row], axis=1) - stamps.origin[stamp]
     masks = np.zeros(len(stamp), dtype=np.uint32)
     centres = np.zeros(len(stamp), dtype=bool)
-    for start in range(0, len(stamp), _AT_ONCE):
-        part = slice(start, start + _AT_ONCE)
+
+    def block(part: slice) -> None:
         inputs = (pad_rows(a, _AT_ONCE) for a in (stamps.edges[stamp[part]], place[part].astype(np.float32)))
         mask, centre = _inside(*inputs)
-        masks[part], centres[part] = (np.asarray(a)[: len(stamp) - start] for a in (mask, centre))
+        masks[part], centres[part] = (np.asarray(a)[: part.stop - part.start] for a in (mask, centre))
+
+    in_parallel(block, parts(len(stamp), _AT_ONCE))
     together = np.zeros(len(order), dtype=np.uint32)
     np.bitwise_or.at(together, order[square], masks)
     at_centre = np.zeros(len(order), dtype=bool)
@@ -182,19 +186,21 @@ def _touching(triangles: ScreenTriangles, grid: Grid, wanted: Bool[np.ndarray, "
     """Triangles whose box overlaps the square of a wanted sample, by a summed-area table."""
     table = np.zeros((grid.rows + 1, grid.columns + 1), dtype=np.int32)
     table[1:, 1:] = wanted.reshape(grid.rows, grid.columns).cumsum(axis=0, dtype=np.int32).cumsum(axis=1)
-    x, y = triangles.corners[..., 0], triangles.corners[..., 1]
-    left, right = _span(x, grid.columns)
-    top, bottom = _span(y, grid.rows)
-    inside = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
-    return np.flatnonzero(inside)
+
+    def some(part: slice) -> np.ndarray:
+        left, right = _squares_under(triangles.span(0, part), grid.columns)
+        top, bottom = _squares_under(triangles.span(1, part), grid.rows)
+        inside = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
+        return part.start + np.flatnonzero(inside)
+
+    found = in_parallel(some, parts(triangles.count, _TRIANGLES_AT_ONCE))
+    return np.concatenate([np.zeros(0, dtype=np.intp), *found])
 
 
-def _span(position: np.ndarray, limit: int) -> tuple[np.ndarray, np.ndarray]:
-    """First sample whose square the triangles reach, and the one after the last."""
-    low = np.minimum(np.minimum(position[:, 0], position[:, 1]), position[:, 2])
-    high = np.maximum(np.maximum(position[:, 0], position[:, 1]), position[:, 2])
-    first = np.clip(np.floor(low), 0, limit).astype(np.int32)
-    return first, np.clip(np.floor(high) + 1, first, limit).astype(np.int32)
+def _squares_under(span: tuple[np.ndarray, np.ndarray], limit: int) -> tuple[np.ndarray, np.ndarray]:
+    """First sample whose square an interval reaches, and the one after the last."""
+    first = np.clip(np.floor(span[0]), 0, limit).astype(np.int32)
+    return first, np.clip(np.floor(span[1]) + 1, first, limit).astype(np.int32)
 
 
 @jax.jit

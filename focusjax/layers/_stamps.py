@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._parallel import in_parallel, parts
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
 
@@ -25,6 +26,7 @@ SIZES = (1, 2, 4, 8, 16)
 """Edge lengths of stamps in samples; a larger triangle is diced into several of the last size."""
 
 _AT_ONCE = 1 << 16
+_TRIANGLES_AT_ONCE = 1 << 17
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,39 +56,35 @@ def dice(triangles: ScreenTriangles, grid: Grid, *, reach: float = 0.0) -> Stamp
 
     With a reach of 0 that is a sample whose centre it covers.
     """
-    x, y = triangles.corners[..., 0], triangles.corners[..., 1]
-    first = np.stack([_first_sample(x, grid.columns, reach), _first_sample(y, grid.rows, reach)], axis=1)
-    last = np.stack([_last_sample(x, grid.columns, reach), _last_sample(y, grid.rows, reach)], axis=1)
-    span = last - first + 1
-    index = np.flatnonzero((span[:, 0] > 0) & (span[:, 1] > 0))
-    span, first = span[index], first[index]
-    size = _stamp_size(span)
-    parts = []
-    for edge_length in SIZES:
-        chosen = np.flatnonzero(size == edge_length)
-        parts.append(
-            _stamps_of_size(
-                edge_length,
-                index[chosen],
-                triangles.corners[index[chosen]],
-                first[chosen],
-                span[chosen],
-                reach,
+
+    def some(part: slice) -> list[tuple[np.ndarray, ...]]:
+        columns = _samples(triangles.span(0, part), grid.columns, reach)
+        rows = _samples(triangles.span(1, part), grid.rows, reach)
+        index = np.flatnonzero((columns[1] > 0) & (rows[1] > 0))
+        first, span = (np.stack([columns[k][index], rows[k][index]], axis=1) for k in (0, 1))
+        size = _stamp_size(span)
+        sorted_by_size = []
+        for edge_length in SIZES:
+            chosen = np.flatnonzero(size == edge_length)
+            which = part.start + index[chosen]
+            corners = triangles.points[triangles.faces[which]]
+            sorted_by_size.append(
+                _stamps_of_size(edge_length, which, corners, first[chosen], span[chosen], reach)
             )
-        )
-    return Stamps(
-        tuple(len(part[-1]) for part in parts), *(np.concatenate(a) for a in zip(*parts, strict=True))
-    )
+        return sorted_by_size
+
+    # An empty part gives the arrays their types where there are no triangles at all.
+    found = in_parallel(some, parts(triangles.count, _TRIANGLES_AT_ONCE)) or [some(slice(0, 0))]
+    by_size = list(zip(*found, strict=True))
+    counts = tuple(sum(len(stamps[-1]) for stamps in of_size) for of_size in by_size)
+    fields = zip(*(stamps for of_size in by_size for stamps in of_size), strict=True)
+    return Stamps(counts, *(np.concatenate(field) for field in fields))
 
 
-def _first_sample(position: np.ndarray, limit: int, reach: float) -> np.ndarray:
-    low = np.minimum(np.minimum(position[:, 0], position[:, 1]), position[:, 2])
-    return np.clip(np.ceil(low - 0.5 - reach), 0, limit).astype(np.int32)
-
-
-def _last_sample(position: np.ndarray, limit: int, reach: float) -> np.ndarray:
-    high = np.maximum(np.maximum(position[:, 0], position[:, 1]), position[:, 2])
-    return np.clip(np.floor(high - 0.5 + reach), -1, limit - 1).astype(np.int32)
+def _samples(span: tuple[np.ndarray, np.ndarray], limit: int, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """First sample [t] whose centre is within `reach` of an interval, and how many there are."""
+    first = np.clip(np.ceil(span[0] - 0.5 - reach), 0, limit).astype(np.int32)
+    return first, np.clip(np.floor(span[1] - 0.5 + reach), -1, limit - 1).astype(np.int32) - first + 1
 
 
 def _edge_functions(corners: Any, xp: Any) -> tuple[Any, Any]:

@@ -1,7 +1,6 @@
 """The picture: rays of every pixel, vmapped, in blocks of bounded memory."""
 
 import concurrent.futures
-import os
 from collections.abc import Callable
 
 import equinox as eqx
@@ -10,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from focusjax._parallel import CORES
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers import Grid, Layers
 from focusjax.lens import AbstractLens
@@ -75,7 +75,7 @@ def render(
         return pixels, np.asarray(traced)
 
     # XLA runs one block on about one core, so a CPU is given a block per core at a time.
-    workers = (os.cpu_count() or 1) if jax.default_backend() == "cpu" else 1
+    workers = CORES if jax.default_backend() == "cpu" else 1
     with concurrent.futures.ThreadPoolExecutor(workers) as pool:
         for done, (pixels, values) in enumerate(pool.map(trace, blocks), start=1):
             flat[pixels] = values

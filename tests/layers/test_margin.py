@@ -21,9 +21,10 @@ def reach(disparity: np.ndarray) -> np.ndarray:
 
 def on_screen(corners: object) -> ScreenTriangles:
     corners = np.asarray(corners, dtype=np.float64)
-    return ScreenTriangles(
-        corners, np.arange(len(corners), dtype=np.int32), len(corners), np.zeros((0, 3, 3))
-    )
+    count = len(corners)
+    faces = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+    source = np.arange(count, dtype=np.int32)
+    return ScreenTriangles(corners.reshape(-1, 3), faces, source, count, np.zeros((0, 3, 3)))
 
 
 def small(x: float, y: float, disparity: float) -> list[tuple[float, float, float]]:

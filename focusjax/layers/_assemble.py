@@ -2,24 +2,25 @@
 
 import concurrent.futures
 import dataclasses
-import math
 from collections.abc import Sequence
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from focusjax.geometry import Camera
 from focusjax.layers._attributes import surface_samples
 from focusjax.layers._cells import WHOLE, pack_cells
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
-from focusjax.layers._joins import ALL_UNJOINED, Planes, join
+from focusjax.layers._joins import Planes, join
 from focusjax.layers._layers import Layers
 from focusjax.layers._pyramid import build_ranges
 from focusjax.layers._raster import Fragments, rasterise
 from focusjax.layers._shading import background, shaded
 from focusjax.layers._silhouettes import find_silhouettes
 from focusjax.layers._stamps import Stamps, dice
+from focusjax.layers._store import on_device, scattered
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
 
@@ -58,47 +59,54 @@ def assemble(
     fragment = owner.reshape(-1)[held]
     surface = surface_samples(stamps, triangles, fragments.sample[fragment], fragments.stamp[fragment], grid)
     real = np.zeros(0, dtype=jnp.zeros(()).dtype).dtype
-    values = fragments.disparity[fragment]
+    disparity = fragments.disparity[fragment].astype(real)
 
     # Shading and the geometry need nothing of each other: while one compiles or waits, the other works.
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
-        extent_m = 1.0 / (values * float(camera.focal_px) * supersampling)
+        extent_m = 1.0 / (disparity * float(camera.focal_px) * supersampling)
         shading = pool.submit(
             shaded, scene.shader(camera.position), surface.face, surface.barycentric, extent_m
         )
-        planes = Planes(*(_scattered(owner.shape, held, a, 0.0, real) for a in (values, *surface.slope.T)))
+        slopes = surface.slope.astype(real)
+        planes = Planes(*(scattered(owner.shape, held, a) for a in (disparity, *slopes.T)))
         joins = join(planes, parallax)
-        edges = find_silhouettes(triangles, grid, planes, joins, parallax)
-        count, place, added = _free_places(planes.disparity, edges.cell, max_layers)
-        shape = (count, *owner.shape[1:])
-
-        def extended(samples: np.ndarray, fringe: np.ndarray, fill: float) -> np.ndarray:
-            flat = np.full((count * grid.size, *samples.shape[3:]), fill, dtype=samples.dtype)
-            flat[: owner.size] = samples.reshape(owner.size, *samples.shape[3:])
-            flat[place] = fringe[added]
-            return flat.reshape(*shape, *samples.shape[3:])
-
-        low = jnp.asarray(extended(joins.low, edges.low, 0.0))
-        high = jnp.asarray(extended(joins.high, edges.high, 0.0))
-        line = np.full(owner.size, WHOLE, dtype=np.uint16)
-        line[edges.cut] = edges.line
-        line = extended(line.reshape(owner.shape), edges.fringe_line, WHOLE)
-        cells, scale = pack_cells(low, high, jnp.asarray(line))
-        ranges = build_ranges(low, high, block=supersampling, widest=2.0 * grid.margin + 4 * supersampling)
+        fringe = find_silhouettes(triangles, grid, planes, joins, parallax)
+        count, place, added = _free_places(len(owner), grid.size, held, fringe.cell, max_layers)
+        source = fringe.source[added]
+        index = np.concatenate([held, place])
+        low = np.concatenate([joins.low, fringe.low[added]])
+        high = np.concatenate([joins.high, fringe.high[added]])
+        line = np.full(len(index), WHOLE, dtype=np.uint16)
+        line[fringe.cut] = fringe.line
+        line[len(held) :] = fringe.fringe_line[added]
+        words, scale = pack_cells(low, high, line)
+        ranges = build_ranges(
+            index % grid.size,
+            low,
+            high,
+            shape=(grid.rows, grid.columns),
+            block=supersampling,
+            widest=2.0 * grid.margin + 4 * supersampling,
+        )
         far = background(scene, camera, grid)
-        radiance = _scattered(owner.shape, held, shading.result(), 0.0, real)
-    unjoined = np.full(len(edges.cell), ALL_UNJOINED, dtype=np.uint32)
-    nowhere = np.full(len(edges.cell), -1, dtype=np.int32)
-    triangle = _scattered(owner.shape, held, surface.face, -1, np.dtype(np.int32))
+        radiance = shading.result()
+
+    shape = (count, grid.rows, grid.columns)
+
+    def stored(samples: np.ndarray) -> Array:
+        return on_device(scattered(shape, index, samples))
+
+    triangle = np.full(shape, -1, dtype=np.int32)
+    triangle.reshape(-1)[held] = surface.face
     return Layers(
-        disparity=jnp.asarray(extended(planes.disparity, edges.disparity, 0.0)),
-        radiance=jnp.asarray(extended(radiance, radiance.reshape(-1, 3)[edges.source], 0.0)),
-        triangle=jnp.asarray(extended(triangle, nowhere, -1)),
-        cells=cells,
-        links=jnp.asarray(extended(joins.links, unjoined, ALL_UNJOINED)),
+        disparity=stored(np.concatenate([disparity, fringe.disparity[added]])),
+        radiance=stored(np.concatenate([radiance, radiance[source]])),
+        triangle=on_device(triangle),
+        cells=stored(words),
+        links=stored(np.concatenate([joins.links, np.zeros(len(place), dtype=np.uint32)])),
         background=far,
         ranges=ranges,
-        disparity_scale=scale,
+        disparity_scale=jnp.asarray(scale, dtype=real),
         lens=lens,
         camera=camera,
         grid=grid,
@@ -106,29 +114,20 @@ def assemble(
     )
 
 
-def _scattered(
-    shape: tuple[int, ...], index: np.ndarray, samples: np.ndarray, fill: float, dtype: np.dtype
-) -> np.ndarray:
-    """`samples` [n, ...] at the flat places `index` of an array of `shape`, `fill` elsewhere."""
-    flat = np.full((math.prod(shape), *samples.shape[1:]), fill, dtype=dtype)
-    flat[index] = samples
-    return flat.reshape(*shape, *samples.shape[1:])
-
-
 def _free_places(
-    disparity: np.ndarray, cell: np.ndarray, max_layers: int
+    layers: int, size: int, held: np.ndarray, cell: np.ndarray, max_layers: int
 ) -> tuple[int, np.ndarray, np.ndarray]:
     """First free layers for samples to add at the grid samples `cell`.
 
     Returns:
         the number of layers, the flat place of each sample that found room, and which those are.
     """
-    filled = np.count_nonzero(disparity, axis=0).reshape(-1)
+    filled = np.bincount(held % size, minlength=size)
     order = np.argsort(cell, kind="stable")
     sorted_cell = cell[order]
     run = np.flatnonzero(np.diff(sorted_cell, prepend=-1))
     rank = np.arange(len(cell)) - np.repeat(run, np.diff(run, append=len(cell)))
     layer = filled[sorted_cell] + rank
     room = np.flatnonzero(layer < max_layers)
-    count = max(len(disparity), int(layer[room].max(initial=0)) + 1)
-    return count, layer[room] * disparity[0].size + sorted_cell[room], order[room]
+    count = max(layers, int(layer[room].max(initial=0)) + 1)
+    return count, layer[room] * size + sorted_cell[room], order[room]

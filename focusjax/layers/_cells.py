@@ -10,7 +10,6 @@ A line is a dx + b dy + c / 2 >= 0 for offsets (dx, dy), in samples, from the sa
 |a| and |b| is 7; four bits each hold a + 8 and b + 8, five hold c + 16. A whole square has a = b = 0, c = 15.
 """
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt
@@ -24,19 +23,18 @@ WHOLE = (8 << 9) | (8 << 5) | 31
 _SLOPES = 7
 
 
-@jax.jit
 def pack_cells(
-    low: Float[Array, "l h w"], high: Float[Array, "l h w"], line: UInt[Array, "l h w"]
-) -> tuple[UInt[Array, "l h w"], Float[Array, ""]]:
-    """The words, and dioptres per step. Nothing is held where `high` is 0."""
-    scale = jnp.maximum(high.max(), jnp.finfo(high.dtype).tiny * 2**20) / STEPS
-    most = jnp.minimum(jnp.ceil(high / scale), STEPS).astype(jnp.uint32)
-    length = most - jnp.minimum(jnp.floor(low / scale).astype(jnp.uint32), most)
+    low: Float[np.ndarray, " n"], high: Float[np.ndarray, " n"], line: UInt[np.ndarray, " n"]
+) -> tuple[UInt[np.ndarray, " n"], float]:
+    """The words of samples that span the disparities `low` to `high`, above 0, and dioptres per step."""
+    scale = max(float(high.max(initial=0.0)), 2.0**-100) / STEPS
+    most = np.minimum(np.ceil(high / scale), STEPS).astype(np.uint32)
+    length = most - np.minimum(np.floor(low / scale).astype(np.uint32), most)
     # Three significant bits of length + 4, rounded up.
-    power = 29 - jax.lax.clz(length + 4)
-    code = (power << 2) + ((length + 4 + (jnp.uint32(1) << power) - 1) >> power) - 4
-    word = (most << 19) | (code << 13) | line.astype(jnp.uint32)
-    return jnp.where(high > 0, word, jnp.uint32(EMPTY)), scale
+    power = (np.frexp(length + 4.0)[1] - 3).astype(np.uint32)
+    rounded = (length + np.uint32(3) + (np.uint32(1) << power)) >> power
+    code = (power << np.uint32(2)) + rounded - np.uint32(4)
+    return (most << np.uint32(19)) | (code << np.uint32(13)) | line, scale
 
 
 def interval(word: UInt[Array, "*n"]) -> tuple[Int[Array, "*n"], Int[Array, "*n"]]:

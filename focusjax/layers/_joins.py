@@ -22,16 +22,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, UInt
 
+from focusjax._parallel import in_parallel
+
 NEIGHBOURS = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
 """(dx, dy) of the eight neighbours, in the order of the bits of `links`."""
 
 _LAYER_WINDOW = 2
 _SPARSE = 0.05
-ALL_UNJOINED = 0xFFFFFFFF
-"""Links of a sample that no neighbour continues."""
-SAME_LAYER = 7
+SAME_LAYER = 8
 """Code of a neighbour in the sample's own layer; one layer farther is one more."""
-UNJOINED = 15
+UNJOINED = 0
 """Code of a neighbour that does not continue the sample's surface."""
 
 
@@ -60,12 +60,14 @@ class Joins:
     """What samples stand for.
 
     Attributes:
-        low: least disparity [l, h, w] of each; 0 where nothing is.
-        high: largest disparity [l, h, w].
-        links: four bits per neighbour [l, h, w]: the neighbour's layer less the sample's own, plus 7, or 15
-            where they are not joined.
+        held: flat index [n] of the samples that hold a surface, increasing.
+        low: least disparity [n] that each spans.
+        high: largest disparity [n].
+        links: four bits per neighbour [n]: the neighbour's layer less the sample's own, plus 8, or 0 where
+            they are not joined.
     """
 
+    held: np.ndarray
     low: np.ndarray
     high: np.ndarray
     links: np.ndarray
@@ -75,25 +77,30 @@ def join(planes: Planes, parallax: float) -> Joins:
     """Which neighbours continue each sample; `parallax` in samples per dioptre at the lens rim."""
     disparity, slopes = planes.disparity, (planes.slope_x, planes.slope_y)
     small_step = np.asarray(1.0 / max(parallax, 1e-12), dtype=disparity.dtype)
-    low, high = disparity.copy(), disparity.copy()
-    certain = np.zeros(disparity.shape, dtype=np.uint8)
-    # Deep layers hold little; looking at all of their samples costs more than at the few that are there.
-    filled = int(np.sum(np.count_nonzero(disparity, axis=(1, 2)) > _SPARSE * disparity[0].size))
-    if filled:
-        dense = (jnp.asarray(a[:filled]) for a in (disparity, *slopes))
-        for whole, part in zip(
-            (low, high, certain), _join_within_layers(*dense, jnp.asarray(small_step)), strict=True
-        ):
-            whole[:filled] = np.asarray(part)
-    links = np.full(disparity.size, ALL_UNJOINED, dtype=np.uint32)
     held = np.flatnonzero(disparity)
-    known = certain.reshape(-1)[held]
-    for number, neighbour in enumerate(NEIGHBOURS):
-        joined = (known >> number) & 1 == 1
-        links[held[joined]] ^= np.uint32((UNJOINED ^ SAME_LAYER) << (4 * number))
-        code = _join_across_layers(held[~joined], low, high, (disparity, *slopes), neighbour, small_step)
-        links[held[~joined]] ^= (UNJOINED ^ code).astype(np.uint32) << np.uint32(4 * number)
-    return Joins(low, high, links.reshape(disparity.shape))
+    low = disparity.reshape(-1)[held]
+    high, certain = low.copy(), np.zeros(len(held), dtype=np.uint8)
+    # Deep layers hold little; looking at all of their samples costs more than at the few that are there.
+    size = disparity[0].size
+    counts = np.diff(np.searchsorted(held, size * np.arange(len(disparity) + 1)))
+    filled = int(np.sum(counts > _SPARSE * size))
+    if filled:
+        there = held[: counts[:filled].sum()]
+        dense = (a[:filled] for a in (disparity, *slopes))
+        for whole, part in zip((low, high, certain), _join_within_layers(*dense, small_step), strict=True):
+            whole[: len(there)] = np.asarray(part).reshape(-1)[there]
+
+    def towards(number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        open_ = np.flatnonzero((certain >> number) & 1 == 0)
+        return open_, *_join_across_layers(held[open_], planes, NEIGHBOURS[number], small_step)
+
+    links = np.zeros(len(held), dtype=np.uint32)
+    for number, (open_, code, half_way) in enumerate(in_parallel(towards, range(len(NEIGHBOURS)))):
+        codes = np.full(len(held), SAME_LAYER, dtype=np.uint32)
+        codes[open_] = code
+        links |= codes << np.uint32(4 * number)
+        low[open_], high[open_] = np.minimum(low[open_], half_way), np.maximum(high[open_], half_way)
+    return Joins(held, low, high, links)
 
 
 def _misfit(step: Any, own: Any, theirs: Any) -> Any:
@@ -136,21 +143,16 @@ def _neighbour(a: Float[Array, "h w"], dx: int, dy: int) -> Float[Array, "h w"]:
 
 
 def _join_across_layers(
-    here: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
-    planes: tuple[np.ndarray, np.ndarray, np.ndarray],
-    neighbour: tuple[int, int],
-    small_step: np.ndarray,
-) -> np.ndarray:
+    here: np.ndarray, planes: Planes, neighbour: tuple[int, int], small_step: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Codes of the joins of the samples at flat index `here` to one neighbour, among all nearby layers.
 
-    Widens `low` and `high` in place.
+    Also the disparities half-way to it, or half a sample out along the plane where nothing is joined.
     """
     dx, dy = neighbour
-    layers, rows, columns = low.shape
+    layers, rows, columns = planes.disparity.shape
     size = rows * columns
-    disparity, slope_x, slope_y = (a.reshape(-1) for a in planes)
+    disparity, slope_x, slope_y = (a.reshape(-1) for a in (planes.disparity, planes.slope_x, planes.slope_y))
     column, row, layer = here % columns, here // columns % rows, here // size
     inside = (row + dy >= 0) & (row + dy < rows) & (column + dx >= 0) & (column + dx < columns)
     w = disparity[here]
@@ -174,6 +176,4 @@ def _join_across_layers(
         other[chosen] = disparity[there[better]]
     alone = 0.5 * np.clip(own, -small_step, small_step)
     half_way = np.maximum(w + np.where(code == UNJOINED, alone, 0.5 * (other - w)), 0)
-    for bound, widen in ((low.reshape(-1), np.minimum), (high.reshape(-1), np.maximum)):
-        bound[here] = widen(bound[here], half_way)
-    return code
+    return code, half_way

@@ -44,10 +44,10 @@ class Silhouettes:
     """Lines of the samples that are there, and samples to add.
 
     Attributes:
-        cut: flat index [c] of samples whose square is not covered whole.
+        cut: which [c] of the held samples have a square that is not covered whole.
         line: code [c] of the line in each.
         cell: grid sample [f], row-major, of each fringe sample.
-        source: flat index [f] of the sample whose surface reaches into it.
+        source: which [f] of the held samples has the surface that reaches into it.
         disparity: 1/m [f] of that surface there.
         low: least disparity [f] that it spans there.
         high: largest disparity [f].
@@ -66,7 +66,7 @@ class Silhouettes:
 
 @dataclasses.dataclass(frozen=True)
 class _Squares:
-    """Squares to be looked at: grid sample, sample whose surface is meant, disparities that count as it."""
+    """Squares to look at: grid sample, held sample whose surface is meant, disparities that count as it."""
 
     cell: np.ndarray
     source: np.ndarray
@@ -90,8 +90,9 @@ def find_silhouettes(
     number = len(own.cell)
     cut = np.flatnonzero((count[:number] > 0) & (count[:number] < _POINTS))
     kept = np.flatnonzero((count[number:] > 0) & ~centre[number:])
-    half = 0.5 * np.clip(np.abs(planes.slope_x) + np.abs(planes.slope_y), 0, small_step).reshape(-1)
-    w, spread = beyond.disparity[kept], half[beyond.source[kept]]
+    there = joins.held[beyond.source[kept]]
+    steep = np.abs(planes.slope_x.reshape(-1)[there]) + np.abs(planes.slope_y.reshape(-1)[there])
+    w, spread = beyond.disparity[kept], 0.5 * np.minimum(steep, small_step)
     return Silhouettes(
         cut=own.source[cut],
         line=line[:number][cut],
@@ -111,27 +112,21 @@ def _fields(squares: _Squares) -> tuple[np.ndarray, ...]:
 def _squares(grid: Grid, planes: Planes, joins: Joins, small_step: float) -> tuple[_Squares, _Squares]:
     """Squares of samples with an open side, and those across their open sides."""
     disparity, slopes = planes.disparity.reshape(-1), (planes.slope_x.reshape(-1), planes.slope_y.reshape(-1))
-    held = np.flatnonzero(disparity)
-    links = joins.links.reshape(-1)[held]
-    opens = [((links >> np.uint32(4 * side)) & 15) == UNJOINED for side in range(_SIDES)]
-    source = held[np.logical_or.reduce(opens)]
-    own = _Squares(
-        source % grid.size,
-        source,
-        disparity[source],
-        joins.low.reshape(-1)[source],
-        joins.high.reshape(-1)[source],
-    )
+    opens = [((joins.links >> np.uint32(4 * side)) & 15) == UNJOINED for side in range(_SIDES)]
+    source = np.flatnonzero(np.logical_or.reduce(opens))
+    here = joins.held[source]
+    own = _Squares(here % grid.size, source, disparity[here], joins.low[source], joins.high[source])
     parts = []
     for side, (dx, dy) in enumerate(NEIGHBOURS[:_SIDES]):
-        source = held[opens[side]]
-        row, column = np.divmod(source % grid.size, grid.columns)
+        source = np.flatnonzero(opens[side])
+        row, column = np.divmod(joins.held[source] % grid.size, grid.columns)
         inside = (column + dx >= 0) & (column + dx < grid.columns) & (row + dy >= 0) & (row + dy < grid.rows)
         source = source[inside]
-        w = disparity[source]
-        step = np.clip(slopes[0][source] * dx + slopes[1][source] * dy, -small_step, small_step)
+        here = joins.held[source]
+        w = disparity[here]
+        step = np.clip(slopes[0][here] * dx + slopes[1][here] * dy, -small_step, small_step)
         there = np.maximum(w + step, 0.5 * w)
-        cell = source % grid.size + dy * grid.columns + dx
+        cell = here % grid.size + dy * grid.columns + dx
         parts.append((cell, source, there, np.minimum(w, there), np.maximum(w, there)))
     beyond = [np.concatenate(column) for column in zip(*parts, strict=True)]
     # One surface may reach a square from several sides.

@@ -15,8 +15,16 @@ def joined(disparity: object, slope_x: object = 0.0, slope_y: object = 0.0) -> t
     disparity = np.asarray(disparity, dtype=np.float64)
     slopes = (np.array(np.broadcast_to(s, disparity.shape), dtype=np.float64) for s in (slope_x, slope_y))
     joins = join(Planes(disparity, *slopes), PARALLAX)
-    codes = {step: (joins.links >> np.uint32(4 * k)) & 15 for k, step in enumerate(NEIGHBOURS)}
-    return joins.low, joins.high, codes
+
+    def whole(samples: np.ndarray) -> np.ndarray:
+        out = np.zeros(disparity.size, dtype=samples.dtype)
+        out[joins.held] = samples
+        return out.reshape(disparity.shape)
+
+    codes = {
+        step: whole((joins.links >> np.uint32(4 * k)) & np.uint32(15)) for k, step in enumerate(NEIGHBOURS)
+    }
+    return whole(joins.low), whole(joins.high), codes
 
 
 def grid(rows: int = 6, columns: int = 8) -> tuple[np.ndarray, np.ndarray]:

@@ -9,4 +9,6 @@ from focusjax.layers._joins import NEIGHBOURS as NEIGHBOURS
 from focusjax.layers._joins import SAME_LAYER as SAME_LAYER
 from focusjax.layers._joins import UNJOINED as UNJOINED
 from focusjax.layers._layers import Layers as Layers
+from focusjax.layers._mipmaps import ColourMipmaps as ColourMipmaps
+from focusjax.layers._mipmaps import colour_mipmaps as colour_mipmaps
 from focusjax.layers._pyramid import RangePyramid as RangePyramid

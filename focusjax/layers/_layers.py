@@ -1,6 +1,7 @@
 """The layered picture that lens rays are traced through."""
 
 import equinox as eqx
+import jax
 from jaxtyping import Array, Float, Int, UInt
 
 from focusjax.geometry import Camera
@@ -54,3 +55,8 @@ class Layers(eqx.Module):
     def samples_kept(self) -> int:
         """Samples that hold a surface, over all layers."""
         return int((self.triangle >= 0).sum())
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all arrays together, N-buffers included."""
+        return sum(array.nbytes for array in jax.tree.leaves(eqx.filter(self, eqx.is_array)))

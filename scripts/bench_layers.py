@@ -1,0 +1,266 @@
+"""Seconds and memory of peeling against the number of triangles and of pixels, beside an Embree ray cast.
+
+Every case runs in a process of its own: lumpy balls before a wall, at one size of picture. The first call
+tells what compiling costs; the medians of the calls after it are the stages:
+
+    frame     project, clip, find the margin and the triangles that rays can reach
+    raster    all samples that triangles cover
+    peel      the fragments of each layer, by the extended umbra
+    assemble  attributes, shading, joins, silhouettes, N-buffers
+
+Embree casts a ray through every sample of the layers, then again from behind each hit, as many times as
+there are layers; its tree is built before, and timed apart.
+
+    python scripts/bench_layers.py --csv layers.csv --plot layers.png
+"""
+
+import argparse
+import csv
+import json
+import math
+import resource
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import jax
+import numpy as np
+import trimesh
+from _procedural import placements, wall
+from bench_render import machine
+from rich.console import Console
+from rich.table import Table
+
+from focusjax.geometry import Camera, make_camera
+from focusjax.layers import Layers
+from focusjax.layers._assemble import assemble, rasterised
+from focusjax.layers._frame import frame
+from focusjax.layers._peel import peel_fragments
+from focusjax.lens import ThinLens, thin_lens
+from focusjax.scene import Scene, make_object, make_scene
+
+TRIANGLES = (10_000, 100_000, 600_000, 1_000_000, 5_000_000, 10_000_000)
+SIZES = ("800x600", "1920x1080")
+STAGES = ("frame", "raster", "peel", "assemble")
+
+
+def balls(triangles: int, seed: int = 0) -> Scene:
+    """About so many `triangles` in lumpy balls, the larger the more there are, before a painted wall."""
+    random = np.random.default_rng(seed)
+    subdivisions = 3 if triangles < 50_000 else 4 if triangles < 800_000 else 5 if triangles < 4e6 else 6
+    ball = trimesh.creation.icosphere(subdivisions=subdivisions)
+    count = max(1, round(triangles / len(ball.faces)))
+    vertices, colours = [], []
+    for place in placements(count, random):
+        lumps = 1.0 + 0.05 * np.sin(ball.vertices @ random.normal(scale=5.0, size=(3, 3))).sum(axis=1)
+        vertices.append(random.uniform(0.1, 0.35) * lumps[:, None] * ball.vertices + place)
+        stripes = 0.65 + 0.35 * np.sin(14.0 * ball.vertices @ random.normal(size=3))
+        colours.append(random.uniform(0.1, 1.0, 3) * stripes[:, None])
+    shift = len(ball.vertices) * np.arange(count)
+    faces = (ball.faces[None] + shift[:, None, None]).reshape(-1, 3)
+    surface = make_object(
+        "balls",
+        np.concatenate(vertices),
+        faces,
+        vertex_colours=np.concatenate(colours),
+        smooth_angle=180.0,
+    )
+    return make_scene([surface, wall()], unlit=True)
+
+
+def view(width: int, height: int) -> tuple[Camera, ThinLens]:
+    """A camera at the origin, 30 degrees high, and the lens before it."""
+    field = 2 * math.atan(math.tan(math.radians(15)) * width / height)
+    camera = make_camera(np.eye(4), width=width, height=height, field_of_view=field)
+    return camera, thin_lens(focus_distance=5.0, aperture_radius=0.05)
+
+
+def staged_peel(
+    scene: Scene, camera: Camera, lens: ThinLens, supersampling: int, most: int
+) -> tuple[Layers, dict[str, float]]:
+    """The layers, and seconds per stage."""
+    seconds, clock = {}, time.perf_counter()
+
+    def lap(stage: str) -> None:
+        nonlocal clock
+        now = time.perf_counter()
+        seconds[stage], clock = now - clock, now
+
+    triangles, grid = frame(scene, camera, lens, supersampling, None)
+    lap("frame")
+    picture = rasterised(triangles, grid)
+    lap("raster")
+    parallax = float(lens.parallax(camera)) * supersampling
+    chosen, complete = peel_fragments(picture.fragments, grid, parallax, most)
+    lap("peel")
+    layers = assemble(scene, camera, lens, picture, chosen, max_layers=most, complete=complete)
+    jax.block_until_ready((layers.radiance, layers.cells))
+    lap("assemble")
+    return layers, seconds
+
+
+def embree(scene: Scene, layers: Layers) -> tuple[float, float]:
+    """Seconds to build the tree, and to cast as many rays as the layers have samples, layer by layer."""
+    from focusjax.baselines import RayCaster
+
+    start = time.perf_counter()
+    caster = RayCaster(scene.vertices, scene.faces)
+    built = time.perf_counter()
+    grid, camera = layers.grid, layers.camera
+    x, y = np.meshgrid(np.arange(grid.columns) + 0.5, np.arange(grid.rows) + 0.5)
+    xy = (np.stack([x, y], axis=-1).reshape(-1, 2) - grid.margin) / grid.supersampling
+    right, down = ((xy - np.asarray(camera.principal_point)) / float(camera.focal_px)).T
+    pose = np.asarray(camera.world_from_camera)
+    directions = np.stack([right, -down, -np.ones_like(right)], axis=1) @ pose[:3, :3].T
+    depth = np.zeros(len(directions))
+    for _ in range(layers.count):
+        hits = caster.first_hits(pose[:3, 3] + directions * depth[:, None], directions)
+        going_on = hits.triangle >= 0
+        directions = directions[going_on]
+        depth = (depth[going_on] + hits.distance[going_on]) * (1 + 1e-5)
+    return built - start, time.perf_counter() - built
+
+
+def peak_memory() -> float:
+    """Largest resident size of this process so far, in MiB."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
+
+
+def run_case(options: argparse.Namespace) -> dict[str, object]:
+    """One case, in this process."""
+    width, height = (int(number) for number in options.size[0].split("x"))
+    scene, (camera, lens) = balls(options.triangles[0]), view(width, height)
+    memory = {"scene": peak_memory()}
+    runs, totals = [], []
+    for _ in range(options.repeats + 1):
+        start = time.perf_counter()
+        layers, seconds = staged_peel(scene, camera, lens, options.supersampling, options.max_layers)
+        totals.append(time.perf_counter() - start)
+        runs.append(seconds)
+    memory["peel"] = peak_memory()
+    warm = statistics.median(totals[1:])
+    result = {
+        "triangles": len(scene.faces),
+        "width": width,
+        "height": height,
+        "seconds": warm,
+        "compile": max(0.0, totals[0] - warm),
+        **{stage: statistics.median(run[stage] for run in runs[1:]) for stage in STAGES},
+        "layers": layers.count,
+        "complete": layers.complete,
+        "kept": layers.samples_kept,
+        "samples": layers.grid.size,
+        "layers MiB": layers.nbytes / 2**20,
+        "peak MiB with scene": memory["scene"],
+        "peak MiB": memory["peel"],
+    }
+    if len(scene.faces) <= options.embree_up_to:
+        result["embree build"], result["embree cast"] = embree(scene, layers)
+    return result
+
+
+def in_own_process(triangles: int, size: str, options: argparse.Namespace) -> dict[str, object]:
+    """One case, in a new process, so that its peak memory is its own."""
+    command = [sys.executable, __file__, "--case", "--triangles", str(triangles), "--size", size]
+    for name in ("supersampling", "max_layers", "repeats", "embree_up_to"):
+        command += [f"--{name.replace('_', '-')}", str(getattr(options, name))]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f"{triangles} triangles at {size}: {done.stderr.strip().splitlines()[-1:]}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def table(results: list[dict]) -> Table:
+    out = Table(title="peeling, warm, seconds")
+    headings = ("triangles", "size", "all", *STAGES, "compile", "layers", "kept", "layers MiB", "peak MiB")
+    for heading in (*headings, "Embree build", "cast", "ours / cast"):
+        out.add_column(heading, justify="right")
+    for row in results:
+        cast = row.get("embree cast")
+        out.add_row(
+            f"{row['triangles']:,}",
+            f"{row['width']} x {row['height']}",
+            *(f"{row[name]:.2f}" for name in ("seconds", *STAGES, "compile")),
+            f"{row['layers']}{'' if row['complete'] else '+'}",
+            f"{row['kept'] / row['samples']:.2f} per sample",
+            *(f"{row[name]:.0f}" for name in ("layers MiB", "peak MiB")),
+            *((f"{row['embree build']:.2f}", f"{cast:.2f}", f"{row['seconds'] / cast:.2f}") if cast else ()),
+        )
+    return out
+
+
+def plot(results: list[dict], path: Path) -> None:
+    """Seconds against triangles for each size, and against pixels for each number of triangles."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 4.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    against_triangles, against_pixels = figure.subplots(1, 2)
+    for size in sorted({(row["width"], row["height"]) for row in results}):
+        rows = [row for row in results if (row["width"], row["height"]) == size]
+        label = f"{size[0]} x {size[1]}"
+        against_triangles.loglog(
+            [r["triangles"] for r in rows], [r["seconds"] for r in rows], "o-", label=label
+        )
+        if any("embree cast" in row for row in rows):
+            cast = [(r["triangles"], r["embree cast"]) for r in rows if "embree cast" in r]
+            against_triangles.loglog(*zip(*cast, strict=True), "x--", label=f"{label}, Embree cast")
+    for triangles in sorted({row["triangles"] for row in results}):
+        rows = [row for row in results if row["triangles"] == triangles]
+        pixels = [row["width"] * row["height"] / 1e6 for row in rows]
+        against_pixels.plot(pixels, [row["seconds"] for row in rows], "o-", label=f"{triangles:,}")
+    against_triangles.set_xlabel("triangles")
+    against_pixels.set_xlabel("million pixels")
+    for axes in (against_triangles, against_pixels):
+        axes.set_ylabel("seconds, warm")
+        axes.grid(alpha=0.3, which="both")
+        axes.legend()
+    figure.savefig(path, dpi=130)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--triangles", nargs="+", type=int, default=TRIANGLES)
+    parser.add_argument("--size", nargs="+", default=SIZES, metavar="WIDTHxHEIGHT")
+    parser.add_argument("--supersampling", type=int, default=1)
+    parser.add_argument("--max-layers", type=int, default=16)
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--embree-up-to", type=int, default=1_100_000, help="triangles; 0 leaves it out")
+    parser.add_argument("--csv", type=Path, help="file for the results")
+    parser.add_argument("--json", type=Path, help="file for the results")
+    parser.add_argument("--plot", type=Path, help="picture of the curves")
+    parser.add_argument("--case", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.case:
+        print(json.dumps(run_case(options)))
+        return
+    about = machine()
+    results = []
+    for size in options.size:
+        for triangles in options.triangles:
+            results.append(in_own_process(triangles, size, options))
+            print(
+                f"{size}, {results[-1]['triangles']:,} triangles: {results[-1]['seconds']:.2f} s", flush=True
+            )
+    Console(width=max(170, Console().width)).print(table(results))
+    print(json.dumps(about))
+    if options.json is not None:
+        options.json.write_text(json.dumps({"machine": about, "cases": results}, indent=1) + "\n")
+    if options.csv is not None:
+        with options.csv.open("w", newline="") as file:
+            names = list(dict.fromkeys(name for row in results for name in row))
+            writer = csv.DictWriter(file, names)
+            writer.writeheader()
+            writer.writerows(results)
+    if options.plot is not None:
+        plot(results, options.plot)
+
+
+if __name__ == "__main__":
+    main()

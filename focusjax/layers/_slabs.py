@@ -93,8 +93,8 @@ def decompose(
         assert count is not None
         thickness = extent / count
     if count > _MOST_SLABS:
-        source = "count" if blur_step is None else f"a blur_step of {blur_step} px"
-        raise ValueError(f"{source} makes {count} slabs; expected at most {_MOST_SLABS}, so use fewer")
+        remedy = "give a lower count" if blur_step is None else f"make the blur_step of {blur_step} px larger"
+        raise ValueError(f"{count} slabs are more than the {_MOST_SLABS} there can be; {remedy}")
     bounds = nearest - thickness * np.arange(count + 1)
     chosen, complete = slab_fragments(picture.fragments, grid, parallax * grid.supersampling, bounds)
     return assemble(scene, camera, lens, picture, chosen, max_layers=count, complete=complete)

@@ -139,7 +139,7 @@ def test_what_the_umbra_hides_takes_no_place():
 def test_a_pinhole_sees_one_layer(how: dict):
     camera = front_camera()
     layers = decompose(varied_scene(), camera, ThinLens(jnp.array(0.5), jnp.array(0.0)), **how)
-    assert layers.count == 1 or not (np.asarray(layers.triangle)[1:] >= 0).any()
+    assert layers.count == 1
     assert layers.complete
 
 
@@ -157,11 +157,11 @@ def test_an_empty_view_has_an_empty_layer():
         ({}, "count is None and blur_step is None; give exactly one of them"),
         ({"count": 2, "blur_step": 3.0}, "give exactly one of them"),
         ({"count": 0}, "count is 0; expected at least 1"),
-        ({"count": 2000}, "count makes 2000 slabs; expected at most 1024"),
+        ({"count": 2000}, "2000 slabs are more than the 1024 there can be; give a lower count"),
         ({"count": 2, "supersampling": 0}, "supersampling is 0; expected at least 1"),
         ({"blur_step": 0.0}, r"blur_step is 0\.0 px; expected a positive number"),
         ({"blur_step": float("nan")}, "blur_step is nan px; expected a positive number"),
-        ({"blur_step": 1e-3}, r"a blur_step of 0\.001 px makes \d+ slabs; expected at most 1024"),
+        ({"blur_step": 1e-3}, r"1024 there can be; make the blur_step of 0\.001 px larger"),
         ({"count": 2, "near": 0.0}, r"near is 0\.0 m; expected a positive depth"),
     ],
 )

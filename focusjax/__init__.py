@@ -22,8 +22,11 @@ from focusjax.io import save_exr as save_exr
 from focusjax.io import save_png as save_png
 from focusjax.job import find_points as find_points
 from focusjax.layers import Layers as Layers
+from focusjax.layers import decompose as decompose
 from focusjax.layers import disparity_map as disparity_map
+from focusjax.layers import missed_light as missed_light
 from focusjax.layers import peel as peel
+from focusjax.layers import umbra_saving as umbra_saving
 from focusjax.lens import Disk as Disk
 from focusjax.lens import ThinLens as ThinLens
 from focusjax.lens import polygon as polygon
@@ -36,6 +39,7 @@ from focusjax.scene import image_background as image_background
 from focusjax.scene import load_mesh as load_mesh
 from focusjax.scene import make_scene as make_scene
 from focusjax.scene import point_light as point_light
+from focusjax.trace import nearest_in_layers as nearest_in_layers
 from focusjax.trace import render as render
 from focusjax.trace import render_pinhole as render_pinhole
 

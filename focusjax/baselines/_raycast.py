@@ -4,6 +4,7 @@ Shares nothing with the layers or the tracer but the lens that makes the rays an
 """
 
 import dataclasses
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -11,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from focusjax.geometry import Camera
+from focusjax.geometry import Camera, LensRay
 from focusjax.lens import AbstractLens
 from focusjax.scene import AbstractBackground, Scene, Shader
 
@@ -121,6 +122,24 @@ def lens_picture(
             film = pixel[block] + square[:, :2]
             total[block] += _radiance(scene, shader, caster, camera, lens, film, square[:, 2:])
     return (total / rays).reshape(camera.height, camera.width, 3)
+
+
+def nearest_in_scene(scene: Scene, camera: Camera) -> Callable[[LensRay], Float[np.ndarray, " n"]]:
+    """Which surface lens rays of `camera` meet first, by casting them: the truth for `missed_light`.
+
+    Returns:
+        a function from n rays to the disparities [n] in 1/m where they first meet a surface, 0 where none.
+
+    Raises:
+        ValueError: Embree is not installed.
+    """
+    caster = RayCaster(scene.vertices, scene.faces)
+
+    def first_disparity(rays: LensRay) -> Float[np.ndarray, " n"]:
+        lines = (np.asarray(part, dtype=np.float64) for part in (rays.a, rays.b))
+        return 1.0 / caster.first_hits(*_world_rays(camera, *lines)).distance
+
+    return first_disparity
 
 
 def _radiance(

@@ -1,4 +1,4 @@
-"""Depth-peeled layers of a scene, seen from the lens centre."""
+"""Layers of a scene, peeled or cut into slabs, seen from the lens centre."""
 
 from focusjax.layers._build import disparity_map as disparity_map
 from focusjax.layers._build import peel as peel
@@ -11,4 +11,10 @@ from focusjax.layers._joins import UNJOINED as UNJOINED
 from focusjax.layers._layers import Layers as Layers
 from focusjax.layers._mipmaps import ColourMipmaps as ColourMipmaps
 from focusjax.layers._mipmaps import colour_mipmaps as colour_mipmaps
+from focusjax.layers._missed import MissedLight as MissedLight
+from focusjax.layers._missed import NearestSurface as NearestSurface
+from focusjax.layers._missed import missed_light as missed_light
 from focusjax.layers._pyramid import RangePyramid as RangePyramid
+from focusjax.layers._saving import UmbraSaving as UmbraSaving
+from focusjax.layers._saving import umbra_saving as umbra_saving
+from focusjax.layers._slabs import decompose as decompose

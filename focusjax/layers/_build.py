@@ -19,6 +19,7 @@ def peel(
     supersampling: int = 2,
     max_layers: int = 8,
     near: float | None = None,
+    umbra: bool = True,
 ) -> Layers:
     """Every surface that a ray of `lens` can reach, as layers seen from the lens centre.
 
@@ -30,6 +31,8 @@ def peel(
             one is quicker where all is blurred.
         max_layers: stop here; `complete` on the result says whether more was left.
         near: depth in metres from which surfaces count; a tenth of the focal length if not given.
+        umbra: leave out what no ray of the lens can reach (Lee10 section 3.1). Without it each layer is
+            the next surface, however hidden: more layers for the same picture. `umbra_saving` counts both.
 
     Raises:
         ValueError: a count below 1, or a surface so close to the lens that the margin its blur needs
@@ -40,7 +43,7 @@ def peel(
             raise ValueError(f"{name} is {value}; expected at least 1")
     parallax = float(lens.parallax(camera)) * supersampling
     picture = rasterised(*frame(scene, camera, lens, supersampling, near))
-    chosen, complete = peel_fragments(picture.fragments, picture.grid, parallax, max_layers)
+    chosen, complete = peel_fragments(picture.fragments, picture.grid, parallax, max_layers, umbra=umbra)
     return assemble(scene, camera, lens, picture, chosen, max_layers=max_layers, complete=complete)
 
 

@@ -11,7 +11,7 @@ from focusjax.lens import AbstractLens
 
 
 class Layers(eqx.Module):
-    """Depth-peeled surfaces seen from the lens centre, nearest first (Lee10 section 3.1).
+    """Surfaces seen from the lens centre, nearest first: peeled (Lee10 section 3.1) or in slabs (Lee09).
 
     All arrays share the grid [h, w] of `grid`: `supersampling` samples per output pixel and a
     margin around the frame for rays that leave it. A sample stands for the square of surface
@@ -27,10 +27,10 @@ class Layers(eqx.Module):
         background: radiance [h, w, 3] at infinity.
         ranges: least and largest disparity over any square, all layers together.
         disparity_scale: dioptres per step of `cells`.
-        lens: the lens that the layers were peeled for.
-        camera: the camera they were peeled from.
+        lens: the lens that the layers were made for.
+        camera: the camera they are seen from.
         grid: the sample grid (static).
-        complete: whether peeling ended because nothing new was found (static).
+        complete: whether every surface is here but those known to be hidden (static).
     """
 
     disparity: Float[Array, "l h w"]

@@ -32,7 +32,7 @@ from focusjax.layers._raster import Fragments
 
 _AT_ONCE = 1 << 20
 _SOLID_LAYERS = 2
-_SEPARATION = 1e-5
+SEPARATION = 1e-5
 """Relative step in disparity below which two surfaces count as one (coincident triangles)."""
 
 
@@ -91,24 +91,42 @@ def _cut(
         nearest = over_window(nearest, reach, jnp.maximum)
         return cut, nearest, over_window(continued, reach, jnp.logical_and), 2 * reach
 
-    cut = jnp.minimum(best * (1.0 - _SEPARATION), best - 0.5 * umbra)
+    cut = jnp.minimum(best * (1.0 - SEPARATION), best - 0.5 * umbra)
     return jax.lax.fori_loop(0, levels, widen, (cut, nearest, continued, one))[0]
 
 
+def hidden_below(
+    best: Float[np.ndarray, "h w"], parallax: float, *, windows: int = 1
+) -> Float[np.ndarray, "h w"]:
+    """Disparity below which no ray passes the surface `best`; infinite where that is 0, nothing.
+
+    Args:
+        best: disparity of a surface at each sample; 0 where there is none.
+        parallax: f E in samples per dioptre.
+        windows: how many of the radii 1, 2, 4, ... to look at for solid surface.
+    """
+    inputs = jnp.asarray(best), jnp.asarray(np.asarray(parallax, dtype=best.dtype)), jnp.int32(windows)
+    return np.where(best > 0, np.asarray(_cut(*inputs, widest=1 << (windows - 1))), np.inf)
+
+
+def windows_within(parallax: float, nearest: float) -> int:
+    """How many windows it takes to reach farther than rays move under a surface at disparity `nearest`."""
+    return int(parallax * nearest).bit_length() + 1
+
+
 def peel_fragments(
-    fragments: Fragments, grid: Grid, parallax: float, max_layers: int
+    fragments: Fragments, grid: Grid, parallax: float, max_layers: int, *, umbra: bool = True
 ) -> tuple[list[np.ndarray], bool]:
     """For each layer the index [h, w] of the fragment in it, -1 where there is none.
 
     Also whether nothing was left over. `parallax` is f E in samples per dioptre; 0 (a pinhole) hides
-    everything behind the first surface.
+    everything behind the first surface. Without `umbra` each layer is the next surface (Everitt 2001),
+    and nothing is hidden but what lies in the same place.
     """
     alive = np.arange(len(fragments.sample))
     layers: list[np.ndarray] = []
     shape = (grid.rows, grid.columns)
-    farthest_reach = parallax * float(fragments.disparity.max(initial=0.0))
-    # The widest window reaches farther than any ray can move under the nearest surface.
-    levels = int(farthest_reach).bit_length() + 1
+    levels = windows_within(parallax, float(fragments.disparity.max(initial=0.0)))
     while len(alive) and len(layers) < max_layers:
         sample, disparity = fragments.sample[alive], fragments.disparity[alive]
         parts = [
@@ -123,6 +141,10 @@ def peel_fragments(
             owner = _owners(owner, best, where, what, jnp.int32(start))
         owners = np.asarray(owner)
         layers.append(np.where(owners >= 0, alive[owners], -1).reshape(shape))
+        if not umbra:
+            next_below = np.asarray(best) * np.float32(1.0 - SEPARATION)
+            alive = alive[disparity < next_below[sample]]
+            continue
         if parallax == 0:
             return layers, True
         # Wide windows hide much behind the first surfaces; later ones are patches too small for them.

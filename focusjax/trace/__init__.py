@@ -1,4 +1,5 @@
 """Tracing lens rays through layers."""
 
+from focusjax.trace._nearest import nearest_in_layers as nearest_in_layers
 from focusjax.trace._pinhole import render_pinhole as render_pinhole
 from focusjax.trace._render import render as render

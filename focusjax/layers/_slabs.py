@@ -1,0 +1,163 @@
+"""Layers by slabs of depth, uniform in blur: one pass instead of peeling (Lee09 sections 4.1 and 4.2).
+
+Lee09 spaces layers so that the signed circle of confusion grows by the same delta from one to the next,
+for that is about how far in the picture a ray travels within a layer. Rays are lines q(w) = a + b w with
+|b| at most the parallax f E, so between two disparities
+
+    a ray travels at most f E |w1 - w2| pixels,   and a blur diameter changes by at most 2 f E |w1 - w2|,
+
+for every lens; a thin lens's blur 2 f E (w_f - w) changes by just that, wherever it is focused. Slabs
+uniform in blur are therefore slabs uniform in disparity, and equation 4 is, with delta a diameter,
+
+    slab = floor((w_nearest - w) 2 f E / delta).
+
+In its slab each sample keeps the nearest surface. A slab reaches a tenth of its thickness into the one
+behind it. A surface found there is taken out of the one behind, which makes room for the next in it: what
+is kept is always more than without the overlap. The paper overlaps slabs to close seams between them; we have
+none, as joins link samples across layers.
+
+Surfaces that the umbra hides (see `_peel`) are left out before they can take a place: those behind solid
+parts of the first surface of all, and those right behind what a nearer slab keeps.
+"""
+
+import math
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from focusjax.geometry import Camera
+from focusjax.layers._assemble import assemble, rasterised
+from focusjax.layers._frame import frame
+from focusjax.layers._grid import Grid
+from focusjax.layers._layers import Layers
+from focusjax.layers._peel import hidden_below, windows_within
+from focusjax.layers._raster import Fragments
+from focusjax.lens import AbstractLens
+from focusjax.scene import Scene
+
+_OVERLAP = 0.1
+_MOST_SLABS = 1024
+
+
+def decompose(
+    scene: Scene,
+    camera: Camera,
+    lens: AbstractLens,
+    *,
+    count: int | None = None,
+    blur_step: float | None = None,
+    supersampling: int = 2,
+    near: float | None = None,
+) -> Layers:
+    """The nearest surface in each of several slabs of depth, as layers seen from the lens centre (Lee09).
+
+    The slabs divide the disparities of all that the lens can reach, evenly. Of two surfaces behind one
+    another within a slab only the nearer is kept, so that light is missed where slabs are thick; peeling
+    misses nothing but cannot tell how many layers that takes. A layer of the result is not one slab:
+    the surfaces at a sample fill the layers from the front, nearest first, as they do after `peel`.
+
+    Args:
+        scene: what is in front of the camera.
+        camera: frame and pose.
+        lens: the layers serve it and every lens whose rays stay within its own.
+        count: number of slabs; give this or `blur_step`.
+        blur_step: thickness of a slab in pixels: by how much the blur diameter may change within it (twice
+            the delta of Lee09, which is of radii; they find 3 to 10 enough).
+        supersampling: layer samples per output pixel and axis.
+        near: depth in metres from which surfaces count; a tenth of the focal length if not given.
+
+    Returns:
+        At most as many layers as slabs; `complete` says whether every surface that is not known to be
+        hidden found a place.
+
+    Raises:
+        ValueError: not exactly one of `count` and `blur_step`, a value out of range, a step so small
+            that it makes over a thousand slabs, or a grid that does not fit in memory.
+    """
+    if (count is None) == (blur_step is None):
+        raise ValueError(f"count is {count} and blur_step is {blur_step}; give exactly one of them")
+    for name, value in (("supersampling", supersampling), ("count", count)):
+        if value is not None and value < 1:
+            raise ValueError(f"{name} is {value}; expected at least 1")
+    if blur_step is not None and not blur_step > 0:
+        raise ValueError(f"blur_step is {blur_step} px; expected a positive number such as 4")
+    picture = rasterised(*frame(scene, camera, lens, supersampling, near))
+    grid, disparity = picture.grid, picture.fragments.disparity
+    nearest = float(disparity.max(initial=0.0))
+    extent = nearest - float(disparity.min(initial=nearest))
+    parallax = float(lens.parallax(camera))
+    if blur_step is not None:
+        count = max(1, math.ceil(2.0 * parallax * extent / blur_step))
+        thickness = blur_step / (2.0 * parallax) if parallax > 0 else extent
+    else:
+        assert count is not None
+        thickness = extent / count
+    if count > _MOST_SLABS:
+        remedy = "give a lower count" if blur_step is None else f"make the blur_step of {blur_step} px larger"
+        raise ValueError(f"{count} slabs are more than the {_MOST_SLABS} there can be; {remedy}")
+    bounds = nearest - thickness * np.arange(count + 1)
+    chosen, complete = slab_fragments(picture.fragments, grid, parallax * grid.supersampling, bounds)
+    return assemble(scene, camera, lens, picture, chosen, max_layers=count, complete=complete)
+
+
+def slab_fragments(
+    fragments: Fragments, grid: Grid, parallax: float, bounds: np.ndarray
+) -> tuple[list[Int[np.ndarray, "h w"]], bool]:
+    """For each layer the index [h, w] of the fragment in it, -1 where there is none.
+
+    Also whether all were kept but those known to be hidden.
+
+    Args:
+        fragments: all there are.
+        grid: where they are.
+        parallax: f E in samples per dioptre.
+        bounds: decreasing disparities [slabs + 1] between which the slabs lie. The outermost are open.
+    """
+    shape = (grid.rows, grid.columns)
+    alive = _not_behind_the_first(fragments, grid, parallax)
+    layers: list[np.ndarray] = []
+    filled = np.zeros(grid.size, dtype=np.int32)
+    limit = np.full(grid.size, np.inf, dtype=fragments.disparity.dtype)
+    overlap = _OVERLAP * (bounds[0] - bounds[-1]) / (len(bounds) - 1)
+    complete = True
+    for farther in [*bounds[1:-1], 0.0]:
+        within = fragments.disparity[alive] >= farther - overlap
+        nearest, owner = _nearest(fragments, alive[within], grid)
+        held = np.flatnonzero(owner >= 0)
+        if not len(held):
+            continue
+        depth = filled[held]
+        layers += [np.full(grid.size, -1, dtype=np.int32) for _ in range(len(layers), depth.max() + 1)]
+        for number, layer in enumerate(layers):
+            here = held[depth == number]
+            layer[here] = owner[here]
+        filled[held] += 1
+        limit = np.minimum(limit, hidden_below(nearest.reshape(shape), parallax).reshape(-1))
+        disparity = fragments.disparity[alive]
+        left = disparity < limit[fragments.sample[alive]]
+        # What is left in this slab is too near for the next one.
+        missed = left & (disparity >= farther)
+        complete = complete and not missed.any()
+        alive = alive[left & ~missed]
+    return [layer.reshape(shape) for layer in layers], complete
+
+
+def _not_behind_the_first(fragments: Fragments, grid: Grid, parallax: float) -> Int[np.ndarray, " n"]:
+    """Fragments but for those that solid parts of the first surface hide."""
+    first, _ = _nearest(fragments, np.arange(len(fragments.sample)), grid)
+    windows = windows_within(parallax, float(first.max(initial=0.0)))
+    limit = hidden_below(first.reshape(grid.rows, grid.columns), parallax, windows=windows).reshape(-1)
+    sample, disparity = fragments.sample, fragments.disparity
+    return np.flatnonzero((disparity < limit[sample]) | (disparity == first[sample]))
+
+
+def _nearest(
+    fragments: Fragments, chosen: Int[np.ndarray, " n"], grid: Grid
+) -> tuple[Float[np.ndarray, " samples"], Int[np.ndarray, " samples"]]:
+    """Disparity and index of the nearest of the `chosen` fragments at every sample; 0 and -1 if none is."""
+    # Positive floats are ordered as their bits are: one word decides on the disparity and carries the index.
+    bits = fragments.disparity[chosen].astype(np.float32).view(np.uint32).astype(np.uint64)
+    best = np.zeros(grid.size, dtype=np.uint64)
+    np.maximum.at(best, fragments.sample[chosen], bits << np.uint64(32) | chosen.astype(np.uint64))
+    disparity = (best >> np.uint64(32)).astype(np.uint32).view(np.float32)
+    return disparity, np.where(best > 0, best.astype(np.uint32).astype(np.int32), -1)

@@ -1,0 +1,63 @@
+"""Which surface of some layers lens rays meet first."""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from focusjax.geometry import LensRay
+from focusjax.layers import Layers, interval
+from focusjax.trace._walk import Volume, first_hit
+
+_SAMPLES_BEYOND = 0.5
+"""Half the width of a sample."""
+
+
+def nearest_in_layers(layers: Layers) -> Callable[[LensRay], Float[np.ndarray, " n"]]:
+    """Which surface of `layers` lens rays meet first, by the tracer's walk: a truth for `missed_light`.
+
+    It is as good as the layers are: give it those of `peel(..., umbra=False)` with layers to spare.
+
+    Returns:
+        a function from n rays to the disparities [n] in 1/m where they first meet a surface, 0 where none.
+    """
+
+    def first_disparity(rays: LensRay) -> Float[np.ndarray, " n"]:
+        return np.asarray(_first_disparities(layers, rays))
+
+    return first_disparity
+
+
+@eqx.filter_jit
+def _first_disparities(layers: Layers, rays: LensRay) -> Float[Array, " n"]:
+    grid = layers.grid
+    volume = Volume(layers.cells.reshape(-1), layers.disparity_scale, grid.columns, grid.rows)
+    disparities = layers.disparity.reshape(-1)
+    least, largest = jnp.where(layers.ranges.overall[1] > 0, layers.ranges.overall, 0.0)
+
+    def one(ray: LensRay) -> Float[Array, ""]:
+        on_grid = LensRay(ray.a * grid.supersampling + grid.margin, ray.b * grid.supersampling, ray.weight)
+        hit = first_hit(volume, on_grid, least, largest, depth=layers.count)
+        sample = jnp.maximum(hit, 0)
+        # From the sample's centre to where the ray is above its square, as far as the surface goes there.
+        low, high = _above_square(on_grid, sample % grid.size, grid.columns)
+        end, start = (steps * layers.disparity_scale for steps in interval(volume.cells[sample]))
+        disparity = jnp.clip(jnp.clip(disparities[sample], low, high), end, start)
+        return jnp.where(hit >= 0, disparity, 0.0)
+
+    return jax.vmap(one)(rays)
+
+
+def _above_square(
+    ray: LensRay, sample: Int[Array, ""], columns: int
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Disparities between which `ray`, in grid units, is above the square of a sample."""
+    centre = jnp.stack([sample % columns, sample // columns]).astype(ray.a.dtype) + 0.5
+    moves = jnp.abs(ray.b) > 1e-12
+    slope = jnp.where(moves, ray.b, 1.0)
+    ends = jnp.stack([(centre + side * _SAMPLES_BEYOND - ray.a) / slope for side in (-1.0, 1.0)])
+    low = jnp.where(moves, ends.min(axis=0), -jnp.inf).max()
+    return low, jnp.where(moves, ends.max(axis=0), jnp.inf).min()

@@ -5,6 +5,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -12,6 +13,7 @@ from focusjax.geometry import Camera
 from focusjax.layers._attributes import surface_samples
 from focusjax.layers._cells import WHOLE, pack_cells
 from focusjax.layers._clip import ScreenTriangles
+from focusjax.layers._gloss import GlossSamples
 from focusjax.layers._grid import Grid
 from focusjax.layers._joins import ALL_UNJOINED, Planes, join
 from focusjax.layers._layers import Layers
@@ -49,8 +51,10 @@ def assemble(
     *,
     max_layers: int,
     complete: bool,
+    view_dependent: bool,
 ) -> Layers:
     """Layers of the fragments `chosen`, an index [h, w] for each layer, -1 where there is none."""
+    gloss = scene.gloss() if view_dependent else None
     triangles, grid, stamps, fragments = picture.triangles, picture.grid, picture.stamps, picture.fragments
     supersampling, parallax = grid.supersampling, float(lens.parallax(camera)) * grid.supersampling
     owner = np.stack(chosen) if chosen else np.full((1, grid.rows, grid.columns), -1)
@@ -64,7 +68,12 @@ def assemble(
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
         extent_m = 1.0 / (values * float(camera.focal_px) * supersampling)
         shading = pool.submit(
-            shaded, scene.shader(camera.position), surface.face, surface.barycentric, extent_m
+            shaded,
+            scene.shader(camera.position),
+            surface.face,
+            surface.barycentric,
+            extent_m,
+            gloss_apart=gloss is not None,
         )
         planes = Planes(*(_scattered(owner.shape, held, a, 0.0, real) for a in (values, *surface.slope.T)))
         joins = join(planes, parallax)
@@ -86,7 +95,22 @@ def assemble(
         cells, scale = pack_cells(low, high, jnp.asarray(line))
         ranges = build_ranges(low, high, block=supersampling, widest=2.0 * grid.margin + 4 * supersampling)
         far = background(scene, camera, grid)
-        radiance = _scattered(owner.shape, held, shading.result(), 0.0, real)
+        look = shading.result()
+        radiance = _scattered(owner.shape, held, look.radiance, 0.0, real)
+
+        def with_fringe(samples: np.ndarray, dtype: np.dtype) -> jax.Array:
+            """Numbers of the samples held, those of the fringe taken from the surface it continues."""
+            spread = _scattered(owner.shape, held, samples, 0, dtype)
+            return jnp.asarray(extended(spread, spread.reshape(-1)[edges.source], 0))
+
+        gloss_samples = None
+        if gloss is not None and look.normal is not None:
+            number = np.min_scalar_type(len(scene.materials) - 1)
+            gloss_samples = GlossSamples(
+                normal=with_fringe(look.normal, look.normal.dtype),
+                material=with_fringe(scene.face_material[surface.face], number),
+                model=gloss,
+            )
     unjoined = np.full(len(edges.cell), ALL_UNJOINED, dtype=np.uint32)
     nowhere = np.full(len(edges.cell), -1, dtype=np.int32)
     triangle = _scattered(owner.shape, held, surface.face, -1, np.dtype(np.int32))
@@ -103,6 +127,7 @@ def assemble(
         camera=camera,
         grid=grid,
         complete=complete,
+        gloss=gloss_samples,
     )
 
 

@@ -19,6 +19,7 @@ def peel(
     supersampling: int = 2,
     max_layers: int = 8,
     near: float | None = None,
+    view_dependent: bool = False,
 ) -> Layers:
     """Every surface that a ray of `lens` can reach, as layers seen from the lens centre.
 
@@ -30,6 +31,10 @@ def peel(
             one is quicker where all is blurred.
         max_layers: stop here; `complete` on the result says whether more was left.
         near: depth in metres from which surfaces count; a tenth of the focal length if not given.
+        view_dependent: keep normals and materials, so that every lens ray sees highlights and mirrored
+            surroundings from its own point of the lens (Lee09 section 5), for 5 bytes more a sample.
+            Otherwise they are painted on the surfaces as the lens centre sees them, which is quicker. Nothing
+            changes for scenes without either.
 
     Raises:
         ValueError: a count below 1, or a surface so close to the lens that the margin its blur needs
@@ -41,7 +46,16 @@ def peel(
     parallax = float(lens.parallax(camera)) * supersampling
     picture = rasterised(*frame(scene, camera, lens, supersampling, near))
     chosen, complete = peel_fragments(picture.fragments, picture.grid, parallax, max_layers)
-    return assemble(scene, camera, lens, picture, chosen, max_layers=max_layers, complete=complete)
+    return assemble(
+        scene,
+        camera,
+        lens,
+        picture,
+        chosen,
+        max_layers=max_layers,
+        complete=complete,
+        view_dependent=view_dependent,
+    )
 
 
 def disparity_map(scene: Scene, camera: Camera) -> np.ndarray:

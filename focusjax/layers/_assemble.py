@@ -49,6 +49,7 @@ def assemble(
     picture: Rasterised,
     chosen: Sequence[np.ndarray],
     *,
+    least_layers: int,
     max_layers: int,
     complete: bool,
     view_dependent: bool,
@@ -79,6 +80,7 @@ def assemble(
         joins = join(planes, parallax)
         edges = find_silhouettes(triangles, grid, planes, joins, parallax)
         count, place, added = _free_places(planes.disparity, edges.cell, max_layers)
+        count = max(count, least_layers)
         shape = (count, *owner.shape[1:])
 
         def extended(samples: np.ndarray, fringe: np.ndarray, fill: float) -> np.ndarray:

@@ -79,12 +79,12 @@ def join(planes: Planes, parallax: float) -> Joins:
     certain = np.zeros(disparity.shape, dtype=np.uint8)
     # Deep layers hold little; looking at all of their samples costs more than at the few that are there.
     filled = int(np.sum(np.count_nonzero(disparity, axis=(1, 2)) > _SPARSE * disparity[0].size))
-    if filled:
-        dense = (jnp.asarray(a[:filled]) for a in (disparity, *slopes))
-        for whole, part in zip(
-            (low, high, certain), _join_within_layers(*dense, jnp.asarray(small_step)), strict=True
-        ):
-            whole[:filled] = np.asarray(part)
+    # One layer at a call, so that their number does not ask for another program.
+    for layer in range(filled):
+        planes_of_layer = (a[layer] for a in (disparity, *slopes))
+        parts = _join_within_layer(*planes_of_layer, small_step)
+        for whole, part in zip((low, high, certain), parts, strict=True):
+            whole[layer] = np.asarray(part)
     links = np.full(disparity.size, ALL_UNJOINED, dtype=np.uint32)
     held = np.flatnonzero(disparity)
     known = certain.reshape(-1)[held]
@@ -103,30 +103,25 @@ def _misfit(step: Any, own: Any, theirs: Any) -> Any:
 
 
 @jax.jit
-def _join_within_layers(
-    disparity: Float[Array, "l h w"],
-    slope_x: Float[Array, "l h w"],
-    slope_y: Float[Array, "l h w"],
-    small_step: Float[Array, ""],
-) -> tuple[Float[Array, "l h w"], Float[Array, "l h w"], UInt[Array, "l h w"]]:
-    """The extents that joins inside each layer give where they need no second thought, and a bit for each."""
+def _join_within_layer(
+    w: Float[Array, "h w"], gx: Float[Array, "h w"], gy: Float[Array, "h w"], small_step: Float[Array, ""]
+) -> tuple[Float[Array, "h w"], Float[Array, "h w"], UInt[Array, "h w"]]:
+    """The extents that joins inside a layer give where they need no second thought, and a bit for each.
 
-    def one_layer(planes: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        w, gx, gy = planes
-        held = w > 0
-        low = high = w
-        joins = jnp.zeros(w.shape, dtype=jnp.uint8)
-        for number, (dx, dy) in enumerate(NEIGHBOURS):
-            there, their_gx, their_gy = (_neighbour(a, dx, dy) for a in planes)
-            own, step = gx * dx + gy * dy, there - w
-            misfit = _misfit(step, own, their_gx * dx + their_gy * dy)
-            certain = held & (there > 0) & (misfit <= _CERTAIN * small_step)
-            half_way = jnp.where(certain, w + 0.5 * step, w)
-            low, high = jnp.minimum(low, half_way), jnp.maximum(high, half_way)
-            joins |= certain.astype(jnp.uint8) << number
-        return low, high, joins
-
-    return jax.lax.map(one_layer, (disparity, slope_x, slope_y))
+    Of samples of disparity `w` and slopes `gx` and `gy`.
+    """
+    held = w > 0
+    low = high = w
+    joins = jnp.zeros(w.shape, dtype=jnp.uint8)
+    for number, (dx, dy) in enumerate(NEIGHBOURS):
+        there, their_gx, their_gy = (_neighbour(a, dx, dy) for a in (w, gx, gy))
+        own, step = gx * dx + gy * dy, there - w
+        misfit = _misfit(step, own, their_gx * dx + their_gy * dy)
+        certain = held & (there > 0) & (misfit <= _CERTAIN * small_step)
+        half_way = jnp.where(certain, w + 0.5 * step, w)
+        low, high = jnp.minimum(low, half_way), jnp.maximum(high, half_way)
+        joins |= certain.astype(jnp.uint8) << number
+    return low, high, joins
 
 
 def _neighbour(a: Float[Array, "h w"], dx: int, dy: int) -> Float[Array, "h w"]:

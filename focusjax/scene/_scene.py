@@ -69,7 +69,9 @@ class Scene:
 
         def planes(field: str) -> tuple[Float[Array, "_"], ...] | None:
             values = np.stack([getattr(material, field) for material in self.materials])
-            return tuple(jnp.asarray(column, dtype=float) for column in values.T) if values.any() else None
+            # What is grey in all materials is looked up once, not three times.
+            columns = values.T[:1] if (values == values[:, :1]).all() else values.T
+            return tuple(jnp.asarray(column, dtype=float) for column in columns) if values.any() else None
 
         specular = planes("specular") if self.lights else None
         reflectance = planes("reflectance")

@@ -1,6 +1,6 @@
 """Gloss as each lens ray sees it, from its own point of the lens (Lee09 section 5)."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import equinox as eqx
 import jax
@@ -59,21 +59,30 @@ def gloss_at(
     camera, grid = planes.camera, planes.grid
     corners = tuple(corners)
 
-    def on_film(position: Float[Array, "2"]) -> Float[Array, "2"]:
-        return (position - grid.margin) / grid.supersampling
+    # Component by component, which XLA fuses into one pass (a matrix product per ray it does not).
+    pose, per_sample = camera.world_from_camera, 1.0 / (camera.focal_px * grid.supersampling)
+    centre_x, centre_y = camera.principal_point * grid.supersampling + grid.margin
 
-    to_eye = _unit(-camera.direction(on_film(ray.a)))
-    point = camera.unproject(on_film(ray.at(disparity)), disparity)
+    def towards(x: Float[Array, ""], y: Float[Array, ""]) -> list[Float[Array, ""]]:
+        """World direction of a place on the grid, 1 m along the view axis."""
+        across, down = (x - centre_x) * per_sample, (y - centre_y) * per_sample
+        return [pose[k, 0] * across - pose[k, 1] * down - pose[k, 2] for k in range(3)]
+
+    (a_x, a_y), (b_x, b_y) = ray.a, ray.b
+    to_eye = _unit([-part for part in towards(a_x, a_y)])
+    ahead = towards(a_x + b_x * disparity, a_y + b_y * disparity)
+    point = camera.position + jnp.stack(ahead) / disparity
     parts = [[part * weight for part in unpack_normal(planes.normal[i])] for i, weight in corners]
-    normal = _unit(jnp.stack([sum(axis, jnp.zeros_like(disparity)) for axis in zip(*parts, strict=True)]))
+    normal = _unit([sum(axis, jnp.zeros_like(disparity)) for axis in zip(*parts, strict=True)])
     material = planes.material[corners[0][0]].astype(jnp.int32)
     return planes.model(point, normal, to_eye, material)
 
 
-def _unit(vector: Float[Array, "3"]) -> Float[Array, "3"]:
-    """`vector` at length 1; normals that cancel out stay short, which leaves little of their gloss."""
-    square = jnp.sum(vector**2)
-    return vector * jax.lax.rsqrt(jnp.maximum(square, 1e-12))
+def _unit(parts: Sequence[Float[Array, ""]]) -> Float[Array, "3"]:
+    """A vector at length 1; normals that cancel out stay short, which leaves little of their gloss."""
+    square = sum((part**2 for part in parts), jnp.zeros_like(parts[0]))
+    scale = jax.lax.rsqrt(jnp.maximum(square, 1e-12))
+    return jnp.stack([part * scale for part in parts])
 
 
 @eqx.filter_jit

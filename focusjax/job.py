@@ -179,7 +179,12 @@ def _render(
     table = config.render
     with watch.stage("peel"):
         layers: Layers = peel(
-            scene, camera, lens, supersampling=table.supersampling, max_layers=table.max_layers
+            scene,
+            camera,
+            lens,
+            supersampling=table.supersampling,
+            max_layers=table.max_layers,
+            view_dependent=table.view_dependent,
         )
         jax.block_until_ready(eqx.filter(layers, eqx.is_array))
     with watch.stage("render"):

@@ -13,21 +13,22 @@ ALLOWED = {
     "lens": {"geometry"},
     "scene": {"geometry"},
     "focus": {"geometry", "lens"},
-    "layers": {"geometry", "lens", "scene"},
-    "trace": {"geometry", "lens", "scene", "layers"},
+    "layers": {"geometry", "lens", "scene", "_parallel"},
+    "trace": {"geometry", "lens", "scene", "layers", "_parallel"},
     "film": {"geometry", "lens", "scene", "layers"},
     "metrics": set(),
     # Slow or simple twins share no code with what they are compared with.
     "baselines": {"geometry", "lens", "scene"},
     "io": {"film"},
     "config": {"geometry", "lens", "scene", "focus"},
+    "_parallel": set(),
     "_stopwatch": set(),
     "job": {"geometry", "lens", "scene", "focus", "layers", "trace", "config", "_stopwatch"},
     "report": {"geometry", "lens", "focus", "io", "config", "job"},
     "cli": {"io", "config", "job", "report"},
 }
 # The public face re-exports from everywhere below the command line.
-ALLOWED["__init__"] = set(ALLOWED) - {"cli", "report", "config", "_stopwatch", "baselines"}
+ALLOWED["__init__"] = set(ALLOWED) - {"cli", "report", "config", "_parallel", "_stopwatch", "baselines"}
 
 
 def part_of(path: Path) -> str:

@@ -1,6 +1,7 @@
 """The picture by definition: cast every lens ray at the triangles themselves, with Embree.
 
-Shares nothing with the layers or the tracer but the lens that makes the rays and the scene's shader.
+Shares nothing with the layers or the tracer but the lens that makes the rays and the scene's shader, which
+looks at every point from where the ray starts, not from the lens centre.
 """
 
 import dataclasses
@@ -168,6 +169,7 @@ def _radiance(
         jnp.asarray(np.maximum(hits.triangle, 0), dtype=jnp.int32),
         jnp.asarray(hits.barycentric, dtype=real),
         jnp.asarray(width, dtype=real),
+        jnp.asarray(origins, dtype=real),
         jnp.asarray(directions, dtype=real),
         jnp.asarray(seen),
     )
@@ -192,10 +194,14 @@ def _colours(
     triangle: Int[Array, " n"],
     barycentric: Float[Array, "n 3"],
     width: Float[Array, " n"],
+    eye: Float[Array, "n 3"],
     direction: Float[Array, "n 3"],
     seen: Array,
 ) -> Float[Array, "n 3"]:
-    surface = jax.vmap(shader)(triangle, barycentric, width)
+    def seen_from(eye: Float[Array, "3"], *sample: Array) -> Float[Array, "3"]:
+        return dataclasses.replace(shader, eye=eye)(*sample)
+
+    surface = jax.vmap(seen_from)(eye, triangle, barycentric, width)
     return jnp.where(seen[:, None], surface, jax.vmap(background.radiance)(direction))
 
 

@@ -30,6 +30,9 @@ class ObjectTable(Table):
     shininess: Annotated[float, Field(ge=1, allow_inf_nan=False)] | None = Field(
         default=None, description="the highlight's Phong exponent, for example 40"
     )
+    reflectance: Share | Annotated[tuple[Share, Share, Share], Strict(False)] | None = Field(
+        default=None, description="the share of the background that is mirrored, 0 to 1, for example 0.2"
+    )
     smooth_angle_deg: Annotated[float, Field(ge=0, le=180)] | None = Field(
         default=None, description="the largest angle between faces that still looks smooth, in degrees"
     )

@@ -109,6 +109,9 @@ class RenderTable(Table):
     max_layers: Annotated[int, Field(ge=1, le=64)] = Field(
         default=16, description="the most layers to peel, up to 64"
     )
+    view_dependent: bool = Field(
+        default=False, description="true to let every lens ray see highlights and mirrors for itself"
+    )
     exposure: Number = Field(default=0.0, description="the exposure in stops; 1 doubles the brightness")
     png_bits: Literal[8, 16] = Field(default=8, description="8 or 16 bits per channel for image.png")
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = Field(

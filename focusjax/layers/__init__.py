@@ -4,6 +4,8 @@ from focusjax.layers._build import disparity_map as disparity_map
 from focusjax.layers._build import peel as peel
 from focusjax.layers._cells import covered as covered
 from focusjax.layers._cells import interval as interval
+from focusjax.layers._gloss import GlossSamples as GlossSamples
+from focusjax.layers._gloss import unpack_normal as unpack_normal
 from focusjax.layers._grid import Grid as Grid
 from focusjax.layers._joins import NEIGHBOURS as NEIGHBOURS
 from focusjax.layers._joins import SAME_LAYER as SAME_LAYER

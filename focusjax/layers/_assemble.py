@@ -12,6 +12,7 @@ from focusjax.geometry import Camera
 from focusjax.layers._attributes import surface_samples
 from focusjax.layers._cells import WHOLE, pack_cells
 from focusjax.layers._clip import ScreenTriangles
+from focusjax.layers._gloss import GlossSamples
 from focusjax.layers._grid import Grid
 from focusjax.layers._joins import Planes, join
 from focusjax.layers._layers import Layers
@@ -50,8 +51,11 @@ def assemble(
     *,
     max_layers: int,
     complete: bool,
+    least_layers: int = 1,
+    view_dependent: bool = False,
 ) -> Layers:
     """Layers of the fragments `chosen`, an index [h, w] for each layer, -1 where there is none."""
+    gloss = scene.gloss() if view_dependent else None
     triangles, grid, stamps, fragments = picture.triangles, picture.grid, picture.stamps, picture.fragments
     supersampling, parallax = grid.supersampling, float(lens.parallax(camera)) * grid.supersampling
     owner = np.stack(chosen) if chosen else np.full((1, grid.rows, grid.columns), -1)
@@ -65,13 +69,19 @@ def assemble(
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
         extent_m = 1.0 / (disparity * float(camera.focal_px) * supersampling)
         shading = pool.submit(
-            shaded, scene.shader(camera.position), surface.face, surface.barycentric, extent_m
+            shaded,
+            scene.shader(camera.position),
+            surface.face,
+            surface.barycentric,
+            extent_m,
+            gloss_apart=gloss is not None,
         )
         slopes = surface.slope.astype(real)
         planes = Planes(*(scattered(owner.shape, held, a) for a in (disparity, *slopes.T)))
         joins = join(planes, parallax)
         fringe = find_silhouettes(triangles, grid, planes, joins, parallax)
         count, place, added = _free_places(len(owner), grid.size, held, fringe.cell, max_layers)
+        count = max(count, least_layers)
         source = fringe.source[added]
         index = np.concatenate([held, place])
         low = np.concatenate([joins.low, fringe.low[added]])
@@ -89,18 +99,30 @@ def assemble(
             widest=2.0 * grid.margin + 4 * supersampling,
         )
         far = background(scene, camera, grid)
-        radiance = shading.result()
+        look = shading.result()
 
     shape = (count, grid.rows, grid.columns)
 
     def stored(samples: np.ndarray) -> Array:
         return on_device(scattered(shape, index, samples))
 
+    def with_fringe(samples: np.ndarray) -> np.ndarray:
+        """Values of the samples held, and after them those of the fringe: of the surface it continues."""
+        return np.concatenate([samples, samples[source]])
+
+    gloss_samples = None
+    if gloss is not None and look.normal is not None:
+        number = np.min_scalar_type(len(scene.materials) - 1)
+        gloss_samples = GlossSamples(
+            normal=stored(with_fringe(look.normal)),
+            material=stored(with_fringe(scene.face_material[surface.face].astype(number))),
+            model=gloss,
+        )
     triangle = np.full(shape, -1, dtype=np.int32)
     triangle.reshape(-1)[held] = surface.face
     return Layers(
         disparity=stored(np.concatenate([disparity, fringe.disparity[added]])),
-        radiance=stored(np.concatenate([radiance, radiance[source]])),
+        radiance=stored(with_fringe(look.radiance)),
         triangle=on_device(triangle),
         cells=stored(words),
         links=stored(np.concatenate([joins.links, np.zeros(len(place), dtype=np.uint32)])),
@@ -111,6 +133,7 @@ def assemble(
         camera=camera,
         grid=grid,
         complete=complete,
+        gloss=gloss_samples,
     )
 
 

@@ -5,6 +5,7 @@ import numpy as np
 from focusjax.geometry import Camera
 from focusjax.layers._assemble import assemble, rasterised
 from focusjax.layers._frame import frame
+from focusjax.layers._grid import Grid
 from focusjax.layers._layers import Layers
 from focusjax.layers._peel import peel_fragments
 from focusjax.lens import AbstractLens
@@ -20,6 +21,8 @@ def peel(
     max_layers: int = 8,
     near: float | None = None,
     umbra: bool = True,
+    view_dependent: bool = False,
+    like: Layers | None = None,
 ) -> Layers:
     """Every surface that a ray of `lens` can reach, as layers seen from the lens centre.
 
@@ -33,18 +36,49 @@ def peel(
         near: depth in metres from which surfaces count; a tenth of the focal length if not given.
         umbra: leave out what no ray of the lens can reach (Lee10 section 3.1). Without it each layer is
             the next surface, however hidden: more layers for the same picture. `umbra_saving` counts both.
+        view_dependent: keep normals and materials, so that every lens ray sees highlights and mirrored
+            surroundings from its own point of the lens (Lee09 section 5), for 5 bytes more a sample.
+            Otherwise they are painted on the surfaces as the lens centre sees them, which is quicker. Nothing
+            changes for scenes without either.
+        like: layers of another moment, of the same frame: margin and number of layers are at least theirs, so
+            that programs compiled for them serve again.
 
     Raises:
-        ValueError: a count below 1, or a surface so close to the lens that the margin its blur needs
-            does not fit in memory.
+        ValueError: a count below 1, a surface so close to the lens that the margin its blur needs
+            does not fit in memory, or layers to be like that are of another frame.
+
+    Example:
+        >>> frames = [peel(scene, camera, lens)]  # doctest: +SKIP
+        >>> frames.append(peel(moved, camera, lens, like=frames[-1]))  # doctest: +SKIP
     """
     for name, value in (("supersampling", supersampling), ("max_layers", max_layers)):
         if value < 1:
             raise ValueError(f"{name} is {value}; expected at least 1")
+    if like is not None:
+        theirs, ours = (
+            (grid.width, grid.height, grid.supersampling)
+            for grid in (like.grid, Grid(camera.width, camera.height, supersampling, 0))
+        )
+        if theirs != ours:
+            raise ValueError(
+                f"the layers to be like are of {theirs[0]} x {theirs[1]} pixels at a supersampling of"
+                f" {theirs[2]}; expected {ours[0]} x {ours[1]} at {ours[2]}, so leave `like` out"
+            )
     parallax = float(lens.parallax(camera)) * supersampling
-    picture = rasterised(*frame(scene, camera, lens, supersampling, near))
+    least_margin, least_layers = (0, 1) if like is None else (like.grid.margin, like.count)
+    picture = rasterised(*frame(scene, camera, lens, supersampling, near, least_margin=least_margin))
     chosen, complete = peel_fragments(picture.fragments, picture.grid, parallax, max_layers, umbra=umbra)
-    return assemble(scene, camera, lens, picture, chosen, max_layers=max_layers, complete=complete)
+    return assemble(
+        scene,
+        camera,
+        lens,
+        picture,
+        chosen,
+        least_layers=least_layers,
+        max_layers=max_layers,
+        complete=complete,
+        view_dependent=view_dependent,
+    )
 
 
 def disparity_map(scene: Scene, camera: Camera) -> np.ndarray:

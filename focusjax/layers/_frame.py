@@ -23,7 +23,13 @@ _MARGIN_STEP = 8
 
 
 def frame(
-    scene: Scene, camera: Camera, lens: AbstractLens | None, supersampling: int, near: float | None
+    scene: Scene,
+    camera: Camera,
+    lens: AbstractLens | None,
+    supersampling: int,
+    near: float | None,
+    *,
+    least_margin: int = 0,
 ) -> tuple[ScreenTriangles, Grid]:
     """The triangles that matter, in the coordinates of the grid that holds them."""
     inner = Grid(camera.width, camera.height, supersampling, 0)
@@ -39,17 +45,17 @@ def frame(
     triangles = clip_to_near(homogeneous_image(scene.vertices, camera, inner), scene.faces, depth)
     reach = _reach(lens, camera, supersampling)
     triangles = triangles.take(np.flatnonzero(reachable(triangles, inner, reach)))
-    margin = 0
+    margin = least_margin
     if lens is not None and float(lens.parallax(camera)) > 0:
         widest = needed_margin(triangles, inner, reach)
         if not isinstance(scene.background, ConstantBackground):
             widest = max(widest, float(reach(np.zeros(1))[0]))
         # One empty ring more, so that a ray outside the grid is told of nothing.
-        margin = int(np.ceil(widest)) + 1
+        needed = int(np.ceil(widest)) + 1
         # Whole pixels, so that blocks of the range pyramid line up with them, and coarse steps, so
         # that a small change of the lens keeps the shapes that are already compiled.
         step = _MARGIN_STEP * supersampling
-        margin = -(-margin // step) * step
+        margin = max(least_margin, -(-needed // step) * step)
     grid = Grid(camera.width, camera.height, supersampling, margin)
     if grid.size > _MOST_SAMPLES:
         raise ValueError(

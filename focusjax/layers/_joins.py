@@ -84,11 +84,17 @@ def join(planes: Planes, parallax: float) -> Joins:
     size = disparity[0].size
     counts = np.diff(np.searchsorted(held, size * np.arange(len(disparity) + 1)))
     filled = int(np.sum(counts > _SPARSE * size))
-    if filled:
-        there = held[: counts[:filled].sum()]
-        dense = (a[:filled] for a in (disparity, *slopes))
-        for whole, part in zip((low, high, certain), _join_within_layers(*dense, small_step), strict=True):
-            whole[: len(there)] = np.asarray(part).reshape(-1)[there]
+    ends = np.cumsum(counts)
+
+    def inside(layer: int) -> None:
+        # One layer at a call, so that their number does not ask for another program.
+        part = slice(ends[layer] - counts[layer], ends[layer])
+        there = held[part] - size * layer
+        found = _join_within_layer(disparity[layer], slopes[0][layer], slopes[1][layer], small_step)
+        for whole, values in zip((low, high, certain), found, strict=True):
+            whole[part] = np.asarray(values).reshape(-1)[there]
+
+    in_parallel(inside, range(filled))
 
     def towards(number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         open_ = np.flatnonzero((certain >> number) & 1 == 0)
@@ -110,30 +116,25 @@ def _misfit(step: Any, own: Any, theirs: Any) -> Any:
 
 
 @jax.jit
-def _join_within_layers(
-    disparity: Float[Array, "l h w"],
-    slope_x: Float[Array, "l h w"],
-    slope_y: Float[Array, "l h w"],
-    small_step: Float[Array, ""],
-) -> tuple[Float[Array, "l h w"], Float[Array, "l h w"], UInt[Array, "l h w"]]:
-    """The extents that joins inside each layer give where they need no second thought, and a bit for each."""
+def _join_within_layer(
+    w: Float[Array, "h w"], gx: Float[Array, "h w"], gy: Float[Array, "h w"], small_step: Float[Array, ""]
+) -> tuple[Float[Array, "h w"], Float[Array, "h w"], UInt[Array, "h w"]]:
+    """The extents that joins inside a layer give where they need no second thought, and a bit for each.
 
-    def one_layer(planes: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        w, gx, gy = planes
-        held = w > 0
-        low = high = w
-        joins = jnp.zeros(w.shape, dtype=jnp.uint8)
-        for number, (dx, dy) in enumerate(NEIGHBOURS):
-            there, their_gx, their_gy = (_neighbour(a, dx, dy) for a in planes)
-            own, step = gx * dx + gy * dy, there - w
-            misfit = _misfit(step, own, their_gx * dx + their_gy * dy)
-            certain = held & (there > 0) & (misfit <= _CERTAIN * small_step)
-            half_way = jnp.where(certain, w + 0.5 * step, w)
-            low, high = jnp.minimum(low, half_way), jnp.maximum(high, half_way)
-            joins |= certain.astype(jnp.uint8) << number
-        return low, high, joins
-
-    return jax.lax.map(one_layer, (disparity, slope_x, slope_y))
+    Of samples of disparity `w` and slopes `gx` and `gy`.
+    """
+    held = w > 0
+    low = high = w
+    joins = jnp.zeros(w.shape, dtype=jnp.uint8)
+    for number, (dx, dy) in enumerate(NEIGHBOURS):
+        there, their_gx, their_gy = (_neighbour(a, dx, dy) for a in (w, gx, gy))
+        own, step = gx * dx + gy * dy, there - w
+        misfit = _misfit(step, own, their_gx * dx + their_gy * dy)
+        certain = held & (there > 0) & (misfit <= _CERTAIN * small_step)
+        half_way = jnp.where(certain, w + 0.5 * step, w)
+        low, high = jnp.minimum(low, half_way), jnp.maximum(high, half_way)
+        joins |= certain.astype(jnp.uint8) << number
+    return low, high, joins
 
 
 def _neighbour(a: Float[Array, "h w"], dx: int, dy: int) -> Float[Array, "h w"]:

@@ -5,6 +5,7 @@ import jax
 from jaxtyping import Array, Float, Int, UInt
 
 from focusjax.geometry import Camera
+from focusjax.layers._gloss import GlossSamples
 from focusjax.layers._grid import Grid
 from focusjax.layers._pyramid import RangePyramid
 from focusjax.lens import AbstractLens
@@ -20,7 +21,7 @@ class Layers(eqx.Module):
     Attributes:
         disparity: 1/m [l, h, w]; 0 where the layer holds nothing. Fringe samples, where a surface reaches
             into the square but misses its centre, lie in the first layer that is free there.
-        radiance: linear radiance [l, h, w, 3].
+        radiance: linear radiance [l, h, w, 3], without what `gloss` adds.
         triangle: the scene's face [l, h, w] at the sample's centre; -1 where there is none.
         cells: packed disparity interval and outline [l, h, w] of each sample; see `_cells`.
         links: packed joins [l, h, w] to the eight neighbours; see `_joins`.
@@ -31,6 +32,8 @@ class Layers(eqx.Module):
         camera: the camera they are seen from.
         grid: the sample grid (static).
         complete: whether every surface is here but those known to be hidden (static).
+        gloss: what highlights and mirrored surroundings depend on, for each ray to work them out; None where
+            they are in `radiance` already, as seen from the lens centre.
     """
 
     disparity: Float[Array, "l h w"]
@@ -45,6 +48,7 @@ class Layers(eqx.Module):
     camera: Camera
     grid: Grid = eqx.field(static=True)
     complete: bool = eqx.field(static=True)
+    gloss: GlossSamples | None = None
 
     @property
     def count(self) -> int:

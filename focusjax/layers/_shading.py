@@ -1,13 +1,16 @@
 """The radiance of surface samples, and what is seen behind them."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, UInt
 
 from focusjax._parallel import in_parallel, parts
 from focusjax.geometry import Camera
+from focusjax.layers._gloss import pack_normal
 from focusjax.layers._grid import Grid
 from focusjax.layers._stamps import pad_rows
 from focusjax.scene import AbstractBackground, ConstantBackground, Scene, Shader
@@ -15,28 +18,60 @@ from focusjax.scene import AbstractBackground, ConstantBackground, Scene, Shader
 _SHADED_AT_ONCE = 1 << 18
 
 
+@dataclasses.dataclass(frozen=True)
+class ShadedSamples:
+    """Surface samples as they look.
+
+    Attributes:
+        radiance: [n, 3], gloss left out where `normal` is there to work it out.
+        normal: packed normals [n], or None.
+    """
+
+    radiance: np.ndarray
+    normal: np.ndarray | None
+
+
 @eqx.filter_jit
 def _shade_block(
-    shader: Shader, face: Int[Array, " n"], barycentric: Float[Array, "n 3"], extent: Float[Array, " n"]
-) -> Float[Array, "n 3"]:
+    shader: Shader,
+    face: Int[Array, " n"],
+    barycentric: Float[Array, "n 3"],
+    extent: Float[Array, " n"],
+    *,
+    gloss_apart: bool,
+) -> tuple[Float[Array, "n 3"], UInt[Array, " n"] | None]:
+    def one(sample: tuple[Array, Array, Array]) -> tuple[Array, Array | None]:
+        if not gloss_apart:
+            return shader(*sample), None
+        surface = shader.surface(*sample)
+        assert surface.normal is not None
+        return surface.matt, pack_normal(surface.normal)
+
     # Blocks that fit the cache: look-ups of a million samples at once would spill it.
-    return jax.lax.map(lambda sample: shader(*sample), (face, barycentric, extent), batch_size=4096)
+    return jax.lax.map(one, (face, barycentric, extent), batch_size=4096)
 
 
-def shaded(shader: Shader, face: np.ndarray, barycentric: np.ndarray, extent: np.ndarray) -> np.ndarray:
-    """Radiance [n, 3] of the surface samples."""
+def shaded(
+    shader: Shader, face: np.ndarray, barycentric: np.ndarray, extent: np.ndarray, *, gloss_apart: bool
+) -> ShadedSamples:
+    """The surface samples as seen by the shader's eye, with gloss or apart from it."""
     real = jnp.zeros(()).dtype
 
-    def block(part: slice) -> np.ndarray:
+    def block(part: slice) -> tuple[np.ndarray, np.ndarray | None]:
         inputs = [
             pad_rows(a[part], _SHADED_AT_ONCE) for a in (face, barycentric.astype(real), extent.astype(real))
         ]
-        shaded = _shade_block(shader, *(jnp.asarray(a) for a in inputs))
-        return np.asarray(shaded)[: part.stop - part.start]
+        radiance, normal = _shade_block(shader, *(jnp.asarray(a) for a in inputs), gloss_apart=gloss_apart)
+        count = part.stop - part.start
+        return np.asarray(radiance)[:count], None if normal is None else np.asarray(normal)[:count]
 
     # The blocks are scanned, which XLA does on one core: a CPU is given one per core at a time.
     blocks = in_parallel(block, parts(len(face), _SHADED_AT_ONCE))
-    return np.concatenate([np.zeros((0, 3), dtype=real), *blocks])
+    radiance = np.concatenate([np.zeros((0, 3), dtype=real), *(part for part, _ in blocks)])
+    if not gloss_apart:
+        return ShadedSamples(radiance, None)
+    normals = [np.asarray(part, dtype=np.uint32) for _, part in blocks]
+    return ShadedSamples(radiance, np.concatenate([np.zeros(0, dtype=np.uint32), *normals]))
 
 
 @eqx.filter_jit

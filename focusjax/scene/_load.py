@@ -35,6 +35,7 @@ def load_mesh(
     emission: object = None,
     specular: object = None,
     shininess: float | None = None,
+    reflectance: object = None,
     smooth_angle: float | None = None,
 ) -> SceneObject:
     """A mesh file (glb, gltf, obj, ply, stl, off and more) as one object of a scene.
@@ -54,6 +55,7 @@ def load_mesh(
         emission: linear radiance the surface sends out, instead of the file's; may exceed 1.
         specular: linear Phong coefficient instead of the file's.
         shininess: Phong exponent, at least 1, instead of the file's.
+        reflectance: share of the background that is mirrored, 0 to 1; files are taken to mirror nothing.
         smooth_angle: degrees up to which edges are shaded smooth. By default the file's normals
             are used, and 40 degrees where it has none.
 
@@ -78,7 +80,7 @@ def load_mesh(
     parts = [
         dataclasses.replace(
             part,
-            material=_overridden(part.material, colour, emission, specular, shininess),
+            material=_overridden(part.material, colour, emission, specular, shininess, reflectance),
             colours=None if colour is not None else part.colours,
         )
         for part in parts
@@ -208,7 +210,12 @@ def _moved(part: Part, matrix: Float[np.ndarray, "4 4"]) -> Part:
 
 
 def _overridden(
-    material: Material, colour: object, emission: object, specular: object, shininess: float | None
+    material: Material,
+    colour: object,
+    emission: object,
+    specular: object,
+    shininess: float | None,
+    reflectance: object,
 ) -> Material:
     """`material` with the values given in its place."""
     changes: dict[str, object] = {}
@@ -221,4 +228,6 @@ def _overridden(
         changes["specular"] = triple(specular, "specular")
     if shininess is not None:
         changes["shininess"] = shininess_of(shininess)
+    if reflectance is not None:
+        changes["reflectance"] = triple(reflectance, "reflectance", largest=1.0)
     return dataclasses.replace(material, **changes)  # type: ignore[arg-type]

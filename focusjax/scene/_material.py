@@ -1,6 +1,6 @@
 """How a surface answers light: constants of one material, and the checks of their values."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +11,7 @@ UNTEXTURED = -1
 
 @dataclass(frozen=True)
 class Material:
-    """Lambert reflection, a Phong highlight and light of its own, all linear RGB.
+    """Lambert reflection, a Phong highlight, a mirror and light of its own, all linear RGB.
 
     Attributes:
         base_colour: albedo [3], 0 to 1; vertex colours and texture multiply it.
@@ -19,6 +19,8 @@ class Material:
         specular: Phong coefficient [3]; 0 is matt.
         shininess: Phong exponent, at least 1; the larger, the smaller the highlight.
         texture: number of the base-colour texture, or -1.
+        reflectance: share [3] of the surroundings at infinity that the surface mirrors, 0 to 1. It is added
+            to the rest: a polished metal has a black base colour.
     """
 
     base_colour: Float[np.ndarray, "3"]
@@ -26,6 +28,7 @@ class Material:
     specular: Float[np.ndarray, "3"]
     shininess: float = 32.0
     texture: int = UNTEXTURED
+    reflectance: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
 
 
 def triple(value: object, what: str, *, largest: float = float("inf")) -> Float[np.ndarray, "3"]:

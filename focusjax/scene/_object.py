@@ -72,6 +72,7 @@ def make_object(
     emission: object = 0.0,
     specular: object = 0.0,
     shininess: float = 32.0,
+    reflectance: object = 0.0,
     smooth_angle: float = DEFAULT_SMOOTH_ANGLE,
     translate: Sequence[float] = (0.0, 0.0, 0.0),
     rotate: Sequence[float] = (0.0, 0.0, 0.0),
@@ -90,6 +91,7 @@ def make_object(
         emission: linear radiance, may exceed 1.
         specular: linear Phong coefficient.
         shininess: Phong exponent, at least 1.
+        reflectance: share of the background that is mirrored, 0 to 1; one number or three.
         smooth_angle: degrees up to which edges are shaded smooth; 0 to 180.
         translate: metres.
         rotate: as in `placement`.
@@ -114,6 +116,7 @@ def make_object(
             specular=triple(specular, f"specular of {what}"),
             shininess=shininess_of(shininess),
             texture=-1 if texture is None else 0,
+            reflectance=triple(reflectance, f"reflectance of {what}", largest=1.0),
         ),
         uv=None if uv is None else np.asarray(uv, dtype=np.float64),
         colours=None if vertex_colours is None else np.asarray(vertex_colours, dtype=np.float64),

@@ -10,6 +10,7 @@ from jaxtyping import Array, ArrayLike, Float, Int
 
 from focusjax.scene._atlas import make_atlas
 from focusjax.scene._background import AbstractBackground, constant_background
+from focusjax.scene._gloss import Gloss
 from focusjax.scene._lights import AbstractLight, light_colour
 from focusjax.scene._material import Material
 from focusjax.scene._object import SceneObject
@@ -63,6 +64,27 @@ class Scene:
             raise ValueError(f"there is no object named {name!r}; {hint}")
         return self.objects[name]
 
+    def gloss(self) -> Gloss | None:
+        """What depends on where the surfaces are seen from; None when all of them are matt or unlit."""
+
+        def planes(field: str) -> tuple[Float[Array, "_"], ...] | None:
+            values = np.stack([getattr(material, field) for material in self.materials])
+            # What is grey in all materials is looked up once, not three times.
+            columns = values.T[:1] if (values == values[:, :1]).all() else values.T
+            return tuple(jnp.asarray(column, dtype=float) for column in columns) if values.any() else None
+
+        specular = planes("specular") if self.lights else None
+        reflectance = planes("reflectance")
+        if self.unlit or (specular is None and reflectance is None):
+            return None
+        return Gloss(
+            specular=specular,
+            shininess=jnp.asarray([material.shininess for material in self.materials], dtype=float),
+            reflectance=reflectance,
+            lights=() if specular is None else self.lights,
+            background=None if reflectance is None else self.background,
+        )
+
     def shader(self, eye: ArrayLike | Sequence[float]) -> Shader:
         """The shader of this scene for a camera at `eye` (world metres)."""
 
@@ -92,8 +114,7 @@ class Scene:
             face_material=jnp.asarray(self.face_material, dtype=jnp.int32),
             base_colour=materials("base_colour"),
             emission=materials("emission") if used("emission") else None,
-            specular=materials("specular") if used("specular") and not self.unlit else None,
-            shininess=jnp.asarray([material.shininess for material in self.materials], dtype=float),
+            gloss=self.gloss(),
             texturing=texturing,
             lights=() if self.unlit else self.lights,
             ambient=jnp.asarray(self.ambient, dtype=float),

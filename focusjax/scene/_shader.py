@@ -5,11 +5,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from focusjax.scene._atlas import Atlas
+from focusjax.scene._gloss import Gloss
 from focusjax.scene._lights import AbstractLight
-from focusjax.scene._vectors import dot, unit
-
-Planes = tuple[Float[Array, "_"], ...]
-"""One flat array per component: on a CPU, gathering these is faster than gathering rows."""
+from focusjax.scene._vectors import Planes, dot, unit
 
 
 class Texturing(eqx.Module):
@@ -28,15 +26,33 @@ class Texturing(eqx.Module):
     texels_per_metre: Float[Array, "_"]
 
 
+class SurfacePoint(eqx.Module):
+    """A shaded point, all but its gloss.
+
+    Attributes:
+        matt: linear radiance, the same from wherever that side of the surface is seen.
+        point: world metres.
+        normal: unit shading normal on the side of the eye; None when unlit.
+        to_eye: unit direction to the eye.
+        material: number of the material.
+    """
+
+    matt: Float[Array, "3"]
+    point: Float[Array, "3"]
+    normal: Float[Array, "3"] | None
+    to_eye: Float[Array, "3"]
+    material: Int[Array, ""]
+
+
 class Shader(eqx.Module):
     """The outgoing radiance towards `eye` of points on a scene's triangles.
 
-    With albedo rho = base colour x vertex colour x texture, unit normal n, unit direction e to the
-    eye, and for each light the direction l to it, its light L, and l mirrored at n, r:
+    With albedo rho = base colour x vertex colour x texture, unit normal n, and for each light the direction
+    l to it and its light L:
 
-        radiance = emission + rho (ambient + sum L max(n.l, 0)) + k_s sum L max(r.e, 0)^shininess,
+        radiance = emission + rho (ambient + sum L max(n.l, 0)) + gloss,
 
-    the last sum over lights above the surface only (Phong 1975). Unlit: emission + rho. Surfaces
+    where `Gloss` says what highlights and mirrored surroundings add. Unlit: emission + rho. Surfaces
     have two sides: n is turned to the side of the triangle that the eye sees.
 
     Everything is a pytree leaf, so a gradient can reach light, albedo and texture; what a scene
@@ -51,8 +67,7 @@ class Shader(eqx.Module):
     face_material: Int[Array, "_"]
     base_colour: Planes
     emission: Planes | None
-    specular: Planes | None
-    shininess: Float[Array, "_"]
+    gloss: Gloss | None
     texturing: Texturing | None
     lights: tuple[AbstractLight, ...]
     ambient: Float[Array, "3"]
@@ -68,6 +83,15 @@ class Shader(eqx.Module):
             barycentric: perspective-correct weights [3] of that face's vertices, which sum to 1.
             extent: width in metres of the patch the sample stands for; sets the texture's mip level.
         """
+        surface = self.surface(triangle, barycentric, extent)
+        if self.gloss is None or surface.normal is None:
+            return surface.matt
+        return surface.matt + self.gloss(surface.point, surface.normal, surface.to_eye, surface.material)
+
+    def surface(
+        self, triangle: Int[Array, ""], barycentric: Float[Array, "3"], extent: Float[Array, ""]
+    ) -> SurfacePoint:
+        """One point without its gloss; arguments as for calling."""
         corners = [corner[triangle] for corner in self.faces]
 
         def at_corners(planes: Planes) -> list[Float[Array, "_"]]:
@@ -90,12 +114,12 @@ class Shader(eqx.Module):
             footprint = extent * look_up.texels_per_metre[triangle]
             albedo = albedo * look_up.atlas(look_up.texture[material], blend(look_up.uv), footprint)
         own = jnp.zeros_like(albedo) if self.emission is None else constant(self.emission)
-        if self.normals is None:
-            return own + albedo
-
         first, second, third = at_corners(self.positions)
         point = barycentric[0] * first + barycentric[1] * second + barycentric[2] * third
         to_eye = unit(self.eye - point, otherwise=jnp.asarray([0.0, 0.0, 1.0], dtype=point.dtype))
+        if self.normals is None:
+            return SurfacePoint(own + albedo, point, None, to_eye, material)
+
         flat = jnp.cross(second - first, third - first)
         normal = unit(blend(self.normals), otherwise=to_eye)
         # The flat side decides, not the shading normal itself: near the outline of a smooth object
@@ -105,14 +129,7 @@ class Shader(eqx.Module):
         normal = normal * agrees * faces_eye
 
         diffuse = self.ambient
-        highlight = jnp.zeros_like(diffuse)
         for light in self.lights:
             to_light, arriving = light.arriving(point)
-            cosine = dot(normal, to_light)
-            diffuse = diffuse + arriving * jnp.maximum(cosine, 0.0)
-            if self.specular is not None:
-                mirrored = 2.0 * cosine * normal - to_light
-                lobe = jnp.maximum(dot(mirrored, to_eye), 0.0) ** self.shininess[material]
-                highlight = highlight + jnp.where(cosine > 0.0, arriving * lobe, 0.0)
-        radiance = own + albedo * diffuse
-        return radiance if self.specular is None else radiance + constant(self.specular) * highlight
+            diffuse = diffuse + arriving * jnp.maximum(dot(normal, to_light), 0.0)
+        return SurfacePoint(own + albedo * diffuse, point, normal, to_eye, material)

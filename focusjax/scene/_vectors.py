@@ -3,6 +3,9 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+Planes = tuple[Float[Array, "_"], ...]
+"""One flat array per component: on a CPU, gathering these is faster than gathering rows."""
+
 
 def dot(left: Float[Array, "n"], right: Float[Array, "n"]) -> Float[Array, ""]:
     """Inner product, as a sum: a million small matrix products are many times slower on a CPU."""

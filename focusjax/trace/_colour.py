@@ -7,6 +7,7 @@ from jaxtyping import Array, Float, Int, UInt
 
 from focusjax.geometry import LensRay
 from focusjax.layers import SAME_LAYER, UNJOINED, Layers
+from focusjax.trace._gloss import GlossPlanes, gloss_at, gloss_planes
 
 
 class Surface(eqx.Module):
@@ -17,6 +18,7 @@ class Surface(eqx.Module):
         disparity: 1/m [n].
         links: packed joins to neighbours [n].
         background: red, green and blue, each [m], at infinity.
+        gloss: what to add for each ray; None where gloss is part of `radiance`.
         columns: samples per row (static).
         rows: rows (static).
     """
@@ -25,6 +27,7 @@ class Surface(eqx.Module):
     disparity: Float[Array, " n"]
     links: UInt[Array, " n"]
     background: tuple[Float[Array, " m"], ...]
+    gloss: GlossPlanes | None
     columns: int = eqx.field(static=True)
     rows: int = eqx.field(static=True)
 
@@ -37,6 +40,7 @@ def surface_of(layers: Layers) -> Surface:
         disparity=layers.disparity.reshape(-1),
         links=layers.links.reshape(-1),
         background=tuple(layers.background[..., k].reshape(-1) for k in range(3)),
+        gloss=gloss_planes(layers),
         columns=layers.grid.columns,
         rows=layers.grid.rows,
     )
@@ -80,4 +84,8 @@ def radiance_at(surface: Surface, ray: LensRay, hit: Int[Array, ""]) -> Float[Ar
     for plane, far_plane in zip(surface.radiance, surface.background, strict=True):
         near = sum((plane[i] * weight for i, weight in corners), jnp.zeros_like(x))
         channels.append(jnp.where(met, near, far_plane[behind]))
-    return jnp.stack(channels)
+    radiance = jnp.stack(channels)
+    if surface.gloss is None:
+        return radiance
+    gloss = gloss_at(surface.gloss, ray, jnp.where(met, disparity, 1.0), corners)
+    return radiance + jnp.where(met, gloss, 0.0)

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.layers import Layers, covered
+from focusjax.trace._gloss import radiance_from_centre
 
 _PLACES = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
 """Offsets (dx, dy) in samples at which each sample is looked at, all in different rows and columns."""
@@ -30,14 +31,14 @@ def render_pinhole(layers: Layers) -> Float[Array, "h w 3"]:
 @eqx.filter_jit
 def _seen(layers: Layers) -> Float[Array, "h w 3"]:
     """Mean radiance of each sample of the grid."""
-    shape = layers.cells.shape[1:]
+    shape, radiances = layers.cells.shape[1:], radiance_from_centre(layers)
 
     def at_place(place: Float[Array, "2"]) -> Float[Array, "h w 3"]:
         dx, dy = (jnp.broadcast_to(place[k], shape) for k in (0, 1))
         # Words are ordered by their nearest disparity.
         nearest = jnp.zeros(shape, dtype=layers.cells.dtype)
         colour = layers.background
-        for words, radiance in zip(layers.cells, layers.radiance, strict=True):
+        for words, radiance in zip(layers.cells, radiances, strict=True):
             shows = covered(words, dx, dy) & (words > nearest)
             nearest = jnp.where(shows, words, nearest)
             colour = jnp.where(shows[..., None], radiance, colour)

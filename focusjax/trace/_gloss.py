@@ -1,0 +1,108 @@
+"""Gloss as each lens ray sees it, from its own point of the lens (Lee09 section 5)."""
+
+from collections.abc import Iterable, Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, UInt
+
+from focusjax.geometry import Camera, LensRay
+from focusjax.layers import Grid, Layers, unpack_normal
+from focusjax.scene import Gloss
+
+
+class GlossPlanes(eqx.Module):
+    """The layers' glossy surfaces as flat planes.
+
+    Attributes:
+        normal: packed normals [n] over every sample of every layer.
+        material: material number [n].
+        model: what materials, lights and surroundings make of them.
+        camera: the camera that the layers were peeled from.
+        grid: the layers' grid (static).
+    """
+
+    normal: UInt[Array, " n"]
+    material: UInt[Array, " n"]
+    model: Gloss
+    camera: Camera
+    grid: Grid = eqx.field(static=True)
+
+
+def gloss_planes(layers: Layers) -> GlossPlanes | None:
+    """The flat planes of `layers`, or None where gloss is part of their radiance."""
+    if layers.gloss is None:
+        return None
+    samples = layers.gloss
+    flat = samples.normal.reshape(-1), samples.material.reshape(-1)
+    return GlossPlanes(*flat, samples.model, layers.camera, layers.grid)
+
+
+def gloss_at(
+    planes: GlossPlanes,
+    ray: LensRay,
+    disparity: Float[Array, ""],
+    corners: Iterable[tuple[Int[Array, ""], Float[Array, ""]]],
+) -> Float[Array, "3"]:
+    """Radiance that gloss adds where `ray` (in grid units) meets a surface at `disparity` (1/m, above 0).
+
+    A ray is straight, so the direction back to its point of the lens is that of its image at infinity,
+    reversed: the line q(w) = a + b w tells both ends of it.
+
+    Args:
+        planes: the surfaces.
+        ray: seen along.
+        disparity: where it meets the surface.
+        corners: samples around the hit and their weights, which sum to 1; the first is the one that was hit.
+    """
+    camera, grid = planes.camera, planes.grid
+    corners = tuple(corners)
+
+    # Component by component, which XLA fuses into one pass (a matrix product per ray it does not).
+    pose, per_sample = camera.world_from_camera, 1.0 / (camera.focal_px * grid.supersampling)
+    centre_x, centre_y = camera.principal_point * grid.supersampling + grid.margin
+
+    def towards(x: Float[Array, ""], y: Float[Array, ""]) -> list[Float[Array, ""]]:
+        """World direction of a place on the grid, 1 m along the view axis."""
+        across, down = (x - centre_x) * per_sample, (y - centre_y) * per_sample
+        return [pose[k, 0] * across - pose[k, 1] * down - pose[k, 2] for k in range(3)]
+
+    (a_x, a_y), (b_x, b_y) = ray.a, ray.b
+    to_eye = _unit([-part for part in towards(a_x, a_y)])
+    ahead = towards(a_x + b_x * disparity, a_y + b_y * disparity)
+    point = camera.position + jnp.stack(ahead) / disparity
+    parts = [[part * weight for part in unpack_normal(planes.normal[i])] for i, weight in corners]
+    normal = _unit([sum(axis, jnp.zeros_like(disparity)) for axis in zip(*parts, strict=True)])
+    material = planes.material[corners[0][0]].astype(jnp.int32)
+    return planes.model(point, normal, to_eye, material)
+
+
+def _unit(parts: Sequence[Float[Array, ""]]) -> Float[Array, "3"]:
+    """A vector at length 1; normals that cancel out stay short, which leaves little of their gloss."""
+    square = sum((part**2 for part in parts), jnp.zeros_like(parts[0]))
+    scale = jax.lax.rsqrt(jnp.maximum(square, 1e-12))
+    return jnp.stack([part * scale for part in parts])
+
+
+@eqx.filter_jit
+def radiance_from_centre(layers: Layers) -> Float[Array, "l h w 3"]:
+    """Radiance of every sample, gloss included, as the lens centre sees it."""
+    planes = gloss_planes(layers)
+    if planes is None:
+        return layers.radiance
+    columns, rows = layers.grid.columns, layers.grid.rows
+
+    def one(index: Int[Array, ""], disparity: Float[Array, ""]) -> Float[Array, "3"]:
+        place = jnp.stack([index % columns, index // columns % rows]).astype(disparity.dtype) + 0.5
+        ray = LensRay(a=place, b=jnp.zeros_like(place), weight=jnp.ones_like(disparity))
+        held = disparity > 0
+        gloss = gloss_at(planes, ray, jnp.where(held, disparity, 1.0), [(index, jnp.ones_like(disparity))])
+        return jnp.where(held, gloss, 0.0)
+
+    index = jnp.arange(layers.disparity.size, dtype=jnp.int32).reshape(layers.count, -1)
+    # One layer at a time, to hold little at once.
+    gloss = jax.lax.map(
+        lambda layer: jax.vmap(one)(*layer), (index, layers.disparity.reshape(layers.count, -1))
+    )
+    return layers.radiance + gloss.reshape(layers.radiance.shape)

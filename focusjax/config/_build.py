@@ -187,6 +187,7 @@ def _object(table: ObjectTable, number: int, folder: Path) -> SceneObject:
         "emission": table.emission,
         "specular": table.specular,
         "shininess": table.shininess,
+        "opacity": table.opacity,
         "smooth_angle": table.smooth_angle_deg,
     }
     return load_mesh(

@@ -30,6 +30,9 @@ class ObjectTable(Table):
     shininess: Annotated[float, Field(ge=1, allow_inf_nan=False)] | None = Field(
         default=None, description="the highlight's Phong exponent, for example 40"
     )
+    opacity: Share | None = Field(
+        default=None, description="how much of it is there, from 0 to 1, instead of what the file says"
+    )
     smooth_angle_deg: Annotated[float, Field(ge=0, le=180)] | None = Field(
         default=None, description="the largest angle between faces that still looks smooth, in degrees"
     )

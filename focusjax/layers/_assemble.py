@@ -15,6 +15,7 @@ from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
 from focusjax.layers._joins import ALL_UNJOINED, Planes, join
 from focusjax.layers._layers import Layers
+from focusjax.layers._opacity import with_opacity
 from focusjax.layers._pyramid import build_ranges
 from focusjax.layers._raster import Fragments, rasterise
 from focusjax.layers._shading import background, shaded
@@ -26,18 +27,20 @@ from focusjax.scene import Scene
 
 @dataclasses.dataclass(frozen=True)
 class Rasterised:
-    """Triangles on a grid and all that they cover there."""
+    """Triangles on a grid, all that they cover there, and how much of it is there (None: all of it)."""
 
     triangles: ScreenTriangles
     grid: Grid
     stamps: Stamps
     fragments: Fragments
+    opacity: np.ndarray | None
 
 
-def rasterised(triangles: ScreenTriangles, grid: Grid) -> Rasterised:
-    """Everything that `triangles` cover on `grid`."""
+def rasterised(scene: Scene, camera: Camera, triangles: ScreenTriangles, grid: Grid) -> Rasterised:
+    """Everything that `triangles` of `scene` cover on `grid`."""
     stamps = dice(triangles, grid)
-    return Rasterised(triangles, grid, stamps, rasterise(stamps, grid))
+    covered = rasterise(stamps, grid)
+    return Rasterised(triangles, grid, stamps, *with_opacity(scene, camera, triangles, grid, stamps, covered))
 
 
 def assemble(
@@ -90,12 +93,17 @@ def assemble(
     unjoined = np.full(len(edges.cell), ALL_UNJOINED, dtype=np.uint32)
     nowhere = np.full(len(edges.cell), -1, dtype=np.int32)
     triangle = _scattered(owner.shape, held, surface.face, -1, np.dtype(np.int32))
+    opacity = None
+    if picture.opacity is not None:
+        share = _scattered(owner.shape, held, picture.opacity[fragment], 0.0, real)
+        opacity = jnp.asarray(extended(share, share.reshape(-1)[edges.source], 0.0))
     return Layers(
         disparity=jnp.asarray(extended(planes.disparity, edges.disparity, 0.0)),
         radiance=jnp.asarray(extended(radiance, radiance.reshape(-1, 3)[edges.source], 0.0)),
         triangle=jnp.asarray(extended(triangle, nowhere, -1)),
         cells=cells,
         links=jnp.asarray(extended(joins.links, unjoined, ALL_UNJOINED)),
+        opacity=opacity,
         background=far,
         ranges=ranges,
         disparity_scale=scale,

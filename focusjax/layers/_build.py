@@ -39,15 +39,22 @@ def peel(
         if value < 1:
             raise ValueError(f"{name} is {value}; expected at least 1")
     parallax = float(lens.parallax(camera)) * supersampling
-    picture = rasterised(*frame(scene, camera, lens, supersampling, near))
-    chosen, complete = peel_fragments(picture.fragments, picture.grid, parallax, max_layers)
+    picture = rasterised(scene, camera, *frame(scene, camera, lens, supersampling, near))
+    chosen, complete = peel_fragments(
+        picture.fragments, picture.grid, parallax, max_layers, opacity=picture.opacity
+    )
     return assemble(scene, camera, lens, picture, chosen, max_layers=max_layers, complete=complete)
 
 
 def disparity_map(scene: Scene, camera: Camera) -> np.ndarray:
-    """Disparity in 1/m [h, w] of the first surface at every pixel centre; 0 where there is none."""
-    picture = rasterised(*frame(scene, camera, None, 1, None))
+    """Disparity in 1/m [h, w] of the first surface at every pixel centre; 0 where there is none.
+
+    A surface counts where at least half of it is there: a window pane does not hide the garden.
+    """
+    picture = rasterised(scene, camera, *frame(scene, camera, None, 1, None))
     fragments, grid = picture.fragments, picture.grid
+    if picture.opacity is not None:
+        fragments = fragments.take(np.flatnonzero(picture.opacity >= 0.5))
     chosen, _ = peel_fragments(fragments, grid, 0.0, 1)
     out = np.zeros((grid.rows, grid.columns))
     for owner in chosen:

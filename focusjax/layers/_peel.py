@@ -16,6 +16,9 @@ travel at least r under the surface to get here, starting at most at the nearest
     w_cut = max over (2 r + 1)^2 of w  -  r / (f E),        r = 1, 2, 4, ...,
 
 so that what a solid object hides is dropped but for a border as wide as the parallax.
+
+A sample that is there in part only, of glass or at the outline of a leaf, hides nothing: the next surface
+has only to lie below it.
 """
 
 import functools
@@ -25,7 +28,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.layers._grid import Grid
 from focusjax.layers._raster import Fragments
@@ -59,11 +62,16 @@ def _owners(
 
 @functools.partial(jax.jit, static_argnames="widest")
 def _cut(
-    best: Float[Array, "h w"], parallax: Float[Array, ""], levels: Int[Array, ""], *, widest: int
+    best: Float[Array, "h w"],
+    parallax: Float[Array, ""],
+    levels: Int[Array, ""],
+    opaque: Bool[Array, "h w"] | None,
+    *,
+    widest: int,
 ) -> Float[Array, "h w"]:
     """Disparity that the next surface must stay below, by windows of radius 1, 2, 4, ..., `levels` of them.
 
-    `widest` is the radius of the last.
+    `widest` is the radius of the last; None for `opaque` stands for opaque all over.
     """
     umbra = 1.0 / jnp.maximum(parallax, 1e-30)
 
@@ -79,7 +87,8 @@ def _cut(
         return a
 
     one = jnp.int32(1)
-    nearest, farthest = over_window(best, one, jnp.maximum), over_window(best, one, jnp.minimum)
+    solid = best if opaque is None else jnp.where(opaque, best, 0.0)
+    nearest, farthest = over_window(best, one, jnp.maximum), over_window(solid, one, jnp.minimum)
     continued = (farthest > 0) & (nearest - farthest <= umbra)
 
     def widen(_: Any, state: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
@@ -92,16 +101,24 @@ def _cut(
         return cut, nearest, over_window(continued, reach, jnp.logical_and), 2 * reach
 
     cut = jnp.minimum(best * (1.0 - _SEPARATION), best - 0.5 * umbra)
+    if opaque is not None:
+        cut = jnp.where(opaque, cut, best * (1.0 - _SEPARATION))
     return jax.lax.fori_loop(0, levels, widen, (cut, nearest, continued, one))[0]
 
 
 def peel_fragments(
-    fragments: Fragments, grid: Grid, parallax: float, max_layers: int
+    fragments: Fragments,
+    grid: Grid,
+    parallax: float,
+    max_layers: int,
+    *,
+    opacity: Float[np.ndarray, " f"] | None = None,
 ) -> tuple[list[np.ndarray], bool]:
     """For each layer the index [h, w] of the fragment in it, -1 where there is none.
 
     Also whether nothing was left over. `parallax` is f E in samples per dioptre; 0 (a pinhole) hides
-    everything behind the first surface.
+    everything behind the first opaque surface. `opacity` is that of each fragment, None where all are
+    opaque.
     """
     alive = np.arange(len(fragments.sample))
     layers: list[np.ndarray] = []
@@ -123,7 +140,8 @@ def peel_fragments(
             owner = _owners(owner, best, where, what, jnp.int32(start))
         owners = np.asarray(owner)
         layers.append(np.where(owners >= 0, alive[owners], -1).reshape(shape))
-        if parallax == 0:
+        opaque = None if opacity is None else (layers[-1] < 0) | (opacity[layers[-1]] == 1.0)
+        if parallax == 0 and opaque is None:
             return layers, True
         # Wide windows hide much behind the first surfaces; later ones are patches too small for them.
         windows = levels if len(layers) <= _SOLID_LAYERS else 1
@@ -131,6 +149,7 @@ def peel_fragments(
             best.reshape(shape),
             jnp.asarray(np.asarray(parallax, dtype=best.dtype)),
             jnp.int32(windows),
+            None if opaque is None else jnp.asarray(opaque),
             widest=1 << (levels - 1),
         )
         alive = alive[disparity < np.asarray(cut).reshape(-1)[sample]]

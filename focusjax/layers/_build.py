@@ -6,6 +6,7 @@ from focusjax.geometry import Camera
 from focusjax.layers._assemble import assemble, rasterised
 from focusjax.layers._frame import frame
 from focusjax.layers._layers import Layers
+from focusjax.layers._memory import check_memory
 from focusjax.layers._peel import peel_fragments
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
@@ -33,13 +34,16 @@ def peel(
 
     Raises:
         ValueError: a count below 1, or a surface so close to the lens that the margin its blur needs
-            does not fit in memory.
+            does not fit in memory; or more layers than this machine's memory holds, with the number that
+            would fit.
     """
     for name, value in (("supersampling", supersampling), ("max_layers", max_layers)):
         if value < 1:
             raise ValueError(f"{name} is {value}; expected at least 1")
     parallax = float(lens.parallax(camera)) * supersampling
-    picture = rasterised(scene, camera, *frame(scene, camera, lens, supersampling, near))
+    triangles, grid = frame(scene, camera, lens, supersampling, near)
+    check_memory(grid, max_layers)
+    picture = rasterised(scene, camera, triangles, grid)
     chosen, complete = peel_fragments(
         picture.fragments, picture.grid, parallax, max_layers, opacity=picture.opacity
     )

@@ -18,7 +18,8 @@ travel at least r under the surface to get here, starting at most at the nearest
 so that what a solid object hides is dropped but for a border as wide as the parallax.
 
 A sample that is there in part only, of glass or at the outline of a leaf, hides nothing: the next surface
-has only to lie below it.
+has only to lie below it. Where there are such, w is the nearest opaque surface found so far, in this layer
+or in those before.
 """
 
 import functools
@@ -28,7 +29,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from focusjax.layers._grid import Grid
 from focusjax.layers._raster import Fragments
@@ -65,14 +66,16 @@ def _cut(
     best: Float[Array, "h w"],
     parallax: Float[Array, ""],
     levels: Int[Array, ""],
-    opaque: Bool[Array, "h w"] | None,
+    solid: Float[Array, "h w"] | None,
     *,
     widest: int,
 ) -> Float[Array, "h w"]:
     """Disparity that the next surface must stay below, by windows of radius 1, 2, 4, ..., `levels` of them.
 
-    `widest` is the radius of the last; None for `opaque` stands for opaque all over.
+    `widest` is the radius of the last. `solid` is the opaque surface that hides what lies farther, 0 where
+    there is none; if it is None, that is `best` itself.
     """
+    hiding = best if solid is None else solid
     umbra = 1.0 / jnp.maximum(parallax, 1e-30)
 
     def over_window(a: Array, reach: Array, op: Callable[[Array, Array], Array]) -> Array:
@@ -87,8 +90,7 @@ def _cut(
         return a
 
     one = jnp.int32(1)
-    solid = best if opaque is None else jnp.where(opaque, best, 0.0)
-    nearest, farthest = over_window(best, one, jnp.maximum), over_window(solid, one, jnp.minimum)
+    nearest, farthest = over_window(hiding, one, jnp.maximum), over_window(hiding, one, jnp.minimum)
     continued = (farthest > 0) & (nearest - farthest <= umbra)
 
     def widen(_: Any, state: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
@@ -100,9 +102,8 @@ def _cut(
         nearest = over_window(nearest, reach, jnp.maximum)
         return cut, nearest, over_window(continued, reach, jnp.logical_and), 2 * reach
 
-    cut = jnp.minimum(best * (1.0 - _SEPARATION), best - 0.5 * umbra)
-    if opaque is not None:
-        cut = jnp.where(opaque, cut, best * (1.0 - _SEPARATION))
+    below = hiding - 0.5 * umbra if solid is None else jnp.where(solid > 0, solid - 0.5 * umbra, jnp.inf)
+    cut = jnp.minimum(best * (1.0 - _SEPARATION), below)
     return jax.lax.fori_loop(0, levels, widen, (cut, nearest, continued, one))[0]
 
 
@@ -122,6 +123,7 @@ def peel_fragments(
     """
     alive = np.arange(len(fragments.sample))
     layers: list[np.ndarray] = []
+    solid: np.ndarray | None = None
     shape = (grid.rows, grid.columns)
     farthest_reach = parallax * float(fragments.disparity.max(initial=0.0))
     # The widest window reaches farther than any ray can move under the nearest surface.
@@ -140,16 +142,18 @@ def peel_fragments(
             owner = _owners(owner, best, where, what, jnp.int32(start))
         owners = np.asarray(owner)
         layers.append(np.where(owners >= 0, alive[owners], -1).reshape(shape))
-        opaque = None if opacity is None else (layers[-1] < 0) | (opacity[layers[-1]] == 1.0)
-        if parallax == 0 and opaque is None:
+        if opacity is not None:
+            opaque = (layers[-1] >= 0) & (opacity[layers[-1]] == 1.0)
+            solid = np.where(opaque, np.asarray(best).reshape(shape), 0.0 if solid is None else solid)
+        elif parallax == 0:
             return layers, True
         # Wide windows hide much behind the first surfaces; later ones are patches too small for them.
-        windows = levels if len(layers) <= _SOLID_LAYERS else 1
+        windows = levels if len(layers) <= _SOLID_LAYERS or solid is not None else 1
         cut = _cut(
             best.reshape(shape),
             jnp.asarray(np.asarray(parallax, dtype=best.dtype)),
             jnp.int32(windows),
-            None if opaque is None else jnp.asarray(opaque),
+            None if solid is None else jnp.asarray(solid, dtype=best.dtype),
             widest=1 << (levels - 1),
         )
         alive = alive[disparity < np.asarray(cut).reshape(-1)[sample]]

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from focusjax.layers import Layers, covered
+from focusjax.layers import Layers, covered, interval
 
 _PLACES = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
 """Offsets (dx, dy) in samples at which each sample is looked at, all in different rows and columns."""
@@ -38,12 +38,13 @@ def _seen(layers: Layers) -> Float[Array, "h w 3"]:
         dx, dy = (jnp.broadcast_to(place[k], shape) for k in (0, 1))
         if opacity is not None:
             return _blended(layers, opacity, dx, dy)
-        # Words are ordered by their nearest disparity.
-        nearest = jnp.zeros(shape, dtype=layers.cells.dtype)
+        nearest = jnp.zeros(shape, dtype=jnp.int32)
         colour = layers.background
         for words, radiance in zip(layers.cells, layers.radiance, strict=True):
-            shows = covered(words, dx, dy) & (words > nearest)
-            nearest = jnp.where(shows, words, nearest)
+            # Of two within one step of disparity, the one in the earlier layer is nearer.
+            most = interval(words)[1]
+            shows = covered(words, dx, dy) & (most > nearest)
+            nearest = jnp.where(shows, most, nearest)
             colour = jnp.where(shows[..., None], radiance, colour)
         return colour
 
@@ -55,9 +56,10 @@ def _blended(
 ) -> Float[Array, "h w 3"]:
     """Every surface at one place of each sample over those behind it, front to back."""
     shape = layers.cells.shape[1:]
-    # Layers are in order but for their fringe samples. Words that are equal are told apart by layer.
-    words = jnp.where(jax.vmap(lambda word: covered(word, dx, dy))(layers.cells), layers.cells, 0)
-    order = jnp.argsort(words, axis=0, descending=True, stable=True)
+    # Layers are in order but for their fringe samples.
+    shows = jax.vmap(lambda words: covered(words, dx, dy))(layers.cells)
+    nearest = jnp.where(shows, interval(layers.cells)[1], 0)
+    order = jnp.argsort(nearest, axis=0, descending=True, stable=True)
 
     def over(seen: tuple[Array, Array], layer: Int[Array, "h w"]) -> tuple[tuple[Array, Array], None]:
         colour, through = seen
@@ -66,7 +68,7 @@ def _blended(
             index = layer[None] if a.ndim == 3 else layer[None, ..., None]
             return jnp.take_along_axis(a, index, axis=0)[0]
 
-        share = through * jnp.where(of_layer(words) > 0, of_layer(opacity), 0.0)
+        share = through * jnp.where(of_layer(nearest) > 0, of_layer(opacity), 0.0)
         return (colour + share[..., None] * of_layer(layers.radiance), through - share), None
 
     nothing = jnp.zeros((*shape, 3), dtype=layers.radiance.dtype)

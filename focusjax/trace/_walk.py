@@ -79,15 +79,13 @@ def first_hit(
         sample = row * volume.columns + column
         nearest = (near * per_dioptre).astype(jnp.int32) + 1
         farthest = ((near - stride) * per_dioptre).astype(jnp.int32)
-        # Words are ordered by their nearest disparity.
         half_way = (nearest + farthest) >> 1
         offset_x, offset_y = a_x - 0.5 - column.astype(a_x.dtype), a_y - 0.5 - row.astype(a_y.dtype)
-        best, hit = jnp.uint32(0), jnp.int32(-1)
+        best, hit = jnp.int32(0), jnp.int32(-1)
         inside_before, number = passing or (jnp.uint32(0), jnp.uint32(0))
         inside_now, levels = jnp.uint32(0), jnp.uint32(0)
         for layer in range(depth):
             index = sample + layer * layer_size
-            # Words are ordered by their nearest disparity.
             word = volume.cells.at[index].get(mode="promise_in_bounds")
             low, most = interval(word)
             at = jnp.clip(half_way, low, most).astype(offset_x.dtype)
@@ -104,8 +102,9 @@ def first_hit(
                 inside_now |= jnp.where(partly, bit, 0)
                 meets &= ~partly | (new & ((number >> 8) < level * ((1 << 24) // _OPAQUE)))
                 number = jnp.where(new, number * _NEXT + 1, number)
-            meets &= word > best
-            best = jnp.where(meets, word, best)
+            # Of two within one step of disparity, the one in the earlier layer is nearer.
+            meets &= most > best
+            best = jnp.where(meets, most, best)
             hit = jnp.where(meets, index, hit)
         return (step + 1, hit, inside_now, number) if passing else (step + 1, hit)
 

@@ -14,10 +14,10 @@ from focusjax.trace import render
 
 
 def only_coincident(
-    best: jnp.ndarray, parallax: jnp.ndarray, levels: jnp.ndarray, opaque: None, *, widest: int
+    best: jnp.ndarray, parallax: jnp.ndarray, levels: jnp.ndarray, solid: None, *, widest: int
 ) -> jnp.ndarray:
     """In place of the umbra: nothing is hidden but what lies in the same place."""
-    del parallax, levels, opaque, widest
+    del parallax, levels, solid, widest
     return best * (1 - 1e-5)
 
 

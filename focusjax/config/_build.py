@@ -188,6 +188,7 @@ def _object(table: ObjectTable, number: int, folder: Path) -> SceneObject:
         "specular": table.specular,
         "shininess": table.shininess,
         "reflectance": table.reflectance,
+        "opacity": table.opacity,
         "smooth_angle": table.smooth_angle_deg,
     }
     return load_mesh(

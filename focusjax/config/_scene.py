@@ -33,6 +33,9 @@ class ObjectTable(Table):
     reflectance: Share | Annotated[tuple[Share, Share, Share], Strict(False)] | None = Field(
         default=None, description="the share of the background that is mirrored, 0 to 1, for example 0.2"
     )
+    opacity: Share | None = Field(
+        default=None, description="how much of it is there, from 0 to 1, instead of what the file says"
+    )
     smooth_angle_deg: Annotated[float, Field(ge=0, le=180)] | None = Field(
         default=None, description="the largest angle between faces that still looks smooth, in degrees"
     )

@@ -16,6 +16,7 @@ from focusjax.layers._gloss import GlossSamples
 from focusjax.layers._grid import Grid
 from focusjax.layers._joins import Planes, join
 from focusjax.layers._layers import Layers
+from focusjax.layers._opacity import with_opacity
 from focusjax.layers._pyramid import build_ranges
 from focusjax.layers._raster import Fragments, rasterise
 from focusjax.layers._shading import background, shaded
@@ -28,18 +29,20 @@ from focusjax.scene import Scene
 
 @dataclasses.dataclass(frozen=True)
 class Rasterised:
-    """Triangles on a grid and all that they cover there."""
+    """Triangles on a grid, all that they cover there, and how much of it is there (None: all of it)."""
 
     triangles: ScreenTriangles
     grid: Grid
     stamps: Stamps
     fragments: Fragments
+    opacity: np.ndarray | None
 
 
-def rasterised(triangles: ScreenTriangles, grid: Grid) -> Rasterised:
-    """Everything that `triangles` cover on `grid`."""
+def rasterised(scene: Scene, camera: Camera, triangles: ScreenTriangles, grid: Grid) -> Rasterised:
+    """Everything that `triangles` of `scene` cover on `grid`."""
     stamps = dice(triangles, grid)
-    return Rasterised(triangles, grid, stamps, rasterise(stamps, grid))
+    covered = rasterise(stamps, grid)
+    return Rasterised(triangles, grid, stamps, *with_opacity(scene, camera, triangles, grid, stamps, covered))
 
 
 def assemble(
@@ -118,6 +121,9 @@ def assemble(
             material=stored(with_fringe(scene.face_material[surface.face].astype(number))),
             model=gloss,
         )
+    opacity = None
+    if picture.opacity is not None:
+        opacity = stored(with_fringe(picture.opacity[fragment].astype(real)))
     triangle = np.full(shape, -1, dtype=np.int32)
     triangle.reshape(-1)[held] = surface.face
     return Layers(
@@ -126,6 +132,7 @@ def assemble(
         triangle=on_device(triangle),
         cells=stored(words),
         links=stored(np.concatenate([joins.links, np.zeros(len(place), dtype=np.uint32)])),
+        opacity=opacity,
         background=far,
         ranges=ranges,
         disparity_scale=jnp.asarray(scale, dtype=real),

@@ -7,6 +7,7 @@ from focusjax.layers._assemble import assemble, rasterised
 from focusjax.layers._frame import frame
 from focusjax.layers._grid import Grid
 from focusjax.layers._layers import Layers
+from focusjax.layers._memory import check_memory
 from focusjax.layers._peel import peel_fragments
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
@@ -44,8 +45,9 @@ def peel(
             that programs compiled for them serve again.
 
     Raises:
-        ValueError: a count below 1, a surface so close to the lens that the margin its blur needs
-            does not fit in memory, or layers to be like that are of another frame.
+        ValueError: a count below 1; a surface so close to the lens that the margin its blur needs does not
+            fit in memory; more layers than this machine's memory holds, with the number that would fit; or
+            layers to be like that are of another frame.
 
     Example:
         >>> frames = [peel(scene, camera, lens)]  # doctest: +SKIP
@@ -66,8 +68,12 @@ def peel(
             )
     parallax = float(lens.parallax(camera)) * supersampling
     least_margin, least_layers = (0, 1) if like is None else (like.grid.margin, like.count)
-    picture = rasterised(*frame(scene, camera, lens, supersampling, near, least_margin=least_margin))
-    chosen, complete = peel_fragments(picture.fragments, picture.grid, parallax, max_layers, umbra=umbra)
+    triangles, grid = frame(scene, camera, lens, supersampling, near, least_margin=least_margin)
+    check_memory(grid, max_layers)
+    picture = rasterised(scene, camera, triangles, grid)
+    chosen, complete = peel_fragments(
+        picture.fragments, grid, parallax, max_layers, umbra=umbra, opacity=picture.opacity
+    )
     return assemble(
         scene,
         camera,
@@ -82,9 +88,14 @@ def peel(
 
 
 def disparity_map(scene: Scene, camera: Camera) -> np.ndarray:
-    """Disparity in 1/m [h, w] of the first surface at every pixel centre; 0 where there is none."""
-    picture = rasterised(*frame(scene, camera, None, 1, None))
+    """Disparity in 1/m [h, w] of the first surface at every pixel centre; 0 where there is none.
+
+    A surface counts where at least half of it is there: a window pane does not hide the garden.
+    """
+    picture = rasterised(scene, camera, *frame(scene, camera, None, 1, None))
     fragments, grid = picture.fragments, picture.grid
+    if picture.opacity is not None:
+        fragments = fragments.take(np.flatnonzero(picture.opacity >= 0.5))
     chosen, _ = peel_fragments(fragments, grid, 0.0, 1)
     out = np.zeros((grid.rows, grid.columns))
     for owner in chosen:

@@ -25,6 +25,8 @@ class Layers(eqx.Module):
         triangle: the scene's face [l, h, w] at the sample's centre; -1 where there is none.
         cells: packed disparity interval and outline [l, h, w] of each sample; see `_cells`.
         links: packed joins [l, h, w] to the eight neighbours; see `_joins`.
+        opacity: share [l, h, w] of each sample's surface that is there, 0 to 1 in steps of 1/255; None where
+            all are opaque.
         background: radiance [h, w, 3] at infinity.
         ranges: least and largest disparity over any square, all layers together.
         disparity_scale: dioptres per step of `cells`.
@@ -41,6 +43,7 @@ class Layers(eqx.Module):
     triangle: Int[Array, "l h w"]
     cells: UInt[Array, "l h w"]
     links: UInt[Array, "l h w"]
+    opacity: Float[Array, "l h w"] | None
     background: Float[Array, "h w 3"]
     ranges: RangePyramid
     disparity_scale: Float[Array, ""]

@@ -16,6 +16,10 @@ travel at least r under the surface to get here, starting at most at the nearest
     w_cut = max over (2 r + 1)^2 of w  -  r / (f E),        r = 1, 2, 4, ...,
 
 so that what a solid object hides is dropped but for a border as wide as the parallax.
+
+A sample that is there in part only, of glass or at the outline of a leaf, hides nothing: the next surface
+has only to lie below it. Where there are such, w is the nearest opaque surface found so far, in this layer
+or in those before.
 """
 
 import functools
@@ -59,12 +63,19 @@ def _owners(
 
 @functools.partial(jax.jit, static_argnames="widest")
 def _cut(
-    best: Float[Array, "h w"], parallax: Float[Array, ""], levels: Int[Array, ""], *, widest: int
+    best: Float[Array, "h w"],
+    parallax: Float[Array, ""],
+    levels: Int[Array, ""],
+    solid: Float[Array, "h w"] | None,
+    *,
+    widest: int,
 ) -> Float[Array, "h w"]:
     """Disparity that the next surface must stay below, by windows of radius 1, 2, 4, ..., `levels` of them.
 
-    `widest` is the radius of the last.
+    `widest` is the radius of the last. `solid` is the opaque surface that hides what lies farther, 0 where
+    there is none; if it is None, that is `best` itself.
     """
+    hiding = best if solid is None else solid
     umbra = 1.0 / jnp.maximum(parallax, 1e-30)
 
     def over_window(a: Array, reach: Array, op: Callable[[Array, Array], Array]) -> Array:
@@ -79,7 +90,7 @@ def _cut(
         return a
 
     one = jnp.int32(1)
-    nearest, farthest = over_window(best, one, jnp.maximum), over_window(best, one, jnp.minimum)
+    nearest, farthest = over_window(hiding, one, jnp.maximum), over_window(hiding, one, jnp.minimum)
     continued = (farthest > 0) & (nearest - farthest <= umbra)
 
     def widen(_: Any, state: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
@@ -91,7 +102,8 @@ def _cut(
         nearest = over_window(nearest, reach, jnp.maximum)
         return cut, nearest, over_window(continued, reach, jnp.logical_and), 2 * reach
 
-    cut = jnp.minimum(best * (1.0 - SEPARATION), best - 0.5 * umbra)
+    below = hiding - 0.5 * umbra if solid is None else jnp.where(solid > 0, solid - 0.5 * umbra, jnp.inf)
+    cut = jnp.minimum(best * (1.0 - SEPARATION), below)
     return jax.lax.fori_loop(0, levels, widen, (cut, nearest, continued, one))[0]
 
 
@@ -105,7 +117,7 @@ def hidden_below(
         parallax: f E in samples per dioptre.
         windows: how many of the radii 1, 2, 4, ... to look at for solid surface.
     """
-    inputs = jnp.asarray(best), jnp.asarray(np.asarray(parallax, dtype=best.dtype)), jnp.int32(windows)
+    inputs = jnp.asarray(best), jnp.asarray(np.asarray(parallax, dtype=best.dtype)), jnp.int32(windows), None
     return np.where(best > 0, np.asarray(_cut(*inputs, widest=1 << (windows - 1))), np.inf)
 
 
@@ -115,16 +127,24 @@ def windows_within(parallax: float, nearest: float) -> int:
 
 
 def peel_fragments(
-    fragments: Fragments, grid: Grid, parallax: float, max_layers: int, *, umbra: bool = True
+    fragments: Fragments,
+    grid: Grid,
+    parallax: float,
+    max_layers: int,
+    *,
+    umbra: bool = True,
+    opacity: Float[np.ndarray, " f"] | None = None,
 ) -> tuple[list[np.ndarray], bool]:
     """For each layer the index [h, w] of the fragment in it, -1 where there is none.
 
     Also whether nothing was left over. `parallax` is f E in samples per dioptre; 0 (a pinhole) hides
-    everything behind the first surface. Without `umbra` each layer is the next surface (Everitt 2001),
-    and nothing is hidden but what lies in the same place.
+    everything behind the first opaque surface. Without `umbra` each layer is the next surface (Everitt
+    2001), and nothing is hidden but what lies in the same place. `opacity` is that of each fragment, None
+    where all are opaque.
     """
     alive = np.arange(len(fragments.sample))
     layers: list[np.ndarray] = []
+    solid: np.ndarray | None = None
     shape = (grid.rows, grid.columns)
     levels = windows_within(parallax, float(fragments.disparity.max(initial=0.0)))
     while len(alive) and len(layers) < max_layers:
@@ -145,14 +165,18 @@ def peel_fragments(
             next_below = np.asarray(best) * np.float32(1.0 - SEPARATION)
             alive = alive[disparity < next_below[sample]]
             continue
-        if parallax == 0:
+        if opacity is not None:
+            opaque = (layers[-1] >= 0) & (opacity[layers[-1]] == 1.0)
+            solid = np.where(opaque, np.asarray(best).reshape(shape), 0.0 if solid is None else solid)
+        elif parallax == 0:
             return layers, True
         # Wide windows hide much behind the first surfaces; later ones are patches too small for them.
-        windows = levels if len(layers) <= _SOLID_LAYERS else 1
+        windows = levels if len(layers) <= _SOLID_LAYERS or solid is not None else 1
         cut = _cut(
             best.reshape(shape),
             jnp.asarray(np.asarray(parallax, dtype=best.dtype)),
             jnp.int32(windows),
+            None if solid is None else jnp.asarray(solid, dtype=best.dtype),
             widest=1 << (levels - 1),
         )
         alive = alive[disparity < np.asarray(cut).reshape(-1)[sample]]

@@ -33,6 +33,10 @@ class Fragments:
     disparity: np.ndarray
     stamp: np.ndarray
 
+    def take(self, index: np.ndarray) -> "Fragments":
+        """The fragments at the positions `index`."""
+        return Fragments(self.sample[index], self.disparity[index], self.stamp[index])
+
 
 @functools.partial(jax.jit, static_argnames="size")
 def _cover(

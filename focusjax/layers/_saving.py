@@ -77,8 +77,8 @@ def umbra_saving(
     if supersampling < 1:
         raise ValueError(f"supersampling is {supersampling}; expected at least 1")
     parallax = float(lens.parallax(camera)) * supersampling
-    picture = rasterised(*frame(scene, camera, lens, supersampling, near))
-    kept, _ = peel_fragments(picture.fragments, picture.grid, parallax, _MOST_LAYERS)
+    picture = rasterised(scene, camera, *frame(scene, camera, lens, supersampling, near))
+    kept, _ = peel_fragments(picture.fragments, picture.grid, parallax, _MOST_LAYERS, opacity=picture.opacity)
     counts = tuple(int((layer >= 0).sum()) for layer in kept)
     return UmbraSaving(counts, _surfaces_by_depth(picture.fragments))
 

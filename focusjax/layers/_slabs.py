@@ -23,14 +23,14 @@ parts of the first surface of all, and those right behind what a nearer slab kee
 import math
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from focusjax.geometry import Camera
 from focusjax.layers._assemble import assemble, rasterised
 from focusjax.layers._frame import frame
 from focusjax.layers._grid import Grid
 from focusjax.layers._layers import Layers
-from focusjax.layers._peel import hidden_below, windows_within
+from focusjax.layers._peel import SEPARATION, hidden_below, windows_within
 from focusjax.layers._raster import Fragments
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
@@ -81,7 +81,7 @@ def decompose(
             raise ValueError(f"{name} is {value}; expected at least 1")
     if blur_step is not None and not blur_step > 0:
         raise ValueError(f"blur_step is {blur_step} px; expected a positive number such as 4")
-    picture = rasterised(*frame(scene, camera, lens, supersampling, near))
+    picture = rasterised(scene, camera, *frame(scene, camera, lens, supersampling, near))
     grid, disparity = picture.grid, picture.fragments.disparity
     nearest = float(disparity.max(initial=0.0))
     extent = nearest - float(disparity.min(initial=nearest))
@@ -96,12 +96,19 @@ def decompose(
         remedy = "give a lower count" if blur_step is None else f"make the blur_step of {blur_step} px larger"
         raise ValueError(f"{count} slabs are more than the {_MOST_SLABS} there can be; {remedy}")
     bounds = nearest - thickness * np.arange(count + 1)
-    chosen, complete = slab_fragments(picture.fragments, grid, parallax * grid.supersampling, bounds)
+    chosen, complete = slab_fragments(
+        picture.fragments, grid, parallax * grid.supersampling, bounds, opacity=picture.opacity
+    )
     return assemble(scene, camera, lens, picture, chosen, max_layers=count, complete=complete)
 
 
 def slab_fragments(
-    fragments: Fragments, grid: Grid, parallax: float, bounds: np.ndarray
+    fragments: Fragments,
+    grid: Grid,
+    parallax: float,
+    bounds: np.ndarray,
+    *,
+    opacity: Float[np.ndarray, " f"] | None = None,
 ) -> tuple[list[Int[np.ndarray, "h w"]], bool]:
     """For each layer the index [h, w] of the fragment in it, -1 where there is none.
 
@@ -112,9 +119,11 @@ def slab_fragments(
         grid: where they are.
         parallax: f E in samples per dioptre.
         bounds: decreasing disparities [slabs + 1] between which the slabs lie. The outermost are open.
+        opacity: of each fragment; None where all are opaque.
     """
     shape = (grid.rows, grid.columns)
-    alive = _not_behind_the_first(fragments, grid, parallax)
+    opaque = None if opacity is None else opacity == 1.0
+    alive = _not_behind_the_first(fragments, grid, parallax, opaque)
     layers: list[np.ndarray] = []
     filled = np.zeros(grid.size, dtype=np.int32)
     limit = np.full(grid.size, np.inf, dtype=fragments.disparity.dtype)
@@ -132,7 +141,9 @@ def slab_fragments(
             here = held[depth == number]
             layer[here] = owner[here]
         filled[held] += 1
-        limit = np.minimum(limit, hidden_below(nearest.reshape(shape), parallax).reshape(-1))
+        limit = np.minimum(limit, np.where(owner >= 0, nearest * np.float32(1.0 - SEPARATION), np.inf))
+        solid = nearest if opaque is None else np.where((owner >= 0) & opaque[owner], nearest, 0)
+        limit = np.minimum(limit, hidden_below(solid.reshape(shape), parallax).reshape(-1))
         disparity = fragments.disparity[alive]
         left = disparity < limit[fragments.sample[alive]]
         # What is left in this slab is too near for the next one.
@@ -142,9 +153,12 @@ def slab_fragments(
     return [layer.reshape(shape) for layer in layers], complete
 
 
-def _not_behind_the_first(fragments: Fragments, grid: Grid, parallax: float) -> Int[np.ndarray, " n"]:
-    """Fragments but for those that solid parts of the first surface hide."""
-    first, _ = _nearest(fragments, np.arange(len(fragments.sample)), grid)
+def _not_behind_the_first(
+    fragments: Fragments, grid: Grid, parallax: float, opaque: Bool[np.ndarray, " f"] | None
+) -> Int[np.ndarray, " n"]:
+    """Fragments but for those that solid parts of the first opaque surface hide."""
+    among = np.arange(len(fragments.sample)) if opaque is None else np.flatnonzero(opaque)
+    first, _ = _nearest(fragments, among, grid)
     windows = windows_within(parallax, float(first.max(initial=0.0)))
     limit = hidden_below(first.reshape(grid.rows, grid.columns), parallax, windows=windows).reshape(-1)
     sample, disparity = fragments.sample, fragments.disparity

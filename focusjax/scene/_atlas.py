@@ -16,7 +16,8 @@ class Atlas(eqx.Module):
     to a single texel.
 
     Attributes:
-        texels: linear red, green and blue of all levels of all textures, each flat.
+        texels: the channels (linear red, green and blue, or opacity alone) of all levels of all
+            textures, each flat.
         first_level: number of a texture's level 0 in the level tables [texture].
         level_count: levels of a texture [texture].
         offset: where a level's texels begin [level].
@@ -24,7 +25,7 @@ class Atlas(eqx.Module):
         height: rows of a level [level].
     """
 
-    texels: tuple[Float[Array, "n"], Float[Array, "n"], Float[Array, "n"]]
+    texels: tuple[Float[Array, "n"], ...]
     first_level: Int[Array, "textures"]
     level_count: Int[Array, "textures"]
     offset: Int[Array, "levels"]
@@ -33,12 +34,20 @@ class Atlas(eqx.Module):
 
     def __call__(
         self, texture: Int[Array, ""], uv: Float[Array, "2"], footprint: Float[Array, ""]
-    ) -> Float[Array, "3"]:
-        """Mean linear colour around `uv` over a square of `footprint` level-0 texels.
+    ) -> Float[Array, "c"]:
+        """Mean around `uv` over a square of `footprint` level-0 texels.
 
         Below one texel the picture is interpolated bilinearly. `uv` has u to the right and v
         upwards. Differentiable in the texels and in `uv`.
         """
+        number, coarser, share = self.levels(texture, footprint)
+        near, far = self.bilinear(number, uv)[0], self.bilinear(coarser, uv)[0]
+        return near + share * (far - near)
+
+    def levels(
+        self, texture: Int[Array, ""], footprint: Float[Array, ""]
+    ) -> tuple[Int[Array, ""], Int[Array, ""], Float[Array, ""]]:
+        """The levels on either side of a footprint, finer first, and the share of the coarser one."""
         highest = self.level_count[texture] - 1
         # Levels double in texel size; the smallest footprint stands for "finer than the picture".
         level = jnp.log2(jnp.maximum(footprint, 1.0))
@@ -46,10 +55,12 @@ class Atlas(eqx.Module):
         finer = jnp.floor(level)
         number = self.first_level[texture] + finer.astype(int)
         coarser = jnp.minimum(number + 1, self.first_level[texture] + highest)
-        near, far = self._bilinear(number, uv), self._bilinear(coarser, uv)
-        return near + (level - finer) * (far - near)
+        return number, coarser, level - finer
 
-    def _bilinear(self, level: Int[Array, ""], uv: Float[Array, "2"]) -> Float[Array, "3"]:
+    def bilinear(
+        self, level: Int[Array, ""], uv: Float[Array, "2"]
+    ) -> tuple[Float[Array, "c"], Float[Array, "c 2"]]:
+        """The channels at `uv` in one level, and how they change per texel to the right and downwards."""
         width, height, offset = self.width[level], self.height[level], self.offset[level]
         # Only the fraction counts when pictures repeat, and it keeps precision far from 0.
         u, v = uv - jnp.floor(uv)
@@ -62,32 +73,37 @@ class Atlas(eqx.Module):
         x1, y1 = _wrap(x0 + 1, width), _wrap(y0 + 1, height)
         upper, lower = offset + y0 * width, offset + y1 * width
 
-        def blend(plane: Float[Array, "n"]) -> Float[Array, ""]:
-            top = plane[upper + x0] * (1.0 - across) + plane[upper + x1] * across
-            bottom = plane[lower + x0] * (1.0 - across) + plane[lower + x1] * across
-            return top * (1.0 - down) + bottom * down
+        def blend(plane: Float[Array, "n"]) -> tuple[Float[Array, ""], Float[Array, "2"]]:
+            corners = plane[upper + x0], plane[upper + x1], plane[lower + x0], plane[lower + x1]
+            top = corners[0] * (1.0 - across) + corners[1] * across
+            bottom = corners[2] * (1.0 - across) + corners[3] * across
+            rightwards = (corners[1] - corners[0]) * (1.0 - down) + (corners[3] - corners[2]) * down
+            return top * (1.0 - down) + bottom * down, jnp.stack([rightwards, bottom - top])
 
-        return jnp.stack([blend(plane) for plane in self.texels])
+        values, slopes = zip(*(blend(plane) for plane in self.texels), strict=True)
+        return jnp.stack(values), jnp.stack(slopes)
 
 
 def make_atlas(textures: Sequence[Float[np.ndarray, "_ _ 3"]]) -> Atlas:
     """The atlas of linear pictures [h, w, 3], after a white texel as texture 0."""
-    levels: list[np.ndarray] = []
-    first, count = [], []
-    for picture in (np.ones((1, 1, 3), dtype=np.float32), *textures):
-        first.append(len(levels))
-        levels += pyramid(picture)
-        count.append(len(levels) - first[-1])
+    white = np.ones((1, 1, 3), dtype=np.float32)
+    return atlas_of([pyramid(picture) for picture in (white, *textures)])
+
+
+def atlas_of(pyramids: Sequence[Sequence[Float[np.ndarray, "_ _ c"]]]) -> Atlas:
+    """The atlas of pictures given with all their levels."""
+    levels = [level for picture in pyramids for level in picture]
+    count = np.array([len(picture) for picture in pyramids])
+    first = np.cumsum(count) - count
     sizes = np.array([level.shape[:2] for level in levels])
     area = sizes.prod(axis=1)
-    flat = np.concatenate([level.reshape(-1, 3) for level in levels])
-    red, green, blue = (jnp.asarray(flat[:, colour], dtype=float) for colour in range(3))
+    flat = np.concatenate([level.reshape(-1, level.shape[2]) for level in levels])
 
     def table(values: Sequence[int] | np.ndarray) -> Int[Array, "_"]:
         return jnp.asarray(values, dtype=jnp.int32)
 
     return Atlas(
-        texels=(red, green, blue),
+        texels=tuple(jnp.asarray(channel, dtype=float) for channel in flat.T),
         first_level=table(first),
         level_count=table(count),
         offset=table(np.cumsum(area) - area),
@@ -96,14 +112,14 @@ def make_atlas(textures: Sequence[Float[np.ndarray, "_ _ 3"]]) -> Atlas:
     )
 
 
-def pyramid(picture: Float[np.ndarray, "_ _ 3"]) -> list[Float[np.ndarray, "_ _ 3"]]:
+def pyramid(picture: Float[np.ndarray, "_ _ c"]) -> list[Float[np.ndarray, "_ _ c"]]:
     """The picture and its halvings by area means, down to one texel."""
     levels = [picture]
     while levels[-1].shape[:2] != (1, 1):
         fine = levels[-1]
         height, width = (max(1, size // 2) for size in fine.shape[:2])
         if fine.shape[:2] == (2 * height, 2 * width):
-            coarse = fine.reshape(height, 2, width, 2, 3).mean(axis=(1, 3))
+            coarse = fine.reshape(height, 2, width, 2, -1).mean(axis=(1, 3))
         else:
             coarse = resize_local_mean(fine, (height, width), channel_axis=-1, preserve_range=True)
         levels.append(coarse.astype(picture.dtype))

@@ -6,6 +6,7 @@ import numpy as np
 import OpenEXR
 from jaxtyping import Float
 from PIL import Image
+from scipy.ndimage import distance_transform_edt
 
 
 def decode_srgb(values: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
@@ -21,11 +22,39 @@ def unit_range(values: np.ndarray) -> Float[np.ndarray, "*shape"]:
 
 
 def texture_of(image: Image.Image) -> Float[np.ndarray, "h w 3"]:
-    """Linear float32 RGB of an sRGB picture; opacity is left out."""
+    """Linear float32 RGB of an sRGB picture; `opacity_of` has its opacity."""
     # Palettes and CMYK have no RGB samples to read; 16-bit greys would be cut to 8 by a conversion.
     plain = image if image.mode in ("L", "RGB", "I;16", "I;16B") else image.convert("RGB")
     samples = decode_srgb(unit_range(np.asarray(plain))).astype(np.float32)
     return np.repeat(samples[..., None], 3, axis=2) if samples.ndim == 2 else samples
+
+
+def opacity_of(image: Image.Image) -> Float[np.ndarray, "h w"] | None:
+    """The alpha channel, 0 to 1, in float32; None where the picture has none or is opaque all over."""
+    if not image.has_transparency_data:
+        return None
+    alpha = unit_range(np.asarray(image.convert("RGBA").getchannel("A"))).astype(np.float32)
+    return None if (alpha == 1.0).all() else alpha
+
+
+def brightness_of(image: Image.Image) -> Float[np.ndarray, "h w"]:
+    """The grey of a picture as it is stored, 0 to 1, in float32: what opacity maps hold."""
+    plain = image if image.mode in ("L", "I;16", "I;16B") else image.convert("L")
+    return unit_range(np.asarray(plain)).astype(np.float32)
+
+
+def fill_hidden(
+    picture: Float[np.ndarray, "h w 3"], opacity: Float[np.ndarray, "h w"]
+) -> Float[np.ndarray, "h w 3"]:
+    """`picture` with the colour of the nearest texel that shows wherever `opacity` is 0.
+
+    Colours there mean nothing, but filtering would mix them into the outlines.
+    """
+    if picture.shape[:2] != opacity.shape or not (opacity == 0).any() or not (opacity > 0).any():
+        return picture
+    nearest = np.zeros((2, *opacity.shape), dtype=np.int32)
+    distance_transform_edt(opacity == 0, return_distances=False, return_indices=True, indices=nearest)
+    return picture[*nearest]
 
 
 def read_image(path: str | Path) -> Float[np.ndarray, "h w 3"]:

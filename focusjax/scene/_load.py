@@ -16,12 +16,13 @@ from trimesh.exchange.load import mesh_formats
 from trimesh.resolvers import FilePathResolver
 
 from focusjax.scene._images import decode_srgb
-from focusjax.scene._material import UNTEXTURED, Material, shininess_of, triple
+from focusjax.scene._material import UNTEXTURED, Material, opacity_of, shininess_of, triple
 from focusjax.scene._object import DEFAULT_SMOOTH_ANGLE, Part, SceneObject, assemble, check_part
 from focusjax.scene._placement import placement
 from focusjax.scene._visual import TextureTable, part_of
 
-_PICTURES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".tga", ".gif", ".webp"}
+_DATA = {".mtl", ".bin", ".glb", ".gltf", ".obj"}
+"""Endings of files beside a mesh that are no pictures."""
 
 
 def load_mesh(
@@ -36,6 +37,7 @@ def load_mesh(
     specular: object = None,
     shininess: float | None = None,
     reflectance: object = None,
+    opacity: float | None = None,
     smooth_angle: float | None = None,
 ) -> SceneObject:
     """A mesh file (glb, gltf, obj, ply, stl, off and more) as one object of a scene.
@@ -43,7 +45,9 @@ def load_mesh(
     All geometries of the file's scene graph are joined, each with its transform. Base-colour
     textures, material colours, emissive factors (glTF; Ke in MTL), Ks and Ns in MTL, and
     vertex or face colours are kept. sRGB data are decoded to linear; glTF factors and glTF vertex
-    colours are linear already. Left out: opacity, metalness and roughness, normal maps, emissive textures.
+    colours are linear already. Opacity is that of glTF's alpha modes (MASK with its cutoff; BLEND, with the
+    alpha of factor, texture and vertex colours), of d, Tr and map_d in MTL, and of the alpha channel of any
+    other texture. Left out: metalness and roughness, normal maps, emissive textures, refraction.
 
     Args:
         path: the file.
@@ -56,21 +60,23 @@ def load_mesh(
         specular: linear Phong coefficient instead of the file's.
         shininess: Phong exponent, at least 1, instead of the file's.
         reflectance: share of the background that is mirrored, 0 to 1; files are taken to mirror nothing.
+        opacity: 0 to 1, instead of all that the file says of opacity; 1 makes it opaque all over.
         smooth_angle: degrees up to which edges are shaded smooth. By default the file's normals
             are used, and 40 degrees where it has none.
 
     Raises:
-        ValueError: the file is missing, cannot be read or holds no triangles; vertices that are
-            not finite; faces out of range; a bad value.
+        ValueError: the file is missing, cannot be read or holds no triangles, or none with an area;
+            vertices that are not finite; faces out of range; a bad value.
 
     Warns:
-        UserWarning: a texture the file refers to is missing or damaged; the material's colour is
-            used instead.
+        UserWarning: a texture the file refers to is missing, damaged, or has no texture coordinates
+            (the material's colour is used instead); a material nobody will see.
     """
     path = Path(path)
-    geometries = _read(path)
+    assets = _Assets(str(path))
+    geometries = _read(path, assets)
     what = f"mesh file {path}"
-    textures = TextureTable(source=what)
+    textures = TextureTable(source=what, find=assets.get)
     linear_colours = path.suffix.lower() in (".glb", ".gltf")
     parts = []
     for mesh, matrix in geometries:
@@ -80,19 +86,35 @@ def load_mesh(
     parts = [
         dataclasses.replace(
             part,
-            material=_overridden(part.material, colour, emission, specular, shininess, reflectance),
+            material=_overridden(part.material, colour, emission, specular, shininess, reflectance, opacity),
             colours=None if colour is not None else part.colours,
+            opacity=None if opacity is not None else part.opacity,
         )
         for part in parts
     ]
-    return assemble(
+    loaded = assemble(
         path.stem if name is None else name,
         parts,
         tuple(textures.pictures),
+        tuple(textures.opacities),
         placement(translate, rotate, scale),
         smooth_angle=DEFAULT_SMOOTH_ANGLE if smooth_angle is None else smooth_angle,
         keep_normals=smooth_angle is None,
     )
+    if not _has_area(loaded):
+        raise ValueError(
+            f"{what} has no area: all of its {len(loaded.faces)} triangles are lines or points; repair the"
+            " mesh, or its scale"
+        )
+    return loaded
+
+
+def _has_area(item: SceneObject) -> bool:
+    """Whether any triangle is more than a line, in double precision."""
+    first, second, third = (item.vertices[corner] for corner in item.faces.T)
+    doubled = np.linalg.norm(np.cross(second - first, third - first), axis=1)
+    longest = np.maximum(np.linalg.norm(second - first, axis=1), np.linalg.norm(third - first, axis=1))
+    return bool((doubled > 1e-12 * longest**2).any())
 
 
 class _Assets(FilePathResolver):
@@ -111,38 +133,46 @@ class _Assets(FilePathResolver):
         except Exception:
             self.missing[name] = "does not exist"
             raise
-        if Path(name).suffix.lower() in _PICTURES:
+        if Path(name).suffix.lower() not in _DATA:
             try:
                 Image.open(io.BytesIO(data)).verify()
             except Exception:
-                self.missing[name] = "is not a readable picture"
+                self.missing[name] = "is not a readable picture (png and jpg always are)"
         return data
+
+
+_UNREADABLE = ("failed to load image", "`image/ktx2` textures are unsupported")
+"""How trimesh begins to say, to its developers only, that a picture is left out."""
 
 
 class _Remarks(logging.Handler):
     """Keeps what trimesh logs, which would otherwise reach the terminal with a traceback."""
 
     def __init__(self) -> None:
-        super().__init__(logging.WARNING)
+        super().__init__(logging.DEBUG)
         self.lines: list[str] = []
 
     def emit(self, record: logging.LogRecord) -> None:
-        self.lines.append(record.getMessage())
+        if record.levelno >= logging.WARNING or record.getMessage().startswith(_UNREADABLE):
+            self.lines.append(record.getMessage())
 
 
 @contextlib.contextmanager
 def _remarks() -> Iterator[list[str]]:
     logger, remarks = logging.getLogger("trimesh"), _Remarks()
     propagated, logger.propagate = logger.propagate, False
+    level = logger.level
+    logger.setLevel(logging.DEBUG)
     logger.addHandler(remarks)
     try:
         yield remarks.lines
     finally:
         logger.removeHandler(remarks)
+        logger.setLevel(level)
         logger.propagate = propagated
 
 
-def _read(path: Path) -> list[tuple[trimesh.Trimesh, Float[np.ndarray, "4 4"]]]:
+def _read(path: Path, assets: _Assets) -> list[tuple[trimesh.Trimesh, Float[np.ndarray, "4 4"]]]:
     """The meshes of the file, each with its matrix file_from_mesh."""
     if not path.is_file():
         raise ValueError(f"mesh file {path} does not exist; check the path")
@@ -151,7 +181,6 @@ def _read(path: Path) -> list[tuple[trimesh.Trimesh, Float[np.ndarray, "4 4"]]]:
         raise ValueError(
             f"mesh file {path} has an unknown format {ending!r}; expected glb, gltf, obj, ply, stl or off"
         )
-    assets = _Assets(str(path))
     try:
         # Unprocessed: processing would drop vertices that are not finite and merge others unasked.
         with _remarks() as remarks:
@@ -178,8 +207,14 @@ def _read(path: Path) -> list[tuple[trimesh.Trimesh, Float[np.ndarray, "4 4"]]]:
             " export it without compression"
         )
     for remark in remarks:
-        if "unable to load image" not in remark:
+        if "unable to load image" not in remark and not remark.startswith(_UNREADABLE):
             warnings.warn(f"mesh file {path}: {remark}", stacklevel=3)
+    if any(remark.startswith(_UNREADABLE) for remark in remarks) and not assets.missing:
+        warnings.warn(
+            f"mesh file {path} holds a picture of a format that cannot be read (png and jpg always can);"
+            " using the material colour instead",
+            stacklevel=3,
+        )
     for name, trouble in assets.missing.items():
         warnings.warn(
             f"mesh file {path} refers to {name}, which {trouble}; using the material colour instead",
@@ -216,6 +251,7 @@ def _overridden(
     specular: object,
     shininess: float | None,
     reflectance: object,
+    opacity: float | None,
 ) -> Material:
     """`material` with the values given in its place."""
     changes: dict[str, object] = {}
@@ -230,4 +266,6 @@ def _overridden(
         changes["shininess"] = shininess_of(shininess)
     if reflectance is not None:
         changes["reflectance"] = triple(reflectance, "reflectance", largest=1.0)
+    if opacity is not None:
+        changes |= {"opacity": opacity_of(opacity, "opacity"), "opacity_texture": UNTEXTURED, "cutoff": None}
     return dataclasses.replace(material, **changes)  # type: ignore[arg-type]

@@ -1,6 +1,6 @@
 """How a surface answers light: constants of one material, and the checks of their values."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -21,6 +21,10 @@ class Material:
         texture: number of the base-colour texture, or -1.
         reflectance: share [3] of the surroundings at infinity that the surface mirrors, 0 to 1. It is added
             to the rest: a polished metal has a black base colour.
+        opacity: share of the surface that is there, 0 to 1; vertex opacity and its picture multiply it.
+        opacity_texture: number of the opacity picture, or -1.
+        cutoff: the picture only cuts the surface out: it is there where the picture holds at least this
+            much. None where it blends.
     """
 
     base_colour: Float[np.ndarray, "3"]
@@ -29,6 +33,15 @@ class Material:
     shininess: float = 32.0
     texture: int = UNTEXTURED
     reflectance: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    opacity: float = 1.0
+    opacity_texture: int = UNTEXTURED
+    cutoff: float | None = None
+
+    def cut_at(self, cutoff: float) -> "Material":
+        """This material, there where its opacity is at least `cutoff` and nowhere else (glTF's MASK)."""
+        if self.opacity_texture == UNTEXTURED or self.opacity == 0.0:
+            return replace(self, opacity=float(0.0 < self.opacity >= cutoff))
+        return replace(self, opacity=1.0, cutoff=cutoff / self.opacity)
 
 
 def triple(value: object, what: str, *, largest: float = float("inf")) -> Float[np.ndarray, "3"]:
@@ -47,6 +60,17 @@ def triple(value: object, what: str, *, largest: float = float("inf")) -> Float[
         bound = "at least 0" if largest == float("inf") else f"0 to {largest:g}"
         raise ValueError(f"{what} is {value!r}; expected finite values of {bound}")
     return np.broadcast_to(values, (3,)).copy()
+
+
+def opacity_of(value: float, what: str) -> float:
+    """A share of 0 to 1.
+
+    Raises:
+        ValueError: out of range, or not a number.
+    """
+    if not 0.0 <= value <= 1.0:
+        raise ValueError(f"{what} is {value!r}; expected 0 (not there) to 1 (opaque)")
+    return float(value)
 
 
 def shininess_of(value: float) -> float:

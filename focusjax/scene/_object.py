@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from focusjax.scene._images import decode_srgb
-from focusjax.scene._material import Material, shininess_of, triple
+from focusjax.scene._images import decode_srgb, fill_hidden
+from focusjax.scene._material import Material, opacity_of, shininess_of, triple
 from focusjax.scene._normals import smooth_normals, unit_rows
 from focusjax.scene._placement import placement
 
@@ -32,6 +32,8 @@ class SceneObject:
         face_material: material number of each face [t].
         materials: what the numbers mean.
         textures: linear pictures [h, w, 3] the materials refer to.
+        opacities: opacity pictures [h, w], 0 to 1, the materials refer to.
+        vertex_opacity: 0 to 1 [v]; None where all are 1.
     """
 
     name: str
@@ -43,13 +45,15 @@ class SceneObject:
     face_material: Int[np.ndarray, "t"]
     materials: tuple[Material, ...]
     textures: tuple[Float[np.ndarray, "_ _ 3"], ...] = ()
+    opacities: tuple[Float[np.ndarray, "_ _"], ...] = ()
+    vertex_opacity: Float[np.ndarray, "v"] | None = None
 
 
 @dataclass(frozen=True)
 class Part:
     """A piece of a mesh with one material, before normals are made; `check_part` tests its shapes.
 
-    vertices [v, 3], faces [t, 3], normals [v, 3], uv [v, 2], linear colours [v, 3].
+    vertices [v, 3], faces [t, 3], normals [v, 3], uv [v, 2], linear colours [v, 3], opacity [v].
     """
 
     vertices: Float[np.ndarray, "..."]
@@ -58,6 +62,7 @@ class Part:
     normals: Float[np.ndarray, "..."] | None = None
     uv: Float[np.ndarray, "..."] | None = None
     colours: Float[np.ndarray, "..."] | None = None
+    opacity: Float[np.ndarray, "..."] | None = None
 
 
 def make_object(
@@ -66,13 +71,15 @@ def make_object(
     faces: object,
     *,
     uv: object = None,
-    texture: Float[np.ndarray, "h w 3"] | None = None,
+    texture: Float[np.ndarray, "h w c"] | None = None,
     vertex_colours: object = None,
     colour: object = None,
     emission: object = 0.0,
     specular: object = 0.0,
     shininess: float = 32.0,
     reflectance: object = 0.0,
+    opacity: float = 1.0,
+    cutoff: float | None = None,
     smooth_angle: float = DEFAULT_SMOOTH_ANGLE,
     translate: Sequence[float] = (0.0, 0.0, 0.0),
     rotate: Sequence[float] = (0.0, 0.0, 0.0),
@@ -85,13 +92,15 @@ def make_object(
         vertices: [v, 3]; metres after `scale`.
         faces: vertex numbers [t, 3].
         uv: texture coordinates [v, 2].
-        texture: *linear* picture [h, w, 3]; needs `uv`.
+        texture: *linear* picture [h, w, 3], or [h, w, 4] with opacity, 0 to 1, last; needs `uv`.
         vertex_colours: *linear* colours [v, 3].
         colour: sRGB base colour, 0 to 1; white with a texture or vertex colours, else a light grey.
         emission: linear radiance, may exceed 1.
         specular: linear Phong coefficient.
         shininess: Phong exponent, at least 1.
         reflectance: share of the background that is mirrored, 0 to 1; one number or three.
+        opacity: share of the surface that is there, 0 to 1; what is behind it shows through the rest.
+        cutoff: with it the texture's opacity cuts the surface out instead of blending it.
         smooth_angle: degrees up to which edges are shaded smooth; 0 to 180.
         translate: metres.
         rotate: as in `placement`.
@@ -99,6 +108,11 @@ def make_object(
 
     Raises:
         ValueError: no faces, vertices that are not finite, faces out of range, or a bad value.
+
+    Example:
+        >>> corners = [(0, 0, -2), (1, 0, -2), (0, 1, -2)]
+        >>> make_object("pane", corners, [(0, 1, 2)], opacity=0.3).materials[0].opacity
+        0.3
     """
     what = f"object {name!r}"
     coloured = texture is not None or vertex_colours is not None
@@ -107,30 +121,53 @@ def make_object(
         albedo = decode_srgb(triple(colour, f"colour of {what}", largest=1.0))
     if texture is not None and uv is None:
         raise ValueError(f"{what} has a texture but no texture coordinates; give uv as well")
+    textures, opacities = _pictures(texture, what)
+    material = Material(
+        base_colour=albedo,
+        emission=triple(emission, f"emission of {what}"),
+        specular=triple(specular, f"specular of {what}"),
+        shininess=shininess_of(shininess),
+        texture=-1 if texture is None else 0,
+        reflectance=triple(reflectance, f"reflectance of {what}", largest=1.0),
+        opacity=opacity_of(opacity, f"opacity of {what}"),
+        opacity_texture=0 if opacities else -1,
+    )
     part = Part(
         vertices=np.asarray(vertices, dtype=np.float64),
         faces=np.asarray(faces, dtype=np.int64),
-        material=Material(
-            base_colour=albedo,
-            emission=triple(emission, f"emission of {what}"),
-            specular=triple(specular, f"specular of {what}"),
-            shininess=shininess_of(shininess),
-            texture=-1 if texture is None else 0,
-            reflectance=triple(reflectance, f"reflectance of {what}", largest=1.0),
-        ),
+        material=material if cutoff is None else material.cut_at(opacity_of(cutoff, f"cutoff of {what}")),
         uv=None if uv is None else np.asarray(uv, dtype=np.float64),
         colours=None if vertex_colours is None else np.asarray(vertex_colours, dtype=np.float64),
     )
     check_part(part, what)
-    textures = () if texture is None else (np.asarray(texture, dtype=np.float32),)
     return assemble(
         name,
         [part],
         textures,
+        opacities,
         placement(translate, rotate, scale),
         smooth_angle=smooth_angle,
         keep_normals=False,
     )
+
+
+def _pictures(
+    texture: Float[np.ndarray, "h w c"] | None, what: str
+) -> tuple[tuple[Float[np.ndarray, "h w 3"], ...], tuple[Float[np.ndarray, "h w"], ...]]:
+    """The colours and the opacity, if any, of `texture`."""
+    if texture is None:
+        return (), ()
+    picture = np.asarray(texture, dtype=np.float32)
+    if picture.ndim != 3 or picture.shape[2] not in (3, 4):
+        raise ValueError(f"texture of {what} has the shape {picture.shape}; expected [h, w, 3] or [h, w, 4]")
+    if picture.shape[2] == 3:
+        return (picture,), ()
+    opacity = picture[..., 3]
+    if not ((opacity >= 0) & (opacity <= 1)).all():
+        raise ValueError(
+            f"texture of {what} has opacities outside 0 to 1; expected 0 (not there) to 1 (opaque)"
+        )
+    return (fill_hidden(picture[..., :3], opacity),), (opacity,)
 
 
 def check_part(part: Part, what: str) -> None:
@@ -167,6 +204,7 @@ def assemble(
     name: str,
     parts: Sequence[Part],
     textures: tuple[Float[np.ndarray, "_ _ 3"], ...],
+    opacities: tuple[Float[np.ndarray, "_ _"], ...],
     world_from_object: Float[np.ndarray, "4 4"],
     *,
     smooth_angle: float,
@@ -180,7 +218,7 @@ def assemble(
     if not 0.0 <= smooth_angle <= 180.0:
         raise ValueError(f"smooth angle is {smooth_angle} degrees; expected 0 (facets) to 180 (smooth)")
     joined: dict[str, list[np.ndarray]] = {
-        key: [] for key in ("vertices", "faces", "normals", "uv", "colours", "face_material")
+        key: [] for key in ("vertices", "faces", "normals", "uv", "colours", "opacity", "face_material")
     }
     offset = 0
     for number, part in enumerate(parts):
@@ -201,6 +239,8 @@ def assemble(
         face_material=arrays["face_material"].astype(np.int32),
         materials=tuple(part.material for part in parts),
         textures=textures,
+        opacities=opacities,
+        vertex_opacity=None if (arrays["opacity"] == 1.0).all() else arrays["opacity"],
     )
 
 
@@ -223,12 +263,14 @@ def _place(
         source, faces, normals = _split(faces, corners, len(vertices))
     uv = np.zeros((len(part.vertices), 2)) if part.uv is None else part.uv
     colours = np.ones((len(part.vertices), 3)) if part.colours is None else part.colours
+    opacity = np.ones(len(part.vertices)) if part.opacity is None else part.opacity
     return {
         "vertices": vertices[source],
         "faces": faces,
         "normals": normals,
         "uv": uv[source],
         "colours": colours[source],
+        "opacity": opacity[source],
     }
 
 

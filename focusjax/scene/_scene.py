@@ -6,14 +6,15 @@ from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Int
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
-from focusjax.scene._atlas import make_atlas
+from focusjax.scene._atlas import atlas_of, make_atlas
 from focusjax.scene._background import AbstractBackground, constant_background
 from focusjax.scene._gloss import Gloss
 from focusjax.scene._lights import AbstractLight, light_colour
-from focusjax.scene._material import Material
+from focusjax.scene._material import UNTEXTURED, Material
 from focusjax.scene._object import SceneObject
+from focusjax.scene._opacity import Opacity, OpacityPictures, cutoff_code, opacity_levels
 from focusjax.scene._shader import Shader, Texturing
 
 
@@ -30,6 +31,8 @@ class Scene:
         face_material: material number of each face [t].
         materials: what the numbers mean.
         textures: linear pictures [h, w, 3] the materials refer to.
+        opacities: opacity pictures [h, w] the materials refer to.
+        vertex_opacity: 0 to 1 [v]; None where all are 1.
         objects: the faces of each object by name, in the order given.
         lights: directional and point lights.
         ambient: linear light [3] that a white surface reflects whichever way it faces.
@@ -45,6 +48,8 @@ class Scene:
     face_material: Int[np.ndarray, "t"]
     materials: tuple[Material, ...]
     textures: tuple[Float[np.ndarray, "_ _ 3"], ...]
+    opacities: tuple[Float[np.ndarray, "_ _"], ...]
+    vertex_opacity: Float[np.ndarray, "v"] | None
     objects: dict[str, range]
     lights: tuple[AbstractLight, ...]
     ambient: Float[np.ndarray, "3"]
@@ -85,6 +90,43 @@ class Scene:
             background=None if reflectance is None else self.background,
         )
 
+    def may_be_seen_through(self) -> Bool[np.ndarray, "t"] | None:
+        """Which faces may not be opaque all over; None where every face is."""
+        faces = np.array([m.opacity < 1.0 or m.opacity_texture >= 0 for m in self.materials])[
+            self.face_material
+        ]
+        if self.vertex_opacity is not None:
+            faces |= (self.vertex_opacity < 1.0)[self.faces].any(axis=1)
+        return faces if faces.any() else None
+
+    def opacity(self) -> Opacity:
+        """How much of each surface is there; of use where `may_be_seen_through` is not None."""
+        pictures = None
+        if any(material.opacity_texture >= 0 for material in self.materials):
+            pictures = self._opacity_pictures()
+        return Opacity(
+            faces=tuple(jnp.asarray(corner, dtype=jnp.int32) for corner in self.faces.T),
+            face_material=jnp.asarray(self.face_material, dtype=jnp.int32),
+            factor=jnp.asarray([material.opacity for material in self.materials], dtype=float),
+            vertex=None if self.vertex_opacity is None else jnp.asarray(self.vertex_opacity, dtype=float),
+            pictures=pictures,
+        )
+
+    def _opacity_pictures(self) -> OpacityPictures:
+        # A picture with its cutoff is kept once, whatever the number of materials that share it.
+        kinds = [(m.opacity_texture, m.cutoff) for m in self.materials]
+        pictured = list(dict.fromkeys(kind for kind in kinds if kind[0] >= 0))
+        opaque = [np.ones((1, 1, 1), dtype=np.float32)]
+        atlas = atlas_of([opaque, *(opacity_levels(self.opacities[k], cutoff) for k, cutoff in pictured)])
+        sizes = [self.opacities[k].shape if k >= 0 else (0, 0) for k, _ in kinds]
+        return OpacityPictures(
+            atlas=atlas,
+            texture=jnp.asarray([pictured.index(k) + 1 if k[0] >= 0 else 0 for k in kinds], dtype=jnp.int32),
+            cutoff=jnp.asarray([cutoff_code(cutoff) for _, cutoff in kinds], dtype=float),
+            uv=tuple(jnp.asarray(column, dtype=float) for column in self.uv.T),
+            texels_per_metre=jnp.asarray(_texel_density(self, sizes), dtype=float),
+        )
+
     def shader(self, eye: ArrayLike | Sequence[float]) -> Shader:
         """The shader of this scene for a camera at `eye` (world metres)."""
 
@@ -99,12 +141,13 @@ class Scene:
 
         texturing = None
         if any(material.texture >= 0 for material in self.materials):
+            sizes = [self.textures[m.texture].shape[:2] if m.texture >= 0 else (0, 0) for m in self.materials]
             texturing = Texturing(
                 atlas=make_atlas(self.textures),
                 # The atlas has a white picture at 0 for materials that have none.
                 texture=jnp.asarray([material.texture + 1 for material in self.materials], dtype=jnp.int32),
                 uv=planes(self.uv),
-                texels_per_metre=jnp.asarray(_texel_density(self), dtype=float),
+                texels_per_metre=jnp.asarray(_texel_density(self, sizes), dtype=float),
             )
         return Shader(
             faces=tuple(jnp.asarray(corner, dtype=jnp.int32) for corner in self.faces.T),
@@ -150,6 +193,7 @@ def make_scene(
     }
     materials: list[Material] = []
     textures: list[np.ndarray] = []
+    opacities: list[np.ndarray] = []
     vertex_count = face_count = 0
     for item in objects:
         if item.name in ranges:
@@ -159,11 +203,9 @@ def make_scene(
             gathered[key].append(getattr(item, key))
         gathered["faces"].append(item.faces + vertex_count)
         gathered["face_material"].append(item.face_material + len(materials))
-        materials += [
-            replace(material, texture=material.texture + len(textures)) if material.texture >= 0 else material
-            for material in item.materials
-        ]
+        materials += [_renumbered(material, len(textures), len(opacities)) for material in item.materials]
         textures += item.textures
+        opacities += item.opacities
         vertex_count += len(item.vertices)
         face_count += len(item.faces)
     joined = {key: np.concatenate(values) for key, values in gathered.items()}
@@ -176,6 +218,8 @@ def make_scene(
         face_material=joined["face_material"].astype(np.int32),
         materials=tuple(materials),
         textures=tuple(textures),
+        opacities=tuple(opacities),
+        vertex_opacity=_joined_opacity(objects),
         objects=ranges,
         lights=tuple(lights),
         ambient=np.asarray(light_colour(ambient, "ambient light"), dtype=np.float64),
@@ -184,8 +228,30 @@ def make_scene(
     )
 
 
-def _texel_density(scene: Scene) -> Float[np.ndarray, "t"]:
+def _renumbered(material: Material, textures: int, opacities: int) -> Material:
+    """`material` with its pictures counted on from those before."""
+    return replace(
+        material,
+        texture=material.texture + textures if material.texture >= 0 else UNTEXTURED,
+        opacity_texture=material.opacity_texture + opacities if material.opacity_texture >= 0 else UNTEXTURED,
+    )
+
+
+def _joined_opacity(objects: Sequence[SceneObject]) -> Float[np.ndarray, "v"] | None:
+    """The opacity of all vertices, if any object has some."""
+    if all(item.vertex_opacity is None for item in objects):
+        return None
+    parts = [
+        np.ones(len(item.vertices)) if item.vertex_opacity is None else item.vertex_opacity
+        for item in objects
+    ]
+    return np.concatenate(parts)
+
+
+def _texel_density(scene: Scene, sizes: Sequence[tuple[int, ...]]) -> Float[np.ndarray, "t"]:
     """Texels per metre of each face, from the areas in the texture and in the world.
+
+    `sizes` are the height and width of each material's picture.
 
     Zero, which means the finest level, for faces without area or without texture.
     """
@@ -193,7 +259,6 @@ def _texel_density(scene: Scene) -> Float[np.ndarray, "t"]:
     across, along = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     area = np.linalg.norm(np.cross(across, along), axis=1)
     u, v = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
-    sizes = [scene.textures[m.texture].shape[:2] if m.texture >= 0 else (0, 0) for m in scene.materials]
     texels = np.array([float(height * width) for height, width in sizes])[scene.face_material]
     covered = np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) * texels
     return np.sqrt(np.where(area > 0.0, covered / np.where(area > 0.0, area, 1.0), 0.0))

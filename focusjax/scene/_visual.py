@@ -1,6 +1,8 @@
 """What a mesh file says about colour, from trimesh's several kinds of visuals to one `Part`."""
 
+import io
 import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,36 +12,84 @@ from PIL import Image
 from trimesh.visual import ColorVisuals, TextureVisuals
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
-from focusjax.scene._images import decode_srgb, texture_of, unit_range
+from focusjax.scene._images import (
+    brightness_of,
+    decode_srgb,
+    fill_hidden,
+    opacity_of,
+    texture_of,
+    unit_range,
+)
 from focusjax.scene._material import UNTEXTURED, Material
 from focusjax.scene._object import DEFAULT_ALBEDO, Part
 
 
 @dataclass
 class TextureTable:
-    """Collects each picture once, however many materials use it."""
+    """Collects each picture once, however many materials use it.
+
+    Attributes:
+        source: the file they belong to, for messages.
+        find: reads a file that the source refers to by name; raises if it cannot.
+        pictures: linear colours [h, w, 3].
+        opacities: opacity pictures [h, w].
+    """
 
     source: str
+    find: Callable[[str], bytes]
     pictures: list[Float[np.ndarray, "_ _ 3"]] = field(default_factory=list)
-    _numbers: dict[int, int] = field(default_factory=dict)
+    opacities: list[Float[np.ndarray, "_ _"]] = field(default_factory=list)
+    _numbers: dict[tuple[int, bool], tuple[int, int]] = field(default_factory=dict)
     _images: list[Image.Image] = field(default_factory=list)
 
-    def number(self, image: Image.Image) -> int:
-        """The number of `image`, or -1 with a warning when its data are damaged."""
-        if id(image) not in self._numbers:
+    def numbers(self, image: Image.Image, *, opaque: bool) -> tuple[int, int]:
+        """The numbers of the colours and of the opacity of `image`, -1 for an opacity that it lacks.
+
+        Args:
+            image: a picture, maybe not yet read.
+            opaque: its alpha channel means nothing.
+
+        Returns:
+            -1 twice, with a warning, when the data are damaged.
+        """
+        key = (id(image), opaque)
+        if key not in self._numbers:
             try:
                 picture = texture_of(image)
+                opacity = None if opaque else opacity_of(image)
             except (OSError, SyntaxError, ValueError) as error:
                 warnings.warn(
                     f"a texture in {self.source} cannot be decoded ({error}); using the material colour",
                     stacklevel=2,
                 )
-                return UNTEXTURED
+                return UNTEXTURED, UNTEXTURED
             # The image is kept so that its id stays its own.
             self._images.append(image)
-            self._numbers[id(image)] = len(self.pictures)
-            self.pictures.append(picture)
-        return self._numbers[id(image)]
+            shown = picture if opacity is None else fill_hidden(picture, opacity)
+            self.pictures.append(shown)
+            self._numbers[key] = len(self.pictures) - 1, self.add_opacity(opacity)
+        return self._numbers[key]
+
+    def add_opacity(self, opacity: Float[np.ndarray, "_ _"] | None) -> int:
+        """The number of an opacity picture, -1 for none."""
+        if opacity is None:
+            return UNTEXTURED
+        self.opacities.append(opacity)
+        return len(self.opacities) - 1
+
+    def opacity_file(self, name: str) -> int:
+        """The number of the opacity map in the file `name`, or -1 with a warning when it cannot be used."""
+        try:
+            with Image.open(io.BytesIO(self.find(name))) as image:
+                alpha = opacity_of(image)
+                return self.add_opacity(brightness_of(image) if alpha is None else alpha)
+        except Exception as error:
+            warnings.warn(
+                f"{self.source} refers to the opacity map {name}, which cannot be read"
+                f" ({type(error).__name__}); the material is taken as opaque",
+                stacklevel=2,
+            )
+            return UNTEXTURED
 
 
 def part_of(mesh: trimesh.Trimesh, textures: TextureTable, *, linear_colours: bool) -> Part:
@@ -56,12 +106,14 @@ def part_of(mesh: trimesh.Trimesh, textures: TextureTable, *, linear_colours: bo
     stored = mesh._cache.cache.get("vertex_normals")
     normals = None if stored is None else np.asarray(stored, dtype=np.float64)
     visual = mesh.visual
-    uv, colours, in_corners = None, None, False
+    uv, colours, opacity, in_corners = None, None, None, False
     if isinstance(visual, TextureVisuals):
         if np.shape(visual.uv)[:1] == (len(vertices),):
             uv = np.asarray(visual.uv, dtype=np.float64)[:, :2]
         if "color" in visual.vertex_attributes:
             colours = np.asarray(visual.vertex_attributes["color"])
+        if colours is not None and getattr(visual.material, "alphaMode", None) == "BLEND":
+            opacity = _fourth(colours)
         material = _material(visual.material, textures, has_uv=uv is not None)
         beside = mesh.vertex_attributes.get("color")
         if colours is None and beside is not None and material.texture == UNTEXTURED:
@@ -83,7 +135,12 @@ def part_of(mesh: trimesh.Trimesh, textures: TextureTable, *, linear_colours: bo
         corners = faces.ravel()
         vertices, faces = vertices[corners], np.arange(len(corners)).reshape(-1, 3)
         normals = None if normals is None else normals[corners]
-    return Part(vertices, faces, material, normals, uv, colours)
+    return Part(vertices, faces, material, normals, uv, colours, opacity)
+
+
+def _fourth(colours: np.ndarray) -> Float[np.ndarray, "v"] | None:
+    """The alpha of vertex colours that have one."""
+    return unit_range(colours)[:, 3] if colours.shape[1] == 4 else None
 
 
 def _material(found: object, textures: TextureTable, *, has_uv: bool) -> Material:
@@ -109,20 +166,59 @@ def _of_pbr(found: PBRMaterial, textures: TextureTable, *, has_uv: bool) -> Mate
             stacklevel=2,
         )
         emission = np.zeros(3)
-    return _plain(
-        np.ones(3) if factor is None else unit_range(np.asarray(factor))[:3],
-        emission=emission,
-        texture=textures.number(image) if image is not None and has_uv else UNTEXTURED,
+    rgba = np.ones(4) if factor is None else unit_range(np.asarray(factor))
+    # glTF: alpha means nothing unless the material says what.
+    opaque = found.alphaMode not in ("MASK", "BLEND")
+    texture, opacity_texture = _pictured(image, textures, opaque=opaque, has_uv=has_uv)
+    material = replace(
+        _plain(rgba[:3], emission=emission, texture=texture),
+        opacity=1.0 if opaque else float(rgba[3]),
+        opacity_texture=opacity_texture,
     )
+    if found.alphaMode == "MASK":
+        material = material.cut_at(0.5 if found.alphaCutoff is None else found.alphaCutoff)
+    return _noted(material, found.name, textures)
+
+
+def _pictured(
+    image: Image.Image | None, textures: TextureTable, *, opaque: bool, has_uv: bool
+) -> tuple[int, int]:
+    """Numbers of the colours and of the opacity of a material's picture, -1 where there is none."""
+    if image is None:
+        return UNTEXTURED, UNTEXTURED
+    if not has_uv:
+        warnings.warn(
+            f"{textures.source} has a texture but no texture coordinates to place it by; using the material"
+            " colour instead",
+            stacklevel=2,
+        )
+        return UNTEXTURED, UNTEXTURED
+    return textures.numbers(image, opaque=opaque)
+
+
+def _noted(material: Material, name: str | None, textures: TextureTable) -> Material:
+    """`material`, with a warning if nobody will see it: often an exporter's mistake."""
+    if material.opacity == 0.0:
+        warnings.warn(
+            f"material {name!r} of {textures.source} is wholly transparent and will not be seen; give the"
+            " object an opacity if that is a mistake",
+            stacklevel=2,
+        )
+    return material
 
 
 def _of_simple(found: SimpleMaterial, textures: TextureTable, *, has_uv: bool) -> Material:
-    stated = {key: _numbers(key, found.kwargs, textures.source) for key in ("kd", "ks", "ke", "ns", "illum")}
+    keys = ("kd", "ks", "ke", "ns", "illum", "d", "tr")
+    stated = {key: _numbers(key, found.kwargs, textures.source) for key in keys}
     # Where a file gives texture coordinates but no picture, trimesh puts a grey one it makes itself,
     # which unlike pictures that were read has no file format.
     image = found.image
     pictured = None if image is None or image.format is None else image
-    texture = textures.number(pictured) if pictured is not None and has_uv else UNTEXTURED
+    opacity_map = _file_name(found.kwargs.get("map_d"))
+    opaque = opacity_map is not None
+    texture, opacity_texture = _pictured(pictured, textures, opaque=opaque, has_uv=has_uv)
+    if opacity_map is not None and has_uv:
+        opacity_texture = textures.opacity_file(opacity_map)
     albedo = np.full(3, DEFAULT_ALBEDO)
     if texture != UNTEXTURED:
         # As in most programs, a picture stands for the diffuse colour instead of being tinted by it.
@@ -131,13 +227,29 @@ def _of_simple(found: SimpleMaterial, textures: TextureTable, *, has_uv: bool) -
         albedo = decode_srgb(np.minimum(stated["kd"], 1.0))
     # Illumination models 0 and 1 of MTL files have no highlight, whatever Ks says.
     glossy = stated["illum"] is not None and stated["illum"][0] >= 2
-    return _plain(
+    plain = _plain(
         albedo,
         emission=stated["ke"],
         specular=stated["ks"] if glossy else None,
         shininess=32.0 if stated["ns"] is None else max(1.0, float(stated["ns"][0])),
         texture=texture,
     )
+    opacity = _opacity_of_mtl(stated["d"], stated["tr"])
+    material = replace(plain, opacity=opacity, opacity_texture=opacity_texture)
+    return _noted(material, found.name, textures)
+
+
+def _opacity_of_mtl(dissolve: np.ndarray | None, transparency: np.ndarray | None) -> float:
+    """Of d, or of its complement Tr."""
+    if dissolve is not None:
+        return min(float(dissolve[0]), 1.0)
+    return 1.0 if transparency is None else 1.0 - min(float(transparency[0]), 1.0)
+
+
+def _file_name(stated: Sequence[str] | str | None) -> str | None:
+    """The file of an MTL map line, whose options come first."""
+    words = stated.split() if isinstance(stated, str) else list(stated or ())
+    return words[-1] if words else None
 
 
 def _plain(

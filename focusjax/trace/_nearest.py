@@ -34,7 +34,9 @@ def nearest_in_layers(layers: Layers) -> Callable[[LensRay], Float[np.ndarray, "
 @eqx.filter_jit
 def _first_disparities(layers: Layers, rays: LensRay) -> Float[Array, " n"]:
     grid = layers.grid
-    volume = Volume(layers.cells.reshape(-1), layers.disparity_scale, grid.columns, grid.rows)
+    # What may be seen through is a surface, too.
+    cells = layers.cells.reshape(-1)
+    volume = Volume(cells, layers.disparity_scale, None, grid.columns, grid.rows)
     disparities = layers.disparity.reshape(-1)
     least, largest = jnp.where(layers.ranges.overall[1] > 0, layers.ranges.overall, 0.0)
 

@@ -4,9 +4,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-from focusjax.layers import Layers, covered
+from focusjax.layers import Layers, covered, interval
 from focusjax.trace._gloss import radiance_from_centre
 
 _PLACES = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
@@ -16,8 +16,9 @@ _PLACES = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
 def render_pinhole(layers: Layers) -> Float[Array, "h w 3"]:
     """The picture that a pinhole would take of the same scene: linear radiance.
 
-    The nearest surface at four places of each layer sample, averaged over the pixel. It is also what the
-    picture of any lens tends to when its aperture closes.
+    The nearest surface at four places of each layer sample, averaged over the pixel; where a surface is
+    there in part only, those behind it show through the rest. It is also what the picture of any lens tends
+    to when its aperture closes.
     """
     grid = layers.grid
     edges = (
@@ -32,16 +33,49 @@ def render_pinhole(layers: Layers) -> Float[Array, "h w 3"]:
 def _seen(layers: Layers) -> Float[Array, "h w 3"]:
     """Mean radiance of each sample of the grid."""
     shape, radiances = layers.cells.shape[1:], radiance_from_centre(layers)
+    opacity = layers.opacity
 
     def at_place(place: Float[Array, "2"]) -> Float[Array, "h w 3"]:
         dx, dy = (jnp.broadcast_to(place[k], shape) for k in (0, 1))
-        # Words are ordered by their nearest disparity.
-        nearest = jnp.zeros(shape, dtype=layers.cells.dtype)
+        if opacity is not None:
+            return _blended(layers, radiances, opacity, dx, dy)
+        nearest = jnp.zeros(shape, dtype=jnp.int32)
         colour = layers.background
         for words, radiance in zip(layers.cells, radiances, strict=True):
-            shows = covered(words, dx, dy) & (words > nearest)
-            nearest = jnp.where(shows, words, nearest)
+            # Of two within one step of disparity, the one in the earlier layer is nearer.
+            most = interval(words)[1]
+            shows = covered(words, dx, dy) & (most > nearest)
+            nearest = jnp.where(shows, most, nearest)
             colour = jnp.where(shows[..., None], radiance, colour)
         return colour
 
     return jax.lax.map(at_place, jnp.asarray(_PLACES, dtype=layers.radiance.dtype)).mean(axis=0)
+
+
+def _blended(
+    layers: Layers,
+    radiances: Float[Array, "l h w 3"],
+    opacity: Float[Array, "l h w"],
+    dx: Float[Array, "h w"],
+    dy: Float[Array, "h w"],
+) -> Float[Array, "h w 3"]:
+    """Every surface at one place of each sample over those behind it, front to back."""
+    shape = layers.cells.shape[1:]
+    # Layers are in order but for their fringe samples.
+    shows = jax.vmap(lambda words: covered(words, dx, dy))(layers.cells)
+    nearest = jnp.where(shows, interval(layers.cells)[1], 0)
+    order = jnp.argsort(nearest, axis=0, descending=True, stable=True)
+
+    def over(seen: tuple[Array, Array], layer: Int[Array, "h w"]) -> tuple[tuple[Array, Array], None]:
+        colour, through = seen
+
+        def of_layer(a: Array) -> Array:
+            index = layer[None] if a.ndim == 3 else layer[None, ..., None]
+            return jnp.take_along_axis(a, index, axis=0)[0]
+
+        share = through * jnp.where(of_layer(nearest) > 0, of_layer(opacity), 0.0)
+        return (colour + share[..., None] * of_layer(radiances), through - share), None
+
+    nothing = jnp.zeros((*shape, 3), dtype=layers.radiance.dtype)
+    (colour, through), _ = jax.lax.scan(over, (nothing, jnp.ones(shape, dtype=nothing.dtype)), order)
+    return colour + through[..., None] * layers.background

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, UInt
 
 from focusjax._parallel import CORES
 from focusjax.geometry import Camera, LensRay
@@ -16,7 +16,7 @@ from focusjax.lens import AbstractLens
 from focusjax.trace._colour import Surface, radiance_at, surface_of
 from focusjax.trace._ranges import disparity_range
 from focusjax.trace._samples import RaySamples, ray_samples, z_order
-from focusjax.trace._walk import Volume, first_hit
+from focusjax.trace._walk import Volume, first_hit, pack_opacity
 
 _SAMPLES_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 23}
 
@@ -54,9 +54,11 @@ def render(
         raise ValueError(f"rays is {rays}; expected at least 1 ray per pixel")
     _check_reach(layers, lens)
     grid, camera = layers.grid, layers.camera
-    samples = ray_samples(lens, rays, seed)
+    opacity = None if layers.opacity is None else pack_opacity(layers.opacity)
+    samples = ray_samples(lens, rays, seed, chances=opacity is not None)
+    cells = layers.cells.reshape(-1)
     scene = _Scene(
-        volume=Volume(layers.cells.reshape(-1), layers.disparity_scale, grid.columns, grid.rows),
+        volume=Volume(cells, layers.disparity_scale, opacity, grid.columns, grid.rows),
         surface=surface_of(layers),
         camera=camera,
         grid=grid,
@@ -206,10 +208,12 @@ def _pixel(
     column, row = pixel % grid.width, pixel // grid.width
     corner = jnp.stack([column, row]).astype(least.dtype)
 
-    def one(offset: Float[Array, "2"], pupil: Float[Array, "2"]) -> Float[Array, "3"]:
+    def one(
+        offset: Float[Array, "2"], pupil: Float[Array, "2"], chance: UInt[Array, ""] | None
+    ) -> Float[Array, "3"]:
         ray = lens.ray(scene.camera, corner + offset, pupil)
         on_grid = LensRay(ray.a * grid.supersampling + grid.margin, ray.b * grid.supersampling, ray.weight)
-        hit = first_hit(scene.volume, on_grid, least, largest, depth=depth)
+        hit = first_hit(scene.volume, on_grid, least, largest, chance, depth=depth)
         return ray.weight * radiance_at(scene.surface, on_grid, hit)
 
     return jax.vmap(one)(*samples.of_pixel(column, row, first, count)).sum(axis=0)

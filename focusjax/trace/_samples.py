@@ -9,16 +9,19 @@ Within a pixel, rays are ordered by how far from the lens centre they start. A r
 that, so rays of like rank, traced together, finish together.
 """
 
+import math
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, UInt
 from scipy.stats import qmc
 
 from focusjax.lens import AbstractLens
 
 _MOST_SAMPLES = 1 << 20
+_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
 class RaySamples(eqx.Module):
@@ -27,27 +30,36 @@ class RaySamples(eqx.Module):
     Attributes:
         offset: position in the pixel [t, s, 2], 0 to 1 in x and y.
         pupil: point of the opening [t, s, 2] in units of the aperture radius.
+        chance: 32 bits [t, s] that decide where a ray stops among surfaces that are there in part only;
+            None where nothing is. Those of one pixel are evenly spaced, in an order that spreads them
+            evenly over its first rays, too.
         edge: edge of the tile in pixels (static).
     """
 
     offset: Float[Array, "t s 2"]
     pupil: Float[Array, "t s 2"]
+    chance: UInt[Array, "t s"] | None
     edge: int = eqx.field(static=True)
 
     def of_pixel(
         self, column: Int[Array, ""], row: Int[Array, ""], first: Int[Array, ""], count: int
-    ) -> tuple[Float[Array, "s 2"], Float[Array, "s 2"]]:
-        """Pixel offsets and pupil points of the `count` rays from `first` on of one pixel."""
+    ) -> tuple[Float[Array, "s 2"], Float[Array, "s 2"], UInt[Array, " s"] | None]:
+        """Pixel offsets, pupil points and chances of the `count` rays from `first` on of one pixel."""
         tile = (row % self.edge) * self.edge + column % self.edge
         start, size = (tile, first, 0), (1, count, 2)
+        chance = self.chance
         return (
             jax.lax.dynamic_slice(self.offset, start, size)[0],
             jax.lax.dynamic_slice(self.pupil, start, size)[0],
+            None if chance is None else jax.lax.dynamic_slice(chance, start[:2], size[:2])[0],
         )
 
 
-def ray_samples(lens: AbstractLens, rays: int, seed: int) -> RaySamples:
-    """Samples for `rays` rays per pixel through `lens`, the same ones for the same `seed`."""
+def ray_samples(lens: AbstractLens, rays: int, seed: int, *, chances: bool = False) -> RaySamples:
+    """Samples for `rays` rays per pixel through `lens`, the same ones for the same `seed`.
+
+    `chances` says whether there is anything that lets rays through.
+    """
     edge = 32
     while edge > 1 and rays * edge**2 > _MOST_SAMPLES:
         edge //= 2
@@ -55,13 +67,25 @@ def ray_samples(lens: AbstractLens, rays: int, seed: int) -> RaySamples:
     sequence = qmc.Sobol(4, scramble=True, rng=np.random.default_rng(seed))
     points = sequence.random_base2(max(length - 1, 0).bit_length())[:length].reshape(edge**2, rays, 4)
     rows, columns = np.divmod(np.arange(edge**2), edge)
-    points = jnp.asarray(points[z_order(columns, rows)], dtype=float)
+    place = z_order(columns, rows)
+    points = jnp.asarray(points[place], dtype=float)
     pupil = eqx.filter_jit(_pupil_points)(lens, points[..., 2:])
     order = np.argsort(np.abs(np.asarray(pupil)).max(axis=-1), axis=-1)[..., None]
     offset, pupil = (
         jnp.asarray(np.take_along_axis(np.asarray(a), order, axis=1)) for a in (points[..., :2], pupil)
     )
-    return RaySamples(offset=offset, pupil=pupil, edge=edge)
+    chance = None
+    if chances:
+        chance = jnp.asarray(_chances(place, rays, seed))
+    return RaySamples(offset=offset, pupil=pupil, chance=chance, edge=edge)
+
+
+def _chances(place: np.ndarray, rays: int, seed: int) -> UInt[np.ndarray, "t s"]:
+    """32 bits [t, s] that lie evenly for the rays of each pixel, given its `place` on the Z-order curve."""
+    leap = next(k for k in range(round(_GOLDEN * rays), 2 * rays + 2) if math.gcd(k, rays) == 1)
+    of_ray = np.arange(rays) * leap % rays / rays
+    of_pixel = (place * _GOLDEN + np.random.default_rng(seed).random())[:, None]
+    return ((of_ray + of_pixel) % 1.0 * 2.0**32).astype(np.uint32)
 
 
 def _pupil_points(lens: AbstractLens, square: Float[Array, "t s 2"]) -> Float[Array, "t s 2"]:

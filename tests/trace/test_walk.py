@@ -87,7 +87,8 @@ def quick_hits(volume, a, b, least, largest, depth):
 
 def quick(least: np.ndarray, largest: np.ndarray) -> np.ndarray:
     layers = varied_layers()
-    volume = Volume(layers.cells.reshape(-1), layers.disparity_scale, layers.grid.columns, layers.grid.rows)
+    cells, grid = layers.cells.reshape(-1), layers.grid
+    volume = Volume(cells, layers.disparity_scale, None, grid.columns, grid.rows)
     return np.asarray(quick_hits(volume, *rays()[1:], least, largest, layers.count))
 
 

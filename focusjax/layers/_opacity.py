@@ -1,0 +1,70 @@
+"""Which fragments are there at all, and how much of each: alpha-tested leaves, panes of glass."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from focusjax.geometry import Camera
+from focusjax.layers._attributes import surface_samples
+from focusjax.layers._clip import ScreenTriangles
+from focusjax.layers._grid import Grid
+from focusjax.layers._raster import Fragments
+from focusjax.layers._stamps import Stamps, pad_rows
+from focusjax.scene import Opacity, Scene
+
+LEVELS = 255
+"""Opacities are kept in this many steps, as the tracer packs them into bytes."""
+_AT_ONCE = 1 << 18
+
+
+def with_opacity(
+    scene: Scene,
+    camera: Camera,
+    triangles: ScreenTriangles,
+    grid: Grid,
+    stamps: Stamps,
+    fragments: Fragments,
+) -> tuple[Fragments, Float[np.ndarray, " f"] | None]:
+    """The fragments of which something is there, and the share [f], 0 to 1, of each that is.
+
+    None stands for opaque all over, which costs nothing. An opacity is that of the square of its sample, so
+    where a texture cuts a surface out inside a triangle, its outline is known to a share of the samples
+    along it; the outline of the triangles is known better (see `_silhouettes`).
+    """
+    faces = scene.may_be_seen_through()
+    if faces is None:
+        return fragments, None
+    asked = np.flatnonzero(faces[triangles.source[stamps.triangle]][fragments.stamp])
+    if not len(asked):
+        return fragments, None
+    disparity = fragments.disparity[asked]
+    surface = surface_samples(stamps, triangles, fragments.sample[asked], fragments.stamp[asked], grid)
+    extent_m = 1.0 / (disparity * float(camera.focal_px) * grid.supersampling)
+    share = _shares(scene.opacity(), surface.face, surface.barycentric, extent_m)
+    opacity = np.ones(len(fragments.sample), dtype=np.float32)
+    opacity[asked] = np.round(share * LEVELS) / LEVELS
+    there = np.flatnonzero(opacity)
+    opacity = opacity[there]
+    return fragments.take(there), None if (opacity == 1.0).all() else opacity
+
+
+def _shares(opacity: Opacity, face: np.ndarray, barycentric: np.ndarray, extent: np.ndarray) -> np.ndarray:
+    """Opacity [n] of surface samples."""
+    real = jnp.zeros(()).dtype
+    parts = [np.zeros(0, dtype=real)]
+    for start in range(0, len(face), _AT_ONCE):
+        part = slice(start, start + _AT_ONCE)
+        columns = (face, barycentric.astype(real), extent.astype(real))
+        inputs = (jnp.asarray(pad_rows(a[part], _AT_ONCE)) for a in columns)
+        parts.append(np.asarray(_block(opacity, *inputs))[: len(face) - start])
+    return np.concatenate(parts)
+
+
+@eqx.filter_jit
+def _block(
+    opacity: Opacity, face: Int[Array, " n"], barycentric: Float[Array, "n 3"], extent: Float[Array, " n"]
+) -> Float[Array, " n"]:
+    # Blocks that fit the cache, as for shading.
+    return jax.lax.map(lambda sample: opacity(*sample), (face, barycentric, extent), batch_size=4096)

@@ -2,6 +2,7 @@
 
 from focusjax.layers._build import disparity_map as disparity_map
 from focusjax.layers._build import peel as peel
+from focusjax.layers._cells import BELOW_MOST as BELOW_MOST
 from focusjax.layers._cells import covered as covered
 from focusjax.layers._cells import interval as interval
 from focusjax.layers._gloss import GlossSamples as GlossSamples

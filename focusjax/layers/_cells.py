@@ -16,6 +16,8 @@ from jaxtyping import Array, Bool, Float, Int, UInt
 
 STEPS = (1 << 13) - 2
 """Steps from infinity to the nearest disparity of all."""
+BELOW_MOST = (1 << 19) - 1
+"""The bits of a word below its largest disparity."""
 EMPTY = 0
 """Packed sample that holds nothing: its largest disparity is 0, which no ray meets."""
 WHOLE = (8 << 9) | (8 << 5) | 31

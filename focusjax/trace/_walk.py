@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt
 
 from focusjax.geometry import LensRay
-from focusjax.layers import covered, interval
+from focusjax.layers import BELOW_MOST, covered, interval
 
 _OPAQUE = 255
 _LAYERS_PER_WORD = 4
@@ -85,7 +85,7 @@ def first_hit(
         farthest = ((near - stride) * per_dioptre).astype(jnp.int32)
         half_way = (nearest + farthest) >> 1
         offset_x, offset_y = a_x - 0.5 - column.astype(a_x.dtype), a_y - 0.5 - row.astype(a_y.dtype)
-        best, hit = jnp.int32(0), jnp.int32(-1)
+        best, hit = jnp.uint32(0), jnp.int32(-1)
         inside_before, number = passing or (jnp.uint32(0), jnp.uint32(0))
         inside_now, levels = jnp.uint32(0), jnp.uint32(0)
         for layer in range(depth):
@@ -94,7 +94,8 @@ def first_hit(
             low, most = interval(word)
             at = jnp.clip(half_way, low, most).astype(offset_x.dtype)
             inside = covered(word, offset_x + per_step_x * at, offset_y + per_step_y * at)
-            meets = (low <= nearest) & (most >= farthest) & inside
+            # Words are ordered by their largest disparity; of two within one step, the earlier is nearer.
+            meets = (low <= nearest) & (most >= farthest) & (word > best) & inside
             if volume.opacity is not None:
                 place, byte = divmod(layer, _LAYERS_PER_WORD)
                 if byte == 0:
@@ -106,9 +107,7 @@ def first_hit(
                 inside_now |= jnp.where(partly, bit, 0)
                 meets &= ~partly | (new & ((number >> 8) < level * ((1 << 24) // _OPAQUE)))
                 number = jnp.where(new, number * _NEXT + 1, number)
-            # Of two within one step of disparity, the one in the earlier layer is nearer.
-            meets &= most > best
-            best = jnp.where(meets, most, best)
+            best = jnp.where(meets, word | BELOW_MOST, best)
             hit = jnp.where(meets, index, hit)
         return (step + 1, hit, inside_now, number) if passing else (step + 1, hit)
 

@@ -81,5 +81,9 @@ def _copies(loaded: list[SceneObject], count: int) -> list[SceneObject]:
         vertices = (source.vertices - (low + high) / 2) * (1.2 / (high - low).max()) + place
         paint = random.uniform(0.3, 1.0, 3) * (0.6 + 0.4 * source.normals)
         name = f"{source.name} {number}"
-        copies.append(dataclasses.replace(source, name=name, vertices=vertices, colours=paint))
+        # The paint is all of the colour, as it is for the program that the picture is compared with.
+        white = tuple(dataclasses.replace(m, base_colour=np.ones(3)) for m in source.materials)
+        copies.append(
+            dataclasses.replace(source, name=name, vertices=vertices, colours=paint, materials=white)
+        )
     return copies

@@ -30,6 +30,8 @@ class Picture:
         image: radiance [h, w, 3] through the lens.
         pinhole: radiance [h, w, 3] with everything sharp.
         layer_count: layers that the lens sees.
+        samples_kept: samples of surface in them.
+        layer_bytes: memory of the layers with their N-buffers.
         margin: pixels that the layers reach beyond the frame.
         complete: whether no surface was left out for want of layers.
     """
@@ -37,6 +39,8 @@ class Picture:
     image: Float[Array, "h w 3"]
     pinhole: Float[Array, "h w 3"]
     layer_count: int
+    samples_kept: int
+    layer_bytes: int
     margin: float
     complete: bool
 
@@ -199,6 +203,8 @@ def _render(
         image=image,
         pinhole=pinhole,
         layer_count=layers.count,
+        samples_kept=layers.samples_kept,
+        layer_bytes=layers.nbytes,
         margin=layers.grid.margin / layers.grid.supersampling,
         complete=layers.complete,
     )

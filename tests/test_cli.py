@@ -112,6 +112,8 @@ def test_the_report_in_numbers(finished):
     assert [wish["name"] for wish in report["wishes"]] == ["box's front", "far box"]
     assert all(wish["met"] for wish in report["wishes"])
     assert report["picture"]["layers_complete"]
+    assert report["picture"]["layer_samples"] > 0
+    assert report["picture"]["layers_mib"] > 1
     assert report["picture"]["rays_per_pixel"] == 4
     assert report["config"]["solve"]["max_focus_distance_m"] == "inf"
     stages = {"load", "locate", "solve_first", "solve", "peel", "render", "pinhole", "compile"}

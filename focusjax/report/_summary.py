@@ -111,6 +111,8 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
     return {
         "layers": picture.layer_count,
         "layers_complete": picture.complete,
+        "layer_samples": picture.samples_kept,
+        "layers_mib": picture.layer_bytes / 2**20,
         "margin_px": picture.margin,
         "rays_per_pixel": outcome.config.render.rays,
         "largest_blur_px": float(np.abs(outcome.blur).max()),

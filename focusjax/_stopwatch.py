@@ -1,6 +1,7 @@
 """Seconds per stage of a run, with JAX's compile time told apart from the work."""
 
 import contextlib
+import math
 import time
 from collections.abc import Callable, Iterator
 
@@ -27,12 +28,12 @@ class Stopwatch:
         """Count the block's time under `name`; stages do not nest, and each happens once."""
         if self._on_stage is not None:
             self._on_stage(name)
-        compiling = 0.0
+        spans: list[tuple[float, float]] = []
 
         def note(event: str, duration_secs: float, **details: object) -> None:
-            nonlocal compiling
             if event.startswith(_COMPILE_EVENTS):
-                compiling += duration_secs
+                end = time.perf_counter()
+                spans.append((end - duration_secs, end))
 
         jax.monitoring.register_event_duration_secs_listener(note)
         start = time.perf_counter()
@@ -41,7 +42,15 @@ class Stopwatch:
         finally:
             elapsed = time.perf_counter() - start
             jax.monitoring.unregister_event_duration_listener(note)
-            # Compiling may overlap with itself when JAX uses threads, but never counts for more than all.
-            compiling = min(compiling, elapsed) if compile_apart else 0.0
+            compiling = min(_together(spans), elapsed) if compile_apart else 0.0
             self.compile_seconds[name] = compiling
             self.seconds[name] = elapsed - compiling
+
+
+def _together(spans: list[tuple[float, float]]) -> float:
+    """Seconds within any of the spans (start, end), which overlap where threads compile side by side."""
+    total, covered = 0.0, -math.inf
+    for start, end in sorted(spans):
+        total += max(0.0, end - max(start, covered))
+        covered = max(covered, end)
+    return total

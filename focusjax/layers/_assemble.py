@@ -84,7 +84,7 @@ def assemble(
         joins = join(planes, parallax)
         fringe = find_silhouettes(triangles, grid, planes, joins, parallax)
         count, place, added = _free_places(len(owner), grid.size, held, fringe.cell, max_layers)
-        count = max(count, least_layers)
+        count = max(count, min(least_layers, max_layers))
         source = fringe.source[added]
         index = np.concatenate([held, place])
         low = np.concatenate([joins.low, fringe.low[added]])

@@ -41,8 +41,8 @@ def peel(
             surroundings from its own point of the lens (Lee09 section 5), for 5 bytes more a sample.
             Otherwise they are painted on the surfaces as the lens centre sees them, which is quicker. Nothing
             changes for scenes without either.
-        like: layers of another moment, of the same frame: margin and number of layers are at least theirs, so
-            that programs compiled for them serve again.
+        like: layers of another moment, of as many pixels: the margin is at least theirs, and so is the number
+            of layers up to `max_layers`, so that programs compiled for them serve again.
 
     Raises:
         ValueError: a count below 1; a surface so close to the lens that the margin its blur needs does not

@@ -1,8 +1,9 @@
 """Coverage-weighted mipmaps of the layers' colour (Lee09 section 4.4).
 
-Level 0 holds, at each sample, its radiance times the share of its square that its surface covers, and that
-share; a texel of the next level is the mean of four of the one before. Colour over coverage is then the mean
-colour of the surface under a texel, whatever the holes in it, and light is kept from level to level.
+Level 0 holds, at each sample, its radiance times the share of its square that its surface covers (and, of
+what may be seen through, hides), and that share; a texel of the next level is the mean of four of the one
+before. Colour over coverage is then the mean colour of the surface under a texel, whatever the holes in it,
+and light is kept from level to level.
 """
 
 import equinox as eqx
@@ -64,6 +65,8 @@ def colour_mipmaps(layers: Layers, levels: int) -> ColourMipmaps:
     if levels < 1:
         raise ValueError(f"levels is {levels}; expected at least 1")
     share = covered_share(layers.cells)[..., None].astype(layers.radiance.dtype)
+    if layers.opacity is not None:
+        share = share * layers.opacity[..., None]
     texels = [jnp.concatenate([layers.radiance * share, share], axis=-1)]
     for _ in range(levels - 1):
         finer = texels[-1]

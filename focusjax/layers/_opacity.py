@@ -1,5 +1,7 @@
 """Which fragments are there at all, and how much of each: alpha-tested leaves, panes of glass."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,6 +12,7 @@ from focusjax.geometry import Camera
 from focusjax.layers._attributes import surface_samples
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
+from focusjax.layers._peel import SEPARATION
 from focusjax.layers._raster import Fragments
 from focusjax.layers._stamps import Stamps, pad_rows
 from focusjax.scene import Opacity, Scene
@@ -32,6 +35,8 @@ def with_opacity(
     None stands for opaque all over, which costs nothing. An opacity is that of the square of its sample, so
     where a texture cuts a surface out inside a triangle, its outline is known to a share of the samples
     along it; the outline of the triangles is known better (see `_silhouettes`).
+
+    What may be seen through is put a little nearer, so that a decal is before the wall it lies on.
     """
     faces = scene.may_be_seen_through()
     if faces is None:
@@ -47,7 +52,11 @@ def with_opacity(
     opacity[asked] = np.round(share * LEVELS) / LEVELS
     there = np.flatnonzero(opacity)
     opacity = opacity[there]
-    return fragments.take(there), None if (opacity == 1.0).all() else opacity
+    fragments = fragments.take(there)
+    if (opacity == 1.0).all():
+        return fragments, None
+    nearer = np.where(opacity < 1.0, 1.0 + 2.0 * SEPARATION, 1.0).astype(fragments.disparity.dtype)
+    return dataclasses.replace(fragments, disparity=fragments.disparity * nearer), opacity
 
 
 def _shares(opacity: Opacity, face: np.ndarray, barycentric: np.ndarray, extent: np.ndarray) -> np.ndarray:

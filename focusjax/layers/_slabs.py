@@ -162,7 +162,7 @@ def _not_behind_the_first(
     windows = windows_within(parallax, float(first.max(initial=0.0)))
     limit = hidden_below(first.reshape(grid.rows, grid.columns), parallax, windows=windows).reshape(-1)
     sample, disparity = fragments.sample, fragments.disparity
-    return np.flatnonzero((disparity < limit[sample]) | (disparity == first[sample]))
+    return np.flatnonzero((disparity < limit[sample]) | (disparity >= first[sample]))
 
 
 def _nearest(

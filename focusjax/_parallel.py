@@ -12,12 +12,12 @@ CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (o
 """Cores that this process may use."""
 
 
-def in_parallel(function: Callable[[T], R], items: Iterable[T], workers: int = CORES) -> list[R]:
+def in_parallel(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     """`function` of every item, in the order of the items."""
     work = list(items)
-    if workers == 1 or len(work) <= 1:
+    if CORES == 1 or len(work) <= 1:
         return [function(item) for item in work]
-    with concurrent.futures.ThreadPoolExecutor(workers) as pool:
+    with concurrent.futures.ThreadPoolExecutor(CORES) as pool:
         return list(pool.map(function, work))
 
 

@@ -1,13 +1,12 @@
 """Peeling a deformed scene again compiles nothing: shapes follow the grid and the mesh, not what is seen."""
 
 import dataclasses
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compilations import compilations
 from glossy import glossy_lens, glossy_scene
 from small_scenes import front_camera, patch, varied_layers, varied_scene
 
@@ -29,22 +28,6 @@ def rippled(scene: Scene, phase: float) -> Scene:
 def peeled(phase: float, *, view_dependent: bool, like: Layers | None = None) -> Layers:
     scene = rippled(glossy_scene(), phase)
     return peel(scene, CAMERA, glossy_lens(), view_dependent=view_dependent, like=like)
-
-
-@contextmanager
-def compilations() -> Iterator[list[str]]:
-    """One entry for each program that XLA compiles meanwhile."""
-    compiled: list[str] = []
-
-    def listen(event: str, _seconds: float, **_about: object) -> None:
-        if event == "/jax/core/compile/backend_compile_duration":
-            compiled.append(event)
-
-    jax.monitoring.register_event_duration_secs_listener(listen)
-    try:
-        yield compiled
-    finally:
-        jax.monitoring.unregister_event_duration_listener(listen)
 
 
 @pytest.mark.parametrize("view_dependent", [False, True])

@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compilations import compilations
 from small_scenes import HEIGHT, WIDTH, at_pixels, front_camera, patch, varied_layers, varied_scene, wide_lens
 
 from focusjax.layers import peel
@@ -172,14 +173,7 @@ def test_progress_is_told():
 
 def test_a_second_picture_compiles_nothing():
     layers = varied_layers()
-    compiled: list[str] = []
-
-    def listen(event: str, _seconds: float, **_about: object) -> None:
-        if event == "/jax/core/compile/backend_compile_duration":
-            compiled.append(event)
-
-    jax.monitoring.register_event_duration_secs_listener(listen)
-    try:
+    with compilations() as compiled:
         jax.jit(lambda x: x + 41.5)(jnp.zeros(3))
         assert compiled, "compilations are not reported under the expected name"
         varied_picture()
@@ -187,8 +181,6 @@ def test_a_second_picture_compiles_nothing():
         compiled.clear()
         render(layers, refocused, rays=16, seed=3)
         assert not compiled
-    finally:
-        jax.monitoring.unregister_event_duration_listener(listen)
 
 
 def test_single_precision_gives_the_same_picture():

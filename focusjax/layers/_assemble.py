@@ -14,13 +14,13 @@ from focusjax.layers._cells import WHOLE, pack_cells
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._gloss import GlossSamples
 from focusjax.layers._grid import Grid
-from focusjax.layers._joins import Planes, join
+from focusjax.layers._joins import Joins, Planes, join
 from focusjax.layers._layers import Layers
 from focusjax.layers._opacity import with_opacity
 from focusjax.layers._pyramid import build_ranges
 from focusjax.layers._raster import Fragments, rasterise
 from focusjax.layers._shading import background, shaded
-from focusjax.layers._silhouettes import find_silhouettes
+from focusjax.layers._silhouettes import Silhouettes, find_silhouettes
 from focusjax.layers._stamps import Stamps, dice
 from focusjax.layers._store import on_device, scattered
 from focusjax.lens import AbstractLens
@@ -83,20 +83,12 @@ def assemble(
         planes = Planes(*(scattered(owner.shape, held, a) for a in (disparity, *slopes.T)))
         joins = join(planes, parallax)
         fringe = find_silhouettes(triangles, grid, planes, joins, parallax)
-        count, place, added = _free_places(len(owner), grid.size, held, fringe.cell, max_layers)
-        count = max(count, min(least_layers, max_layers))
-        source = fringe.source[added]
-        index = np.concatenate([held, place])
-        low = np.concatenate([joins.low, fringe.low[added]])
-        high = np.concatenate([joins.high, fringe.high[added]])
-        line = np.full(len(index), WHOLE, dtype=np.uint16)
-        line[fringe.cut] = fringe.line
-        line[len(held) :] = fringe.fringe_line[added]
-        words, scale = pack_cells(low, high, line)
+        outline = _with_fringe(len(owner), grid.size, joins, fringe, max_layers)
+        words, scale = pack_cells(outline.low, outline.high, outline.line)
         ranges = build_ranges(
-            index % grid.size,
-            low,
-            high,
+            outline.index % grid.size,
+            outline.low,
+            outline.high,
             shape=(grid.rows, grid.columns),
             block=supersampling,
             widest=2.0 * grid.margin + 4 * supersampling,
@@ -104,14 +96,14 @@ def assemble(
         far = background(scene, camera, grid)
         look = shading.result()
 
-    shape = (count, grid.rows, grid.columns)
+    shape = (max(outline.layers, min(least_layers, max_layers)), grid.rows, grid.columns)
 
     def stored(samples: np.ndarray) -> Array:
-        return on_device(scattered(shape, index, samples))
+        return on_device(scattered(shape, outline.index, samples))
 
     def with_fringe(samples: np.ndarray) -> np.ndarray:
         """Values of the samples held, and after them those of the fringe: of the surface it continues."""
-        return np.concatenate([samples, samples[source]])
+        return np.concatenate([samples, samples[fringe.source[outline.added]]])
 
     gloss_samples = None
     if gloss is not None and look.normal is not None:
@@ -127,11 +119,11 @@ def assemble(
     triangle = np.full(shape, -1, dtype=np.int32)
     triangle.reshape(-1)[held] = surface.face
     return Layers(
-        disparity=stored(np.concatenate([disparity, fringe.disparity[added]])),
+        disparity=stored(np.concatenate([disparity, fringe.disparity[outline.added]])),
         radiance=stored(with_fringe(look.radiance)),
         triangle=on_device(triangle),
         cells=stored(words),
-        links=stored(np.concatenate([joins.links, np.zeros(len(place), dtype=np.uint32)])),
+        links=stored(np.concatenate([joins.links, np.zeros(len(outline.added), dtype=np.uint32)])),
         opacity=opacity,
         background=far,
         ranges=ranges,
@@ -144,20 +136,44 @@ def assemble(
     )
 
 
-def _free_places(
-    layers: int, size: int, held: np.ndarray, cell: np.ndarray, max_layers: int
-) -> tuple[int, np.ndarray, np.ndarray]:
-    """First free layers for samples to add at the grid samples `cell`.
+@dataclasses.dataclass(frozen=True)
+class _Outline:
+    """The samples held and, after them, the fringe samples that found room.
 
-    Returns:
-        the number of layers, the flat place of each sample that found room, and which those are.
+    Attributes:
+        layers: number of layers that they take.
+        added: which of the fringe samples found room.
+        index: flat index [n] of all.
+        low: least disparity [n] that each spans.
+        high: largest disparity [n].
+        line: code [n] of what bounds the surface.
     """
-    filled = np.bincount(held % size, minlength=size)
-    order = np.argsort(cell, kind="stable")
-    sorted_cell = cell[order]
-    run = np.flatnonzero(np.diff(sorted_cell, prepend=-1))
+
+    layers: int
+    added: np.ndarray
+    index: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    line: np.ndarray
+
+
+def _with_fringe(layers: int, size: int, joins: Joins, fringe: Silhouettes, max_layers: int) -> _Outline:
+    """Fringe samples put into the first free layers at their grid samples, of which there are `size`."""
+    filled = np.bincount(joins.held % size, minlength=size)
+    order = np.argsort(fringe.cell, kind="stable")
+    cell = fringe.cell[order]
+    run = np.flatnonzero(np.diff(cell, prepend=-1))
     rank = np.arange(len(cell)) - np.repeat(run, np.diff(run, append=len(cell)))
-    layer = filled[sorted_cell] + rank
+    layer = filled[cell] + rank
     room = np.flatnonzero(layer < max_layers)
-    count = max(layers, int(layer[room].max(initial=0)) + 1)
-    return count, layer[room] * size + sorted_cell[room], order[room]
+    added = order[room]
+    whole = np.full(len(joins.held), WHOLE, dtype=np.uint16)
+    whole[fringe.cut] = fringe.line
+    return _Outline(
+        layers=max(layers, int(layer[room].max(initial=0)) + 1),
+        added=added,
+        index=np.concatenate([joins.held, layer[room] * size + cell[room]]),
+        low=np.concatenate([joins.low, fringe.low[added]]),
+        high=np.concatenate([joins.high, fringe.high[added]]),
+        line=np.concatenate([whole, fringe.fringe_line[added]]),
+    )

@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from focusjax._parallel import in_parallel, parts
+from focusjax.layers._blocks import in_blocks, pad_rows, padded_length
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
-from focusjax.layers._stamps import Stamps, pad_rows, padded_length
+from focusjax.layers._stamps import Stamps
 
 _AT_ONCE = 1 << 18
 
@@ -61,15 +61,10 @@ def surface_samples(
     length = padded_length(len(stamps.triangle))
     edges, disparity = (jnp.asarray(pad_rows(a, length)) for a in (stamps.edges, stamps.disparity))
 
-    def block(part: slice) -> tuple[np.ndarray, np.ndarray]:
-        inputs = (pad_rows(a[part], _AT_ONCE) for a in (stamp, x, y))
-        weight, slope = _attributes(edges, disparity, *inputs)
-        count = part.stop - part.start
-        return np.asarray(weight)[:count], np.asarray(slope)[:count]
+    def program(stamp: Array, x: Array, y: Array) -> tuple[Array, Array]:
+        return _attributes(edges, disparity, stamp, x, y)
 
-    blocks = in_parallel(block, parts(len(sample), _AT_ONCE))
-    barycentric = np.concatenate([np.zeros((0, 3), np.float32), *(weight for weight, _ in blocks)])
-    slopes = np.concatenate([np.zeros((0, 2), np.float32), *(slope for _, slope in blocks)])
+    barycentric, slopes = in_blocks(program, (stamp, x, y), _AT_ONCE)
     triangle = stamps.triangle[stamp]
     clipped = np.flatnonzero(triangle >= triangles.unclipped)
     if len(clipped):

@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
+from focusjax.layers._blocks import pad_rows, padded_length
 from focusjax.layers._clip import ScreenTriangles, clip_to_near
 from focusjax.layers._grid import Grid, homogeneous_image
 from focusjax.layers._margin import needed_margin, reachable
-from focusjax.layers._stamps import pad_rows, padded_length
 from focusjax.lens import AbstractLens
 from focusjax.scene import ConstantBackground, Scene
 

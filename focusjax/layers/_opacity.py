@@ -10,11 +10,12 @@ from jaxtyping import Array, Float, Int
 
 from focusjax.geometry import Camera
 from focusjax.layers._attributes import surface_samples
+from focusjax.layers._blocks import in_blocks
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
 from focusjax.layers._peel import SEPARATION
 from focusjax.layers._raster import Fragments
-from focusjax.layers._stamps import Stamps, pad_rows
+from focusjax.layers._stamps import Stamps
 from focusjax.scene import Opacity, Scene
 
 LEVELS = 255
@@ -62,13 +63,11 @@ def with_opacity(
 def _shares(opacity: Opacity, face: np.ndarray, barycentric: np.ndarray, extent: np.ndarray) -> np.ndarray:
     """Opacity [n] of surface samples."""
     real = jnp.zeros(()).dtype
-    parts = [np.zeros(0, dtype=real)]
-    for start in range(0, len(face), _AT_ONCE):
-        part = slice(start, start + _AT_ONCE)
-        columns = (face, barycentric.astype(real), extent.astype(real))
-        inputs = (jnp.asarray(pad_rows(a[part], _AT_ONCE)) for a in columns)
-        parts.append(np.asarray(_block(opacity, *inputs))[: len(face) - start])
-    return np.concatenate(parts)
+
+    def program(*samples: Array) -> Array:
+        return _block(opacity, *samples)
+
+    return in_blocks(program, (face, barycentric.astype(real), extent.astype(real)), _AT_ONCE)
 
 
 @eqx.filter_jit

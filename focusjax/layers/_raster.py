@@ -9,8 +9,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from focusjax._parallel import in_parallel, parts
+from focusjax.layers._blocks import pad_rows
 from focusjax.layers._grid import Grid
-from focusjax.layers._stamps import SIZES, Stamps, pad_rows
+from focusjax.layers._stamps import SIZES, Stamps
 
 SAMPLES_AT_ONCE = 1 << 18
 """Samples tested by one call, so that compilation depends on the stamp size alone."""

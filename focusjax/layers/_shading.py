@@ -8,11 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt
 
-from focusjax._parallel import in_parallel, parts
 from focusjax.geometry import Camera
+from focusjax.layers._blocks import in_blocks
 from focusjax.layers._gloss import pack_normal
 from focusjax.layers._grid import Grid
-from focusjax.layers._stamps import pad_rows
 from focusjax.scene import AbstractBackground, ConstantBackground, Scene, Shader
 
 _SHADED_AT_ONCE = 1 << 18
@@ -57,21 +56,11 @@ def shaded(
     """The surface samples as seen by the shader's eye, with gloss or apart from it."""
     real = jnp.zeros(()).dtype
 
-    def block(part: slice) -> tuple[np.ndarray, np.ndarray | None]:
-        inputs = [
-            pad_rows(a[part], _SHADED_AT_ONCE) for a in (face, barycentric.astype(real), extent.astype(real))
-        ]
-        radiance, normal = _shade_block(shader, *(jnp.asarray(a) for a in inputs), gloss_apart=gloss_apart)
-        count = part.stop - part.start
-        return np.asarray(radiance)[:count], None if normal is None else np.asarray(normal)[:count]
+    def program(*samples: Array) -> tuple[Array, Array | None]:
+        return _shade_block(shader, *samples, gloss_apart=gloss_apart)
 
-    # The blocks are scanned, which XLA does on one core: a CPU is given one per core at a time.
-    blocks = in_parallel(block, parts(len(face), _SHADED_AT_ONCE))
-    radiance = np.concatenate([np.zeros((0, 3), dtype=real), *(part for part, _ in blocks)])
-    if not gloss_apart:
-        return ShadedSamples(radiance, None)
-    normals = [np.asarray(part, dtype=np.uint32) for _, part in blocks]
-    return ShadedSamples(radiance, np.concatenate([np.zeros(0, dtype=np.uint32), *normals]))
+    columns = (face, barycentric.astype(real), extent.astype(real))
+    return ShadedSamples(*in_blocks(program, columns, _SHADED_AT_ONCE))
 
 
 @eqx.filter_jit

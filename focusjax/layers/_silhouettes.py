@@ -16,12 +16,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, UInt
 
 from focusjax._parallel import in_parallel, parts
+from focusjax.layers._blocks import in_blocks
 from focusjax.layers._cells import line_code
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
 from focusjax.layers._joins import NEIGHBOURS, UNJOINED, Joins, Planes
 from focusjax.layers._raster import rasterise
-from focusjax.layers._stamps import dice, pad_rows
+from focusjax.layers._stamps import dice
 
 _SIDES = 4
 _AT_ONCE = 1 << 16
@@ -161,15 +162,7 @@ def _covered_points(
     stamp, sample = fragments.stamp[fragment], fragments.sample[fragment]
     row, column = np.divmod(sample, np.int32(grid.columns))
     place = np.stack([column, row], axis=1) - stamps.origin[stamp]
-    masks = np.zeros(len(stamp), dtype=np.uint32)
-    centres = np.zeros(len(stamp), dtype=bool)
-
-    def block(part: slice) -> None:
-        inputs = (pad_rows(a, _AT_ONCE) for a in (stamps.edges[stamp[part]], place[part].astype(np.float32)))
-        mask, centre = _inside(*inputs)
-        masks[part], centres[part] = (np.asarray(a)[: part.stop - part.start] for a in (mask, centre))
-
-    in_parallel(block, parts(len(stamp), _AT_ONCE))
+    masks, centres = in_blocks(_inside, (stamps.edges[stamp], place.astype(np.float32)), _AT_ONCE)
     together = np.zeros(len(order), dtype=np.uint32)
     np.bitwise_or.at(together, order[square], masks)
     at_centre = np.zeros(len(order), dtype=bool)

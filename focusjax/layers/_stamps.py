@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._parallel import in_parallel, parts
+from focusjax.layers._blocks import in_blocks
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
 
@@ -118,13 +119,7 @@ def _edge_functions_block(corners: Float[Array, "t 3 3"]) -> tuple[Array, Array]
 
 def _edge_functions_single(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same in single precision, in blocks, so that it is compiled once."""
-    edges, disparity = [np.zeros((0, 3, 3), np.float32)], [np.zeros((0, 3), np.float32)]
-    for start in range(0, len(corners), _AT_ONCE):
-        part = corners[start : start + _AT_ONCE].astype(np.float32)
-        block = _edge_functions_block(pad_rows(part, _AT_ONCE))
-        edges.append(np.asarray(block[0])[: len(part)])
-        disparity.append(np.asarray(block[1])[: len(part)])
-    return np.concatenate(edges), np.concatenate(disparity)
+    return in_blocks(_edge_functions_block, (corners.astype(np.float32),), _AT_ONCE)
 
 
 def _stamp_size(span: np.ndarray) -> np.ndarray:
@@ -166,15 +161,3 @@ def _stamps_of_size(
         np.stack(bounds, axis=1),
         index[owner].astype(np.int32),
     )
-
-
-def padded_length(count: int) -> int:
-    """The next power of two, so that few different shapes are ever compiled."""
-    return 1 << max(count - 1, 0).bit_length()
-
-
-def pad_rows(array: np.ndarray, length: int) -> np.ndarray:
-    """`array` with rows of zeros added up to `length`, to keep compiled shapes few."""
-    if len(array) == length:
-        return array
-    return np.concatenate([array, np.zeros((length - len(array), *array.shape[1:]), dtype=array.dtype)])

@@ -96,7 +96,7 @@ def staged_peel(
     chosen, complete = peel_fragments(picture.fragments, grid, parallax, most)
     lap("peel")
     layers = assemble(scene, camera, lens, picture, chosen, max_layers=most, complete=complete)
-    jax.block_until_ready((layers.radiance, layers.cells))
+    jax.block_until_ready(layers)
     lap("assemble")
     return layers, seconds
 

@@ -12,11 +12,14 @@ from focusjax.layers._joins import NEIGHBOURS as NEIGHBOURS
 from focusjax.layers._joins import SAME_LAYER as SAME_LAYER
 from focusjax.layers._joins import UNJOINED as UNJOINED
 from focusjax.layers._layers import Layers as Layers
+from focusjax.layers._layers import Samples as Samples
+from focusjax.layers._layers import spread as spread
 from focusjax.layers._mipmaps import ColourMipmaps as ColourMipmaps
 from focusjax.layers._mipmaps import colour_mipmaps as colour_mipmaps
 from focusjax.layers._missed import MissedLight as MissedLight
 from focusjax.layers._missed import NearestSurface as NearestSurface
 from focusjax.layers._missed import missed_light as missed_light
+from focusjax.layers._places import Places as Places
 from focusjax.layers._pyramid import RangePyramid as RangePyramid
 from focusjax.layers._saving import UmbraSaving as UmbraSaving
 from focusjax.layers._saving import umbra_saving as umbra_saving

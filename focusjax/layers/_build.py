@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from focusjax._counts import require_counts
 from focusjax.geometry import Camera
-from focusjax.layers._assemble import assemble, rasterised
+from focusjax.layers._assemble import assemble, margin_like, rasterised
 from focusjax.layers._frame import frame
-from focusjax.layers._grid import Grid
 from focusjax.layers._layers import Layers
 from focusjax.layers._memory import check_memory
 from focusjax.layers._peel import peel_fragments
@@ -41,33 +41,22 @@ def peel(
             surroundings from its own point of the lens (Lee09 section 5), for 5 bytes more a sample.
             Otherwise they are painted on the surfaces as the lens centre sees them, which is quicker. Nothing
             changes for scenes without either.
-        like: layers of another moment, of as many pixels: the margin is at least theirs, and so is the number
-            of layers up to `max_layers`, so that programs compiled for them serve again.
+        like: layers of another moment, of as many pixels: the margin is at least theirs, and so are the
+            number of layers up to `max_layers` and the room for samples, so that programs compiled for
+            them serve again.
 
     Raises:
-        ValueError: a count below 1; a surface so close to the lens that the margin its blur needs does not
-            fit in memory; more layers than this machine's memory holds, with the number that would fit; or
-            layers to be like that are of another frame.
+        ValueError: a count that is not whole or below 1; a surface so close to the lens that the margin its
+            blur needs does not fit in memory; more layers than this machine's memory holds, with the number
+            that would fit; or layers to be like that are of another frame.
 
     Example:
         >>> frames = [peel(scene, camera, lens)]  # doctest: +SKIP
         >>> frames.append(peel(moved, camera, lens, like=frames[-1]))  # doctest: +SKIP
     """
-    for name, value in (("supersampling", supersampling), ("max_layers", max_layers)):
-        if value < 1:
-            raise ValueError(f"{name} is {value}; expected at least 1")
-    if like is not None:
-        theirs, ours = (
-            (grid.width, grid.height, grid.supersampling)
-            for grid in (like.grid, Grid(camera.width, camera.height, supersampling, 0))
-        )
-        if theirs != ours:
-            raise ValueError(
-                f"the layers to be like are of {theirs[0]} x {theirs[1]} pixels at a supersampling of"
-                f" {theirs[2]}; expected {ours[0]} x {ours[1]} at {ours[2]}, so leave `like` out"
-            )
+    require_counts(supersampling=supersampling, max_layers=max_layers)
+    least_margin = margin_like(like, camera, supersampling)
     parallax = float(lens.parallax(camera)) * supersampling
-    least_margin, least_layers = (0, 1) if like is None else (like.grid.margin, like.count)
     triangles, grid = frame(scene, camera, lens, supersampling, near, least_margin=least_margin)
     check_memory(grid, max_layers)
     picture = rasterised(scene, camera, triangles, grid)
@@ -80,9 +69,9 @@ def peel(
         lens,
         picture,
         chosen,
-        least_layers=least_layers,
         max_layers=max_layers,
         complete=complete,
+        like=like,
         view_dependent=view_dependent,
     )
 
@@ -97,7 +86,7 @@ def disparity_map(scene: Scene, camera: Camera) -> np.ndarray:
     if picture.opacity is not None:
         fragments = fragments.take(np.flatnonzero(picture.opacity >= 0.5))
     chosen, _ = peel_fragments(fragments, grid, 0.0, 1)
-    out = np.zeros((grid.rows, grid.columns))
-    for owner in chosen:
-        out[owner >= 0] = fragments.disparity[owner[owner >= 0]]
-    return out
+    out = np.zeros(grid.size)
+    for layer in chosen:
+        out[fragments.sample[layer]] = fragments.disparity[layer]
+    return out.reshape(grid.rows, grid.columns)

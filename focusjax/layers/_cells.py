@@ -25,18 +25,25 @@ WHOLE = (8 << 9) | (8 << 5) | 31
 _SLOPES = 7
 
 
-def pack_cells(
-    low: Float[np.ndarray, " n"], high: Float[np.ndarray, " n"], line: UInt[np.ndarray, " n"]
-) -> tuple[UInt[np.ndarray, " n"], float]:
-    """The words of samples that span the disparities `low` to `high`, above 0, and dioptres per step."""
+def in_steps(
+    low: Float[np.ndarray, " n"], high: Float[np.ndarray, " n"]
+) -> tuple[UInt[np.ndarray, " n"], UInt[np.ndarray, " n"], float]:
+    """Intervals of disparities above 0 in whole steps, rounded outwards; and dioptres per step."""
     scale = max(float(high.max(initial=0.0)), 2.0**-100) / STEPS
-    most = np.minimum(np.ceil(high / scale), STEPS).astype(np.uint32)
-    length = most - np.minimum(np.floor(low / scale).astype(np.uint32), most)
+    most = np.clip(np.ceil(high / scale), 1, STEPS).astype(np.uint32)
+    return np.minimum(np.floor(low / scale).astype(np.uint32), most), most, scale
+
+
+def pack_cells(
+    least: UInt[np.ndarray, " n"], most: UInt[np.ndarray, " n"], line: UInt[np.ndarray, " n"]
+) -> UInt[np.ndarray, " n"]:
+    """The words of samples that span the steps `least` to `most` and are bounded by `line`."""
+    length = most - least
     # Three significant bits of length + 4, rounded up.
-    power = (np.frexp(length + 4.0)[1] - 3).astype(np.uint32)
+    power = (np.frexp(length.astype(np.float32) + 4)[1] - 3).astype(np.uint32)
     rounded = (length + np.uint32(3) + (np.uint32(1) << power)) >> power
     code = (power << np.uint32(2)) + rounded - np.uint32(4)
-    return (most << np.uint32(19)) | (code << np.uint32(13)) | line, scale
+    return (most << np.uint32(19)) | (code << np.uint32(13)) | line
 
 
 def interval(word: UInt[Array, "*n"]) -> tuple[Int[Array, "*n"], Int[Array, "*n"]]:

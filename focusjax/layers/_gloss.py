@@ -13,13 +13,13 @@ class GlossSamples(eqx.Module):
     """The attributes from which gloss is worked out wherever a surface is seen from.
 
     Attributes:
-        normal: packed unit normals [l, h, w] on the side that the lens centre sees; see `unpack_normal`.
-        material: material number [l, h, w] in as few bytes as hold them all.
+        normal: packed unit normals [n] on the side that the lens centre sees; see `unpack_normal`.
+        material: material number [n] in as few bytes as hold them all.
         model: what materials, lights and surroundings make of a normal and a direction.
     """
 
-    normal: UInt[Array, "l h w"]
-    material: UInt[Array, "l h w"]
+    normal: UInt[Array, " n"]
+    material: UInt[Array, " n"]
     model: Gloss
 
 

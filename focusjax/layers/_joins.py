@@ -15,6 +15,8 @@ diagonally; at open silhouettes it ends half a sample out.
 """
 
 import dataclasses
+import functools
+import math
 from typing import Any
 
 import jax
@@ -23,6 +25,7 @@ import numpy as np
 from jaxtyping import Array, Float, UInt
 
 from focusjax._parallel import in_parallel
+from focusjax.layers._store import scattered
 
 NEIGHBOURS = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
 """(dx, dy) of the eight neighbours, in the order of the bits of `links`."""
@@ -45,14 +48,25 @@ class Planes:
     """Samples of surface as pieces of plane.
 
     Attributes:
-        disparity: 1/m [l, h, w]; 0 where nothing is.
-        slope_x: change of disparity [l, h, w] per sample to the right.
+        shape: layers, rows and columns of the grid.
+        held: flat index [n] of each sample, increasing.
+        disparity: 1/m [n], above 0.
+        slope_x: change of disparity [n] per sample to the right.
         slope_y: the same downwards.
     """
 
+    shape: tuple[int, int, int]
+    held: np.ndarray
     disparity: np.ndarray
     slope_x: np.ndarray
     slope_y: np.ndarray
+
+    @functools.cached_property
+    def number(self) -> np.ndarray:
+        """One more than the position in the other arrays of the sample at each place [l h w], 0 if none."""
+        return scattered(
+            (math.prod(self.shape),), self.held, np.arange(1, len(self.held) + 1, dtype=np.int32)
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,14 +74,12 @@ class Joins:
     """What samples stand for.
 
     Attributes:
-        held: flat index [n] of the samples that hold a surface, increasing.
         low: least disparity [n] that each spans.
         high: largest disparity [n].
         links: four bits per neighbour [n]: the neighbour's layer less the sample's own, plus 8, or 0 where
             they are not joined.
     """
 
-    held: np.ndarray
     low: np.ndarray
     high: np.ndarray
     links: np.ndarray
@@ -75,38 +87,37 @@ class Joins:
 
 def join(planes: Planes, parallax: float) -> Joins:
     """Which neighbours continue each sample; `parallax` in samples per dioptre at the lens rim."""
-    disparity, slopes = planes.disparity, (planes.slope_x, planes.slope_y)
-    small_step = np.asarray(1.0 / max(parallax, 1e-12), dtype=disparity.dtype)
-    held = np.flatnonzero(disparity)
-    low = disparity.reshape(-1)[held]
-    high, certain = low.copy(), np.zeros(len(held), dtype=np.uint8)
+    held, columns = planes.held, (planes.disparity, planes.slope_x, planes.slope_y)
+    small_step = np.asarray(1.0 / max(parallax, 1e-12), dtype=planes.disparity.dtype)
+    low, certain = planes.disparity.copy(), np.zeros(len(held), dtype=np.uint8)
+    high = low.copy()
     # Deep layers hold little; looking at all of their samples costs more than at the few that are there.
-    size = disparity[0].size
-    counts = np.diff(np.searchsorted(held, size * np.arange(len(disparity) + 1)))
-    filled = int(np.sum(counts > _SPARSE * size))
-    ends = np.cumsum(counts)
+    layers, *frame = planes.shape
+    size = math.prod(frame)
+    ends = np.searchsorted(held, size * np.arange(layers + 1))
 
     def inside(layer: int) -> None:
         # One layer at a call, so that their number does not ask for another program.
-        part = slice(ends[layer] - counts[layer], ends[layer])
+        part = slice(ends[layer], ends[layer + 1])
         there = held[part] - size * layer
-        found = _join_within_layer(disparity[layer], slopes[0][layer], slopes[1][layer], small_step)
+        found = _join_within_layer(*(scattered((*frame,), there, a[part]) for a in columns), small_step)
         for whole, values in zip((low, high, certain), found, strict=True):
-            whole[part] = np.asarray(values).reshape(-1)[there]
+            whole[part] = np.take(np.asarray(values), there)
 
-    in_parallel(inside, range(filled))
+    in_parallel(inside, np.flatnonzero(np.diff(ends) > _SPARSE * size).tolist())
+    number = planes.number
 
-    def towards(number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        open_ = np.flatnonzero((certain >> number) & 1 == 0)
-        return open_, *_join_across_layers(held[open_], planes, NEIGHBOURS[number], small_step)
+    def towards(side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        open_ = np.flatnonzero((certain >> side) & 1 == 0)
+        return open_, *_join_across_layers(open_, planes, number, NEIGHBOURS[side], small_step)
 
     links = np.zeros(len(held), dtype=np.uint32)
-    for number, (open_, code, half_way) in enumerate(in_parallel(towards, range(len(NEIGHBOURS)))):
+    for side, (open_, code, half_way) in enumerate(in_parallel(towards, range(len(NEIGHBOURS)))):
         codes = np.full(len(held), SAME_LAYER, dtype=np.uint32)
         codes[open_] = code
-        links |= codes << np.uint32(4 * number)
+        links |= codes << np.uint32(4 * side)
         low[open_], high[open_] = np.minimum(low[open_], half_way), np.maximum(high[open_], half_way)
-    return Joins(held, low, high, links)
+    return Joins(low, high, links)
 
 
 def _misfit(step: Any, own: Any, theirs: Any) -> Any:
@@ -144,37 +155,41 @@ def _neighbour(a: Float[Array, "h w"], dx: int, dy: int) -> Float[Array, "h w"]:
 
 
 def _join_across_layers(
-    here: np.ndarray, planes: Planes, neighbour: tuple[int, int], small_step: np.ndarray
+    samples: np.ndarray,
+    planes: Planes,
+    number: np.ndarray,
+    neighbour: tuple[int, int],
+    small_step: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Codes of the joins of the samples at flat index `here` to one neighbour, among all nearby layers.
+    """Codes of the joins of some `samples` to one neighbour, among all nearby layers.
 
     Also the disparities half-way to it, or half a sample out along the plane where nothing is joined.
     """
     dx, dy = neighbour
-    layers, rows, columns = planes.disparity.shape
+    layers, rows, columns = planes.shape
     size = rows * columns
-    disparity, slope_x, slope_y = (a.reshape(-1) for a in (planes.disparity, planes.slope_x, planes.slope_y))
+    here = planes.held[samples]
     column, row, layer = here % columns, here // columns % rows, here // size
     inside = (row + dy >= 0) & (row + dy < rows) & (column + dx >= 0) & (column + dx < columns)
-    w = disparity[here]
-    own = slope_x[here] * dx + slope_y[here] * dy
+    w = planes.disparity[samples]
+    own = planes.slope_x[samples] * dx + planes.slope_y[samples] * dy
     best = np.full(w.shape, np.inf, dtype=w.dtype)
     code, other = np.full(w.shape, UNJOINED, dtype=np.uint8), np.zeros_like(w)
     for shift in _SHIFTS:
         # Most of what is open borders on nothing in nearby layers either.
         candidate = np.flatnonzero(inside & (layer + shift >= 0) & (layer + shift < layers))
-        there = here[candidate] + (shift * size + dy * columns + dx)
-        held = np.flatnonzero(disparity[there] > 0)
-        candidate, there = candidate[held], there[held]
-        step = disparity[there] - w[candidate]
-        misfit = _misfit(step, own[candidate], slope_x[there] * dx + slope_y[there] * dy)
+        there = number[here[candidate] + (shift * size + dy * columns + dx)]
+        held = np.flatnonzero(there)
+        candidate, there = candidate[held], there[held] - 1
+        step = planes.disparity[there] - w[candidate]
+        misfit = _misfit(step, own[candidate], planes.slope_x[there] * dx + planes.slope_y[there] * dy)
         length = np.abs(step)
         joined = (length <= small_step) | (misfit <= 0.5 * length)
         merit = np.minimum(misfit, length)
         better = np.flatnonzero(joined & (merit < best[candidate]))
         chosen = candidate[better]
         best[chosen], code[chosen] = merit[better], shift + SAME_LAYER
-        other[chosen] = disparity[there[better]]
+        other[chosen] = planes.disparity[there[better]]
     alone = 0.5 * np.clip(own, -small_step, small_step)
     half_way = np.maximum(w + np.where(code == UNJOINED, alone, 0.5 * (other - w)), 0)
     return code, half_way

@@ -2,68 +2,121 @@
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt
 
 from focusjax.geometry import Camera
 from focusjax.layers._gloss import GlossSamples
 from focusjax.layers._grid import Grid
+from focusjax.layers._places import Places
 from focusjax.layers._pyramid import RangePyramid
 from focusjax.lens import AbstractLens
+
+
+class Samples(eqx.Module):
+    """What the layers hold, without the room where nothing is: n samples in the order of their flat index.
+
+    Zeros follow the last one, so that programs compiled for one number of samples serve for others.
+
+    Attributes:
+        disparity: 1/m [n].
+        radiance: linear radiance [n, 3], without what `gloss` adds.
+        triangle: the scene's face [n] at the sample's centre; -1 where none is there (and after the last).
+        links: packed joins [n] to the eight neighbours; see `_joins`.
+        opacity: share [n] of each sample's surface that is there, 0 to 1 in steps of 1/255; None where all
+            are opaque.
+        gloss: what highlights and mirrored surroundings depend on, for each ray to work them out; None where
+            they are in `radiance` already, as seen from the lens centre.
+    """
+
+    disparity: Float[Array, " n"]
+    radiance: Float[Array, "n 3"]
+    triangle: Int[Array, " n"]
+    links: UInt[Array, " n"]
+    opacity: Float[Array, " n"] | None
+    gloss: GlossSamples | None
 
 
 class Layers(eqx.Module):
     """Surfaces seen from the lens centre, nearest first: peeled (Lee10 section 3.1) or in slabs (Lee09).
 
-    All arrays share the grid [h, w] of `grid`: `supersampling` samples per output pixel and a
-    margin around the frame for rays that leave it. A sample stands for the square of surface
-    around its centre; where surfaces continue into a neighbouring sample the two are joined.
+    Layers share the grid [h, w] of `grid`: `supersampling` samples per output pixel and a margin around the
+    frame for rays that leave it. A sample stands for the square of surface around its centre; where
+    surfaces continue into a neighbouring sample the two are joined. Fringe samples, where a surface reaches
+    into the square but misses its centre, lie in the first layer that is free there.
+
+    What a ray reads at every step has a place in `cells` for every sample of the grid; the rest is kept for
+    those that hold something, in `samples`. `disparity` and its like spread them out again.
 
     Attributes:
-        disparity: 1/m [l, h, w]; 0 where the layer holds nothing. Fringe samples, where a surface reaches
-            into the square but misses its centre, lie in the first layer that is free there.
-        radiance: linear radiance [l, h, w, 3], without what `gloss` adds.
-        triangle: the scene's face [l, h, w] at the sample's centre; -1 where there is none.
-        cells: packed disparity interval and outline [l, h, w] of each sample; see `_cells`.
-        links: packed joins [l, h, w] to the eight neighbours; see `_joins`.
-        opacity: share [l, h, w] of each sample's surface that is there, 0 to 1 in steps of 1/255; None where
-            all are opaque.
-        background: radiance [h, w, 3] at infinity.
+        cells: packed disparity interval and outline [l, h, w] of each sample, 0 where nothing is; see
+            `_cells`.
+        places: from the flat index of a sample to its position in `samples`.
+        samples: the surface at each sample that is there.
+        background: radiance at infinity [h, w, 3], or [3] where it is the same all over.
         ranges: least and largest disparity over any square, all layers together.
         disparity_scale: dioptres per step of `cells`.
         lens: the lens that the layers were made for.
         camera: the camera they are seen from.
         grid: the sample grid (static).
         complete: whether every surface is here but those known to be hidden (static).
-        gloss: what highlights and mirrored surroundings depend on, for each ray to work them out; None where
-            they are in `radiance` already, as seen from the lens centre.
     """
 
-    disparity: Float[Array, "l h w"]
-    radiance: Float[Array, "l h w 3"]
-    triangle: Int[Array, "l h w"]
     cells: UInt[Array, "l h w"]
-    links: UInt[Array, "l h w"]
-    opacity: Float[Array, "l h w"] | None
-    background: Float[Array, "h w 3"]
+    places: Places
+    samples: Samples
+    background: Float[Array, "h w 3"] | Float[Array, "3"]
     ranges: RangePyramid
     disparity_scale: Float[Array, ""]
     lens: AbstractLens
     camera: Camera
     grid: Grid = eqx.field(static=True)
     complete: bool = eqx.field(static=True)
-    gloss: GlossSamples | None = None
 
     @property
     def count(self) -> int:
         """Number of layers."""
-        return self.disparity.shape[0]
+        return self.cells.shape[0]
 
     @property
     def samples_kept(self) -> int:
-        """Samples that hold a surface, over all layers."""
-        return int((self.triangle >= 0).sum())
+        """Samples that hold a surface at their centre, over all layers."""
+        return int((self.samples.triangle >= 0).sum())
 
     @property
     def nbytes(self) -> int:
         """Bytes of all arrays together, N-buffers included."""
         return sum(array.nbytes for array in jax.tree.leaves(eqx.filter(self, eqx.is_array)))
+
+    @property
+    def disparity(self) -> Float[Array, "l h w"]:
+        """1/m; 0 where the layer holds nothing."""
+        return spread(self, self.samples.disparity, 0.0)
+
+    @property
+    def radiance(self) -> Float[Array, "l h w 3"]:
+        """Linear radiance, without gloss that is kept apart; 0 where the layer holds nothing."""
+        return spread(self, self.samples.radiance, 0.0)
+
+    @property
+    def triangle(self) -> Int[Array, "l h w"]:
+        """The scene's face at the sample's centre; -1 where there is none."""
+        return spread(self, self.samples.triangle, -1)
+
+    @property
+    def opacity(self) -> Float[Array, "l h w"] | None:
+        """Share of each sample's surface that is there; None where all are opaque."""
+        return None if self.samples.opacity is None else spread(self, self.samples.opacity, 0.0)
+
+
+@jax.jit
+def _spread(cells: UInt[Array, "l h w"], values: Array, fill: Array) -> Array:
+    there = cells.reshape(-1) > 0
+    number = jnp.cumsum(there, dtype=jnp.int32) - 1
+    out = jnp.where(there.reshape(-1, *[1] * (values.ndim - 1)), values[number], fill)
+    return out.reshape(*cells.shape, *values.shape[1:])
+
+
+def spread(layers: Layers, values: Array, fill: float) -> Array:
+    """Values [n, ...] of the samples of `layers` at their places [l, h, w, ...], `fill` where none is."""
+    return _spread(layers.cells, values, jnp.asarray(fill, dtype=values.dtype))

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from focusjax._counts import require_counts
 from focusjax.layers._cells import covered_share
 from focusjax.layers._layers import Layers
 
@@ -62,12 +63,12 @@ def colour_mipmaps(layers: Layers, levels: int) -> ColourMipmaps:
     Raises:
         ValueError: fewer than one level.
     """
-    if levels < 1:
-        raise ValueError(f"levels is {levels}; expected at least 1")
-    share = covered_share(layers.cells)[..., None].astype(layers.radiance.dtype)
-    if layers.opacity is not None:
-        share = share * layers.opacity[..., None]
-    texels = [jnp.concatenate([layers.radiance * share, share], axis=-1)]
+    require_counts(levels=levels)
+    radiance, opacity = layers.radiance, layers.opacity
+    share = covered_share(layers.cells)[..., None].astype(radiance.dtype)
+    if opacity is not None:
+        share = share * opacity[..., None]
+    texels = [jnp.concatenate([radiance * share, share], axis=-1)]
     for _ in range(levels - 1):
         finer = texels[-1]
         odd = [(0, 0), (0, finer.shape[1] % 2), (0, finer.shape[2] % 2), (0, 0)]

@@ -25,6 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from focusjax._counts import require_counts
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers._cells import interval
 from focusjax.layers._layers import Layers
@@ -91,14 +92,13 @@ def missed_light(
         >>> missed_light(peel(*view, max_layers=1), everything).share > 0.02
         True
     """
-    if rays < 1:
-        raise ValueError(f"rays is {rays}; expected at least 1")
+    require_counts(rays=rays)
     lens = layers.lens if lens is None else lens
     random = np.random.default_rng(seed)
     missed, weights = [], []
     for start in range(0, rays, _AT_ONCE):
         count = min(_AT_ONCE, rays - start)
-        starts = jnp.asarray(random.uniform(size=(count, 4)), dtype=layers.disparity.dtype)
+        starts = jnp.asarray(random.uniform(size=(count, 4)), dtype=layers.background.dtype)
         some = _lens_rays(lens, layers.camera, starts)
         disparity = nearest(some)
         held = _held(layers, some, jnp.asarray(disparity, dtype=starts.dtype))

@@ -20,7 +20,7 @@ from focusjax.scene import Opacity, Scene
 
 LEVELS = 255
 """Opacities are kept in this many steps, as the tracer packs them into bytes."""
-_AT_ONCE = 1 << 18
+_AT_ONCE = 1 << 16
 
 
 def with_opacity(

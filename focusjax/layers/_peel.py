@@ -36,6 +36,8 @@ from focusjax.layers._raster import Fragments
 
 _AT_ONCE = 1 << 20
 _SOLID_LAYERS = 2
+_SPARSE = 0.25
+"""Fragments per sample of the grid below which looking at them costs less than looking at the grid."""
 SEPARATION = 1e-5
 """Relative step in disparity below which two surfaces count as one (coincident triangles)."""
 
@@ -134,53 +136,101 @@ def peel_fragments(
     *,
     umbra: bool = True,
     opacity: Float[np.ndarray, " f"] | None = None,
-) -> tuple[list[np.ndarray], bool]:
-    """For each layer the index [h, w] of the fragment in it, -1 where there is none.
+) -> tuple[list[Int[np.ndarray, " _"]], bool]:
+    """The fragments that each layer holds, in the order of their samples; and whether none was left over.
 
-    Also whether nothing was left over. `parallax` is f E in samples per dioptre; 0 (a pinhole) hides
-    everything behind the first opaque surface. Without `umbra` each layer is the next surface (Everitt
-    2001), and nothing is hidden but what lies in the same place. `opacity` is that of each fragment, None
-    where all are opaque.
+    `parallax` is f E in samples per dioptre; 0 (a pinhole) hides everything behind the first opaque surface.
+    Without `umbra` each layer is the next surface (Everitt 2001), and nothing is hidden but what lies in the
+    same place. `opacity` is that of each fragment, None where all are opaque.
     """
     alive = np.arange(len(fragments.sample))
     layers: list[np.ndarray] = []
     solid: np.ndarray | None = None
-    shape = (grid.rows, grid.columns)
     levels = windows_within(parallax, float(fragments.disparity.max(initial=0.0)))
     while len(alive) and len(layers) < max_layers:
+        if len(layers) >= _SOLID_LAYERS and opacity is None and len(alive) < _SPARSE * grid.size:
+            sparse, left = _peel_sparse(
+                fragments.take(alive), grid, parallax, max_layers - len(layers), umbra=umbra
+            )
+            return layers + [alive[layer] for layer in sparse], left == 0
         sample, disparity = fragments.sample[alive], fragments.disparity[alive]
-        parts = [
-            (start, *(_block(a, start, fill) for a, fill in ((sample, grid.size), (disparity, 0.0))))
-            for start in range(0, len(alive), _AT_ONCE)
-        ]
-        best = jnp.zeros(grid.size, dtype=fragments.disparity.dtype)
-        for _, where, what in parts:
-            best = _nearest(best, where, what)
-        owner = jnp.full(grid.size, -1, dtype=jnp.int32)
-        for start, where, what in parts:
-            owner = _owners(owner, best, where, what, jnp.int32(start))
-        owners = np.asarray(owner)
-        layers.append(np.where(owners >= 0, alive[owners], -1).reshape(shape))
+        best, owner = _first_surface(sample, disparity, grid)
+        held = np.flatnonzero(owner >= 0)
+        layers.append(alive[owner[held]])
         if not umbra:
             next_below = np.asarray(best) * np.float32(1.0 - SEPARATION)
             alive = alive[disparity < next_below[sample]]
             continue
         if opacity is not None:
-            opaque = (layers[-1] >= 0) & (opacity[layers[-1]] == 1.0)
-            solid = np.where(opaque, np.asarray(best).reshape(shape), 0.0 if solid is None else solid)
+            opaque = opacity[layers[-1]] == 1.0
+            solid = np.zeros(grid.size, dtype=fragments.disparity.dtype) if solid is None else solid
+            solid[held[opaque]] = np.asarray(best)[held[opaque]]
         elif parallax == 0:
             return layers, True
         # Wide windows hide much behind the first surfaces; later ones are patches too small for them.
         windows = levels if len(layers) <= _SOLID_LAYERS or solid is not None else 1
+        shape = (grid.rows, grid.columns)
         cut = _cut(
             best.reshape(shape),
             jnp.asarray(np.asarray(parallax, dtype=best.dtype)),
             jnp.int32(windows),
-            None if solid is None else jnp.asarray(solid, dtype=best.dtype),
+            None if solid is None else jnp.array(solid.reshape(shape)),
             widest=1 << (levels - 1),
         )
         alive = alive[disparity < np.asarray(cut).reshape(-1)[sample]]
     return layers, len(alive) == 0
+
+
+def _first_surface(
+    sample: Int[np.ndarray, " f"], disparity: Float[np.ndarray, " f"], grid: Grid
+) -> tuple[Float[Array, " n"], Int[np.ndarray, " n"]]:
+    """Largest disparity at every sample of the grid, 0 where none is, and the last fragment that has it."""
+    parts = [
+        (start, *(_block(a, start, fill) for a, fill in ((sample, grid.size), (disparity, 0.0))))
+        for start in range(0, len(sample), _AT_ONCE)
+    ]
+    best = jnp.zeros(grid.size, dtype=disparity.dtype)
+    for _, where, what in parts:
+        best = _nearest(best, where, what)
+    owner = jnp.full(grid.size, -1, dtype=jnp.int32)
+    for start, where, what in parts:
+        owner = _owners(owner, best, where, what, jnp.int32(start))
+    return best, np.asarray(owner)
+
+
+def _peel_sparse(
+    fragments: Fragments, grid: Grid, parallax: float, max_layers: int, *, umbra: bool
+) -> tuple[list[Int[np.ndarray, " _"]], int]:
+    """The same for few fragments, and how many were left: those of a sample in a row, nearest first.
+
+    Windows of radius 1 only.
+    """
+    separation, step = np.float32(1.0 - SEPARATION), np.float32(1.0 / max(parallax, 1e-30))
+    # Of fragments in one place the last is taken, as it is where there are many.
+    order = np.lexsort((-fragments.disparity[::-1], fragments.sample[::-1]))
+    order = len(order) - 1 - order
+    sample, disparity = fragments.sample[order].astype(np.intp), fragments.disparity[order]
+    around = np.array([dy * (grid.columns + 2) + dx for dy in (-1, 0, 1) for dx in (-1, 0, 1)])
+    surface = np.zeros((grid.rows + 2) * (grid.columns + 2), dtype=disparity.dtype)
+    framed = (sample // grid.columns + 1) * (grid.columns + 2) + sample % grid.columns + 1
+    layers: list[np.ndarray] = []
+    while len(order) and len(layers) < max_layers:
+        new = np.diff(sample, prepend=-1) > 0
+        first = np.flatnonzero(new)
+        layers.append(order[first])
+        best, place = disparity[first], framed[first]
+        cut = best * separation
+        if umbra:
+            surface[place] = best
+            nearby = surface[place[:, None] + around]
+            surface[place] = 0.0
+            nearest, farthest = nearby.max(axis=1), nearby.min(axis=1)
+            continued = (farthest > 0) & (nearest - farthest <= step)
+            cut = np.minimum(cut, best - np.float32(0.5) * step)
+            cut = np.where(continued, np.minimum(cut, nearest - step), cut)
+        left = np.flatnonzero(disparity < cut[np.cumsum(new) - 1])
+        order, sample, disparity, framed = order[left], sample[left], disparity[left], framed[left]
+    return layers, len(order)
 
 
 def _block(array: np.ndarray, start: int, fill: float) -> Array:

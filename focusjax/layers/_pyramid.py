@@ -13,33 +13,35 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, UInt8
+from jaxtyping import Array, Float, Int, UInt
 
 _FINE_LEVELS = 3
 _COARSE_WIDTH = (1 << (_FINE_LEVELS - 1)) + 1
 """Coarsened blocks over which an answer of a coarse level holds."""
+_NOTHING = (1 << 13) - 1
+"""Least disparity where nothing is, beyond all steps."""
+_MOST_DEEP = 63
 
 
 class RangePyramid(eqx.Module):
     """Extremes of disparity over squares, all layers together.
 
     Blocks are squares of `block` samples, so that the pyramid costs the memory of few pictures whatever
-    the supersampling.
+    the supersampling. Disparities are in the steps of the layers' own intervals.
 
     Attributes:
-        least: least disparity [n] of the answers of all levels, one after the other; infinite where
-            nothing is.
-        largest: largest disparity [n]; 0 where nothing is.
-        deepest: largest number of layers [n].
-        overall: least and largest disparity of all [2].
+        answers: words [n] of all levels, one after the other. From the highest bit down: 13 bits of the least
+            disparity (all ones where nothing is), 13 of the largest (0 where nothing is), 6 of the largest
+            number of layers (63 stands for as many as there are anywhere).
+        scale: dioptres per step.
+        overall: least and largest disparity of all [2], in 1/m; infinity and 0 where nothing is.
         most_layers: largest number of layers anywhere.
         block: edge of a block in samples (static).
         shapes: rows and columns of each level's answers (static).
     """
 
-    least: Float[Array, " n"]
-    largest: Float[Array, " n"]
-    deepest: UInt8[Array, " n"]
+    answers: UInt[Array, " n"]
+    scale: Float[Array, ""]
     overall: Float[Array, "2"]
     most_layers: Int[Array, ""]
     block: int = eqx.field(static=True)
@@ -51,7 +53,7 @@ class RangePyramid(eqx.Module):
         """Least and largest disparity and layer count between the corners `low` and `high` (samples).
 
         The answer bounds the true one, as the box is rounded outwards to blocks. A box larger than the
-        top level's square is answered for the whole grid.
+        top level's square is answered for the whole grid. The largest is 0 where nothing is.
         """
         rows, columns = self.shapes[0]
         limit = jnp.array([columns - 1, rows - 1], dtype=jnp.int32)
@@ -64,54 +66,77 @@ class RangePyramid(eqx.Module):
         offset, width = (jnp.asarray(a, dtype=jnp.int32)[level] for a in (start, [c for _, c in self.shapes]))
         coarse = jnp.maximum(level - (_FINE_LEVELS - 1), 0)
         places = (first >> coarse, second >> coarse)
-        index = jnp.stack([offset + b[1] * width + a[0] for a in places for b in places])
+        words = self.answers[jnp.stack([offset + b[1] * width + a[0] for a in places for b in places])]
+        least, largest = ((steps.astype(self.scale.dtype) * self.scale) for steps in _extremes(words))
+        deepest = (words & _MOST_DEEP).max().astype(jnp.int32)
         fits = span <= 2 << level
         return (
-            jnp.where(fits, self.least[index].min(), self.overall[0]),
-            jnp.where(fits, self.largest[index].max(), self.overall[1]),
-            jnp.where(fits, self.deepest[index].max().astype(jnp.int32), self.most_layers),
+            jnp.where(fits, least, self.overall[0]),
+            jnp.where(fits, largest, self.overall[1]),
+            jnp.where(fits & (deepest < _MOST_DEEP), deepest, self.most_layers),
         )
+
+
+def _extremes(words: UInt[Array, " n"]) -> tuple[UInt[Array, ""], UInt[Array, ""]]:
+    """Least and largest disparity of some answers, in steps."""
+    return (words >> 19).min(), (words >> 6 & _NOTHING).max()
 
 
 def build_ranges(
     cell: Int[np.ndarray, " n"],
-    low: Float[np.ndarray, " n"],
-    high: Float[np.ndarray, " n"],
+    least: UInt[np.ndarray, " n"],
+    most: UInt[np.ndarray, " n"],
+    scale: float,
     *,
     shape: tuple[int, int],
     block: int,
     widest: float,
+    real: np.dtype,
 ) -> RangePyramid:
     """The pyramid over all layers together, for squares up to `widest` samples across.
 
-    `low` and `high` are the disparities spanned by the samples at `cell`, row-major on a grid of `shape`.
+    Args:
+        cell: row-major place of each sample on a grid of `shape`.
+        least: least disparity that each spans, in steps; see `in_steps`.
+        most: largest disparity.
+        scale: dioptres per step.
+        shape: rows and columns.
+        block: edge of a block in samples.
+        widest: edge in samples of the largest square to answer for.
+        real: type of the disparities that answers are given in.
     """
     size = shape[0] * shape[1]
-    least = np.full(size, np.inf, dtype=low.dtype)
-    largest = np.zeros(size, dtype=high.dtype)
-    np.minimum.at(least, cell, low)
-    np.maximum.at(largest, cell, high)
-    deepest = np.minimum(np.bincount(cell, minlength=size), 255).astype(np.uint8)
+    lowest = np.full(size, _NOTHING, dtype=np.uint16)
+    highest = np.zeros(size, dtype=np.uint16)
+    np.minimum.at(lowest, cell, least.astype(np.uint16))
+    np.maximum.at(highest, cell, most.astype(np.uint16))
+    deepest = np.bincount(cell, minlength=size)
+    most_layers = int(deepest.max(initial=0))
+    deepest = np.minimum(deepest, _MOST_DEEP).astype(np.uint8)
     levels = max(1, int(widest / block + 2).bit_length())
     tables = []
     for base, fill, op in (
-        (least, np.inf, np.minimum),
-        (largest, 0, np.maximum),
+        (lowest, _NOTHING, np.minimum),
+        (highest, 0, np.maximum),
         (deepest, 0, np.maximum),
     ):
         tables.append(_levels(_coarser(base.reshape(shape), block, fill, op), levels, fill, op))
-    flat = (jnp.asarray(np.concatenate([level.ravel() for level in table])) for table in tables)
-    overall = np.array([least.min(initial=np.inf), largest.max(initial=0)], dtype=low.dtype)
+    answers = [
+        (low.astype(np.uint32) << 19 | high.astype(np.uint32) << 6 | deep).ravel()
+        for low, high, deep in zip(*tables, strict=True)
+    ]
+    overall = (least.min() * scale, most.max() * scale) if len(cell) else (np.inf, 0.0)
     return RangePyramid(
-        *flat,
-        overall=jnp.asarray(overall),
-        most_layers=jnp.asarray(int(deepest.max(initial=0)), dtype=jnp.int32),
+        answers=jnp.asarray(np.concatenate(answers)),
+        scale=jnp.asarray(scale, dtype=real),
+        overall=jnp.asarray(overall, dtype=real),
+        most_layers=jnp.asarray(most_layers, dtype=jnp.int32),
         block=block,
         shapes=tuple(level.shape for level in tables[0]),
     )
 
 
-def _levels(base: np.ndarray, count: int, fill: float, op: Callable[..., np.ndarray]) -> list[np.ndarray]:
+def _levels(base: np.ndarray, count: int, fill: int, op: Callable[..., np.ndarray]) -> list[np.ndarray]:
     """The answers of `count` levels over blocks with the values `base`."""
     levels = [base]
     while len(levels) < min(count, _FINE_LEVELS):
@@ -124,7 +149,7 @@ def _levels(base: np.ndarray, count: int, fill: float, op: Callable[..., np.ndar
 
 
 def _widened(
-    table: np.ndarray, shifts: tuple[int, ...] | range, fill: float, op: Callable[..., np.ndarray]
+    table: np.ndarray, shifts: tuple[int, ...] | range, fill: int, op: Callable[..., np.ndarray]
 ) -> np.ndarray:
     """`op` over the places `shifts` to the right and below, all combinations."""
     for axis in (0, 1):
@@ -137,7 +162,7 @@ def _widened(
     return table
 
 
-def _coarser(a: np.ndarray, block: int, fill: float, op: Callable[..., np.ndarray]) -> np.ndarray:
+def _coarser(a: np.ndarray, block: int, fill: int, op: Callable[..., np.ndarray]) -> np.ndarray:
     """`op` over squares of `block` x `block`."""
     rows, columns = a.shape
     padded = np.pad(a, ((0, -rows % block), (0, -columns % block)), constant_values=fill)

@@ -13,8 +13,9 @@ from focusjax.layers._blocks import pad_rows
 from focusjax.layers._grid import Grid
 from focusjax.layers._stamps import SIZES, Stamps
 
-SAMPLES_AT_ONCE = 1 << 18
-"""Samples tested by one call, so that compilation depends on the stamp size alone."""
+_SAMPLES_AT_ONCE = 1 << 18
+_STAMPS_AT_ONCE = 1 << 14
+"""Of the samples and stamps tested by one call, so that compilation depends on the stamp size alone."""
 
 _TOLERANCE = 1e-5
 """Samples by which a triangle is fattened, so that rounding opens no crack between neighbours."""
@@ -63,22 +64,21 @@ def _cover(
 
 def rasterise(stamps: Stamps, grid: Grid, *, reach: float = 0.0) -> Fragments:
     """All fragments of `stamps`, diced for the same `reach`, on `grid`."""
+    columns, rows = stamps.origin.T.copy()
 
     def block(work: tuple[int, slice]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         size, part = work
-        inputs = [
-            pad_rows(a[part], SAMPLES_AT_ONCE // size**2)
-            for a in (stamps.edges, stamps.disparity, stamps.bounds)
-        ]
+        inputs = [pad_rows(a[part], _at_once(size)) for a in (stamps.edges, stamps.disparity, stamps.bounds)]
         covered, disparity = (
             np.asarray(a)[: part.stop - part.start] for a in _cover(*inputs, np.float32(reach), size=size)
         )
         flat = np.flatnonzero(covered)
         stamp, offset = np.divmod(flat.astype(np.int32), np.int32(size * size))
         stamp += part.start
-        column = stamps.origin[stamp, 0] + offset % size
-        row = stamps.origin[stamp, 1] + offset // size
-        values = disparity.reshape(-1)[flat]
+        row, column = np.divmod(offset, np.int32(size))
+        column += np.take(columns, stamp)
+        row += np.take(rows, stamp)
+        values = np.take(disparity, flat)
         if size > 1:
             on_grid = np.flatnonzero((column < grid.columns) & (row < grid.rows))
             column, row, values, stamp = column[on_grid], row[on_grid], values[on_grid], stamp[on_grid]
@@ -86,8 +86,12 @@ def rasterise(stamps: Stamps, grid: Grid, *, reach: float = 0.0) -> Fragments:
 
     work, start = [], 0
     for size, count in zip(SIZES, stamps.counts, strict=True):
-        for part in parts(count, SAMPLES_AT_ONCE // size**2):
+        for part in parts(count, _at_once(size)):
             work.append((size, slice(start + part.start, start + part.stop)))
         start += count
     empty = (np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.int32))
     return Fragments(*(np.concatenate(a) for a in zip(empty, *in_parallel(block, work), strict=True)))
+
+
+def _at_once(size: int) -> int:
+    return min(_SAMPLES_AT_ONCE // size**2, _STAMPS_AT_ONCE)

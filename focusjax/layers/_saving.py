@@ -4,9 +4,11 @@ import dataclasses
 
 import numpy as np
 
+from focusjax._counts import require_counts
 from focusjax.geometry import Camera
 from focusjax.layers._assemble import rasterised
 from focusjax.layers._frame import frame
+from focusjax.layers._memory import check_memory
 from focusjax.layers._peel import SEPARATION, peel_fragments
 from focusjax.layers._raster import Fragments
 from focusjax.lens import AbstractLens
@@ -59,7 +61,7 @@ def umbra_saving(
         near: depth in metres from which surfaces count; a tenth of the focal length if not given.
 
     Raises:
-        ValueError: a supersampling below 1, or a grid that does not fit in memory.
+        ValueError: a supersampling that is not whole or below 1, or a grid that does not fit in memory.
 
     Example:
         >>> from focusjax import look_at, make_scene, thin_lens
@@ -74,12 +76,13 @@ def umbra_saving(
         >>> len(saving.umbra), len(saving.plain)
         (1, 2)
     """
-    if supersampling < 1:
-        raise ValueError(f"supersampling is {supersampling}; expected at least 1")
+    require_counts(supersampling=supersampling)
     parallax = float(lens.parallax(camera)) * supersampling
-    picture = rasterised(scene, camera, *frame(scene, camera, lens, supersampling, near))
+    triangles, grid = frame(scene, camera, lens, supersampling, near)
+    check_memory(grid, 1)
+    picture = rasterised(scene, camera, triangles, grid)
     kept, _ = peel_fragments(picture.fragments, picture.grid, parallax, _MOST_LAYERS, opacity=picture.opacity)
-    counts = tuple(int((layer >= 0).sum()) for layer in kept)
+    counts = tuple(len(layer) for layer in kept)
     return UmbraSaving(counts, _surfaces_by_depth(picture.fragments))
 
 

@@ -14,7 +14,7 @@ from focusjax.layers._gloss import pack_normal
 from focusjax.layers._grid import Grid
 from focusjax.scene import AbstractBackground, ConstantBackground, Scene, Shader
 
-_SHADED_AT_ONCE = 1 << 18
+_SHADED_AT_ONCE = 1 << 16
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,11 +70,10 @@ def _background_radiance(
     return jax.vmap(lambda xy: background.radiance(camera.direction(xy)))(positions)
 
 
-def background(scene: Scene, camera: Camera, grid: Grid) -> Float[Array, "h w 3"]:
-    """What is seen at infinity through every sample of the grid."""
+def background(scene: Scene, camera: Camera, grid: Grid) -> Float[Array, "h w 3"] | Float[Array, "3"]:
+    """What is seen at infinity through every sample of the grid; one colour if it is the same all over."""
     if isinstance(scene.background, ConstantBackground):
-        colour = np.asarray(scene.background.colour)
-        return jnp.asarray(np.broadcast_to(colour, (grid.rows, grid.columns, 3)))
+        return jnp.asarray(scene.background.colour)
     x, y = np.meshgrid(np.arange(grid.columns) + 0.5, np.arange(grid.rows) + 0.5)
     positions = (np.stack([x, y], axis=-1).reshape(-1, 2) - grid.margin) / grid.supersampling
     flat = _background_radiance(scene.background, camera, jnp.asarray(positions, dtype=float))

@@ -91,14 +91,14 @@ def find_silhouettes(
     number = len(own.cell)
     cut = np.flatnonzero((count[:number] > 0) & (count[:number] < _POINTS))
     kept = np.flatnonzero((count[number:] > 0) & ~centre[number:])
-    there = joins.held[beyond.source[kept]]
-    steep = np.abs(planes.slope_x.reshape(-1)[there]) + np.abs(planes.slope_y.reshape(-1)[there])
+    source = beyond.source[kept]
+    steep = np.abs(planes.slope_x[source]) + np.abs(planes.slope_y[source])
     w, spread = beyond.disparity[kept], 0.5 * np.minimum(steep, small_step)
     return Silhouettes(
         cut=own.source[cut],
         line=line[:number][cut],
         cell=beyond.cell[kept],
-        source=beyond.source[kept],
+        source=source,
         disparity=w,
         low=np.maximum(w - spread, 0),
         high=w + spread,
@@ -112,22 +112,20 @@ def _fields(squares: _Squares) -> tuple[np.ndarray, ...]:
 
 def _squares(grid: Grid, planes: Planes, joins: Joins, small_step: float) -> tuple[_Squares, _Squares]:
     """Squares of samples with an open side, and those across their open sides."""
-    disparity, slopes = planes.disparity.reshape(-1), (planes.slope_x.reshape(-1), planes.slope_y.reshape(-1))
     opens = [((joins.links >> np.uint32(4 * side)) & 15) == UNJOINED for side in range(_SIDES)]
     source = np.flatnonzero(np.logical_or.reduce(opens))
-    here = joins.held[source]
-    own = _Squares(here % grid.size, source, disparity[here], joins.low[source], joins.high[source])
+    cell = planes.held[source] % grid.size
+    own = _Squares(cell, source, planes.disparity[source], joins.low[source], joins.high[source])
     parts = []
     for side, (dx, dy) in enumerate(NEIGHBOURS[:_SIDES]):
         source = np.flatnonzero(opens[side])
-        row, column = np.divmod(joins.held[source] % grid.size, grid.columns)
+        row, column = np.divmod(planes.held[source] % grid.size, grid.columns)
         inside = (column + dx >= 0) & (column + dx < grid.columns) & (row + dy >= 0) & (row + dy < grid.rows)
         source = source[inside]
-        here = joins.held[source]
-        w = disparity[here]
-        step = np.clip(slopes[0][here] * dx + slopes[1][here] * dy, -small_step, small_step)
+        w = planes.disparity[source]
+        step = np.clip(planes.slope_x[source] * dx + planes.slope_y[source] * dy, -small_step, small_step)
         there = np.maximum(w + step, 0.5 * w)
-        cell = here % grid.size + dy * grid.columns + dx
+        cell = planes.held[source] % grid.size + dy * grid.columns + dx
         parts.append((cell, source, there, np.minimum(w, there), np.maximum(w, there)))
     beyond = [np.concatenate(column) for column in zip(*parts, strict=True)]
     # One surface may reach a square from several sides.
@@ -161,8 +159,10 @@ def _covered_points(
     fragment, square = fragment[same], square[same]
     stamp, sample = fragments.stamp[fragment], fragments.sample[fragment]
     row, column = np.divmod(sample, np.int32(grid.columns))
-    place = np.stack([column, row], axis=1) - stamps.origin[stamp]
-    masks, centres = in_blocks(_inside, (stamps.edges[stamp], place.astype(np.float32)), _AT_ONCE)
+    place = np.stack([column, row], axis=1) - np.take(stamps.origin, stamp, axis=0)
+    masks, centres = in_blocks(
+        _inside, (np.take(stamps.edges, stamp, axis=0), place.astype(np.float32)), _AT_ONCE
+    )
     together = np.zeros(len(order), dtype=np.uint32)
     np.bitwise_or.at(together, order[square], masks)
     at_centre = np.zeros(len(order), dtype=bool)

@@ -25,11 +25,13 @@ import math
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from focusjax._counts import require_counts
 from focusjax.geometry import Camera
-from focusjax.layers._assemble import assemble, rasterised
+from focusjax.layers._assemble import assemble, margin_like, rasterised
 from focusjax.layers._frame import frame
 from focusjax.layers._grid import Grid
 from focusjax.layers._layers import Layers
+from focusjax.layers._memory import check_memory
 from focusjax.layers._peel import SEPARATION, hidden_below, windows_within
 from focusjax.layers._raster import Fragments
 from focusjax.lens import AbstractLens
@@ -48,6 +50,8 @@ def decompose(
     blur_step: float | None = None,
     supersampling: int = 2,
     near: float | None = None,
+    view_dependent: bool = False,
+    like: Layers | None = None,
 ) -> Layers:
     """The nearest surface in each of several slabs of depth, as layers seen from the lens centre (Lee09).
 
@@ -65,6 +69,8 @@ def decompose(
             the delta of Lee09, which is of radii; they find 3 to 10 enough).
         supersampling: layer samples per output pixel and axis.
         near: depth in metres from which surfaces count; a tenth of the focal length if not given.
+        view_dependent: keep what highlights and mirrored surroundings depend on; see `peel`.
+        like: layers of another moment whose shapes are kept, so that nothing is compiled again; see `peel`.
 
     Returns:
         At most as many layers as slabs; `complete` says whether every surface that is not known to be
@@ -72,17 +78,19 @@ def decompose(
 
     Raises:
         ValueError: not exactly one of `count` and `blur_step`, a value out of range, a step so small
-            that it makes over a thousand slabs, or a grid that does not fit in memory.
+            that it makes over a thousand slabs, a grid or layers that do not fit in memory, or layers to
+            be like that are of another frame.
     """
     if (count is None) == (blur_step is None):
         raise ValueError(f"count is {count} and blur_step is {blur_step}; give exactly one of them")
-    for name, value in (("supersampling", supersampling), ("count", count)):
-        if value is not None and value < 1:
-            raise ValueError(f"{name} is {value}; expected at least 1")
-    if blur_step is not None and not blur_step > 0:
+    require_counts(supersampling=supersampling, count=count)
+    if blur_step is not None and not 0 < blur_step < math.inf:
         raise ValueError(f"blur_step is {blur_step} px; expected a positive number such as 4")
-    picture = rasterised(scene, camera, *frame(scene, camera, lens, supersampling, near))
-    grid, disparity = picture.grid, picture.fragments.disparity
+    least_margin = margin_like(like, camera, supersampling)
+    triangles, grid = frame(scene, camera, lens, supersampling, near, least_margin=least_margin)
+    check_memory(grid, 1)
+    picture = rasterised(scene, camera, triangles, grid)
+    disparity = picture.fragments.disparity
     nearest = float(disparity.max(initial=0.0))
     extent = nearest - float(disparity.min(initial=nearest))
     parallax = float(lens.parallax(camera))
@@ -99,7 +107,18 @@ def decompose(
     chosen, complete = slab_fragments(
         picture.fragments, grid, parallax * grid.supersampling, bounds, opacity=picture.opacity
     )
-    return assemble(scene, camera, lens, picture, chosen, max_layers=count, complete=complete)
+    check_memory(grid, len(chosen))
+    return assemble(
+        scene,
+        camera,
+        lens,
+        picture,
+        chosen,
+        max_layers=count,
+        complete=complete,
+        like=like,
+        view_dependent=view_dependent,
+    )
 
 
 def slab_fragments(
@@ -109,8 +128,8 @@ def slab_fragments(
     bounds: np.ndarray,
     *,
     opacity: Float[np.ndarray, " f"] | None = None,
-) -> tuple[list[Int[np.ndarray, "h w"]], bool]:
-    """For each layer the index [h, w] of the fragment in it, -1 where there is none.
+) -> tuple[list[Int[np.ndarray, " _"]], bool]:
+    """The fragments that each layer holds, in the order of their samples.
 
     Also whether all were kept but those known to be hidden.
 
@@ -150,7 +169,7 @@ def slab_fragments(
         missed = left & (disparity >= farther)
         complete = complete and not missed.any()
         alive = alive[left & ~missed]
-    return [layer.reshape(shape) for layer in layers], complete
+    return [layer[layer >= 0] for layer in layers], complete
 
 
 def _not_behind_the_first(

@@ -26,8 +26,8 @@ from focusjax.layers._grid import Grid
 SIZES = (1, 2, 4, 8, 16)
 """Edge lengths of stamps in samples; a larger triangle is diced into several of the last size."""
 
-_AT_ONCE = 1 << 16
-_TRIANGLES_AT_ONCE = 1 << 17
+_AT_ONCE = 1 << 14
+_TRIANGLES_AT_ONCE = 1 << 15
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,10 +68,9 @@ def dice(triangles: ScreenTriangles, grid: Grid, *, reach: float = 0.0) -> Stamp
         for edge_length in SIZES:
             chosen = np.flatnonzero(size == edge_length)
             which = part.start + index[chosen]
-            corners = triangles.points[triangles.faces[which]]
-            sorted_by_size.append(
-                _stamps_of_size(edge_length, which, corners, first[chosen], span[chosen], reach)
-            )
+            corners = np.take(triangles.points, np.take(triangles.faces, which, axis=0), axis=0)
+            begins, extends = (np.take(a, chosen, axis=0) for a in (first, span))
+            sorted_by_size.append(_stamps_of_size(edge_length, which, corners, begins, extends, reach))
         return sorted_by_size
 
     # An empty part gives the arrays their types where there are no triangles at all.
@@ -139,8 +138,10 @@ def _stamps_of_size(
     count = across * down
     owner = np.repeat(np.arange(len(index), dtype=np.int32), count)
     tile = np.arange(len(owner), dtype=np.int32) - np.repeat(np.cumsum(count) - count, count)
-    origin = first[owner] + size * np.stack([tile % across[owner], tile // across[owner]], axis=1)
-    local = corners[owner]
+    origin = np.take(first, owner, axis=0)
+    if len(owner) > len(index):
+        origin = origin + size * np.stack([tile % across[owner], tile // across[owner]], axis=1)
+    local = np.take(corners, owner, axis=0)
     local[:, :, 0] -= origin[:, :1] + 0.5
     local[:, :, 1] -= origin[:, 1:] + 0.5
     edges, disparity = _edge_functions(local, np) if size == SIZES[-1] else _edge_functions_single(local)
@@ -150,8 +151,10 @@ def _stamps_of_size(
         if reach:
             best += reach * (np.abs(edges[..., 0]) + np.abs(edges[..., 1]))
         kept = np.flatnonzero((best[:, 0] >= -1e-4) & (best[:, 1] >= -1e-4) & (best[:, 2] >= -1e-4))
-        owner, origin, local = owner[kept], origin[kept], local[kept]
-        edges, disparity = edges[kept], disparity[kept]
+        owner = owner[kept]
+        origin, local, edges, disparity = (
+            np.take(a, kept, axis=0) for a in (origin, local, edges, disparity)
+        )
     w = local[..., 2].astype(np.float32)
     bounds = [op(op(w[:, 0], w[:, 1]), w[:, 2]) for op in (np.minimum, np.maximum)]
     return (

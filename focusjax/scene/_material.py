@@ -1,5 +1,6 @@
 """How a surface answers light: constants of one material, and the checks of their values."""
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -68,9 +69,13 @@ def opacity_of(value: float, what: str) -> float:
     Raises:
         ValueError: out of range, or not a number.
     """
-    if not 0.0 <= value <= 1.0:
-        raise ValueError(f"{what} is {value!r}; expected 0 (not there) to 1 (opaque)")
-    return float(value)
+    try:
+        share = float(value)
+    except (TypeError, ValueError):
+        share = math.nan
+    if not 0.0 <= share <= 1.0:
+        raise ValueError(f"{what} is {value!r}; expected a number, 0 (not there) to 1 (opaque)")
+    return share
 
 
 def shininess_of(value: float) -> float:

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt
 
 from focusjax.geometry import LensRay
-from focusjax.layers import SAME_LAYER, UNJOINED, Layers
+from focusjax.layers import SAME_LAYER, UNJOINED, Layers, Places
 from focusjax.trace._gloss import GlossPlanes, gloss_at, gloss_planes
 
 
@@ -14,15 +14,18 @@ class Surface(eqx.Module):
     """The layers' appearance as flat planes.
 
     Attributes:
-        radiance: red, green and blue, each [n] over every sample of every layer.
+        places: from the flat index of a sample to its position in the next three.
+        radiance: red, green and blue, each [n].
         disparity: 1/m [n].
         links: packed joins to neighbours [n].
-        background: red, green and blue, each [m], at infinity.
+        background: red, green and blue at infinity, each [m] over the grid; of length 1 where it is the same
+            all over.
         gloss: what to add for each ray; None where gloss is part of `radiance`.
         columns: samples per row (static).
         rows: rows (static).
     """
 
+    places: Places
     radiance: tuple[Float[Array, " n"], ...]
     disparity: Float[Array, " n"]
     links: UInt[Array, " n"]
@@ -36,9 +39,10 @@ class Surface(eqx.Module):
 def surface_of(layers: Layers) -> Surface:
     """The flat planes of `layers`."""
     return Surface(
-        radiance=tuple(layers.radiance[..., k].reshape(-1) for k in range(3)),
-        disparity=layers.disparity.reshape(-1),
-        links=layers.links.reshape(-1),
+        places=layers.places,
+        radiance=tuple(layers.samples.radiance[:, k] for k in range(3)),
+        disparity=layers.samples.disparity,
+        links=layers.samples.links,
         background=tuple(layers.background[..., k].reshape(-1) for k in range(3)),
         gloss=gloss_planes(layers),
         columns=layers.grid.columns,
@@ -56,7 +60,8 @@ def radiance_at(surface: Surface, ray: LensRay, hit: Int[Array, ""]) -> Float[Ar
     columns, layer_size = surface.columns, surface.columns * surface.rows
     met = hit >= 0
     index = jnp.maximum(hit, 0)
-    disparity = jnp.where(met, surface.disparity[index], 0.0)
+    number = surface.places.number(index)
+    disparity = jnp.where(met, surface.disparity[number], 0.0)
     x, y = a_x + b_x * disparity, a_y + b_y * disparity
     far_column = jnp.clip(jnp.floor(x).astype(jnp.int32), 0, columns - 1)
     far_row = jnp.clip(jnp.floor(y).astype(jnp.int32), 0, surface.rows - 1)
@@ -66,20 +71,22 @@ def radiance_at(surface: Surface, ray: LensRay, hit: Int[Array, ""]) -> Float[Ar
     weight_x, weight_y = jnp.abs(offset_x), jnp.abs(offset_y)
     left, up = (offset_x < 0).astype(jnp.int32), (offset_y < 0).astype(jnp.int32)
     dx, dy = 1 - 2 * left, 1 - 2 * up
-    links = surface.links[index]
+    links = surface.links[number]
 
-    def neighbour(number: Int[Array, ""], step: Int[Array, ""]) -> Int[Array, ""]:
-        code = ((links >> (4 * number).astype(jnp.uint32)) & 15).astype(jnp.int32)
-        return index + jnp.where(code == UNJOINED, 0, (code - SAME_LAYER) * layer_size + step)
+    def neighbour(side: Int[Array, ""], step: Int[Array, ""]) -> Int[Array, ""]:
+        code = ((links >> (4 * side).astype(jnp.uint32)) & 15).astype(jnp.int32)
+        shift = jnp.where(code == UNJOINED, 0, (code - SAME_LAYER) * layer_size + step)
+        return surface.places.number(index + shift)
 
     corners = (
-        (index, (1 - weight_x) * (1 - weight_y)),
+        (number, (1 - weight_x) * (1 - weight_y)),
         (neighbour(left, dx), weight_x * (1 - weight_y)),
         (neighbour(2 + up, dy * columns), (1 - weight_x) * weight_y),
         (neighbour(4 + left + 2 * up, dy * columns + dx), weight_x * weight_y),
     )
+    behind = far_row * columns + far_column if surface.background[0].size > 1 else jnp.zeros_like(index)
     # Worked out once, not again in each of the look-ups that use them.
-    corners, behind = jax.lax.optimization_barrier((corners, far_row * columns + far_column))
+    corners, behind = jax.lax.optimization_barrier((corners, behind))
     channels = []
     for plane, far_plane in zip(surface.radiance, surface.background, strict=True):
         near = sum((plane[i] * weight for i, weight in corners), jnp.zeros_like(x))

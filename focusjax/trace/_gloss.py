@@ -8,15 +8,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt
 
 from focusjax.geometry import Camera, LensRay
-from focusjax.layers import Grid, Layers, unpack_normal
+from focusjax.layers import Grid, Layers, spread, unpack_normal
 from focusjax.scene import Gloss
+
+_AT_ONCE = 1 << 18
 
 
 class GlossPlanes(eqx.Module):
     """The layers' glossy surfaces as flat planes.
 
     Attributes:
-        normal: packed normals [n] over every sample of every layer.
+        normal: packed normals [n] of the samples that the layers hold.
         material: material number [n].
         model: what materials, lights and surroundings make of them.
         camera: the camera that the layers were peeled from.
@@ -32,11 +34,10 @@ class GlossPlanes(eqx.Module):
 
 def gloss_planes(layers: Layers) -> GlossPlanes | None:
     """The flat planes of `layers`, or None where gloss is part of their radiance."""
-    if layers.gloss is None:
+    samples = layers.samples.gloss
+    if samples is None:
         return None
-    samples = layers.gloss
-    flat = samples.normal.reshape(-1), samples.material.reshape(-1)
-    return GlossPlanes(*flat, samples.model, layers.camera, layers.grid)
+    return GlossPlanes(samples.normal, samples.material, samples.model, layers.camera, layers.grid)
 
 
 def gloss_at(
@@ -92,17 +93,19 @@ def radiance_from_centre(layers: Layers) -> Float[Array, "l h w 3"]:
     if planes is None:
         return layers.radiance
     columns, rows = layers.grid.columns, layers.grid.rows
+    disparity = layers.samples.disparity
+    # Where each sample lies on the grid.
+    index = jnp.flatnonzero(layers.cells.reshape(-1), size=len(disparity), fill_value=0)
 
-    def one(index: Int[Array, ""], disparity: Float[Array, ""]) -> Float[Array, "3"]:
+    def one(sample: tuple[Array, Array, Array]) -> Float[Array, "3"]:
+        number, index, disparity = sample
         place = jnp.stack([index % columns, index // columns % rows]).astype(disparity.dtype) + 0.5
         ray = LensRay(a=place, b=jnp.zeros_like(place), weight=jnp.ones_like(disparity))
-        held = disparity > 0
-        gloss = gloss_at(planes, ray, jnp.where(held, disparity, 1.0), [(index, jnp.ones_like(disparity))])
-        return jnp.where(held, gloss, 0.0)
+        return gloss_at(
+            planes, ray, jnp.where(disparity > 0, disparity, 1.0), [(number, jnp.ones_like(disparity))]
+        )
 
-    index = jnp.arange(layers.disparity.size, dtype=jnp.int32).reshape(layers.count, -1)
-    # One layer at a time, to hold little at once.
-    gloss = jax.lax.map(
-        lambda layer: jax.vmap(one)(*layer), (index, layers.disparity.reshape(layers.count, -1))
-    )
-    return layers.radiance + gloss.reshape(layers.radiance.shape)
+    numbers = jnp.arange(len(disparity), dtype=jnp.int32)
+    # Some at a time, to hold little at once.
+    gloss = jax.lax.map(one, (numbers, index, disparity), batch_size=_AT_ONCE)
+    return spread(layers, layers.samples.radiance + gloss, 0.0)

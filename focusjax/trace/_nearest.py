@@ -37,7 +37,6 @@ def _first_disparities(layers: Layers, rays: LensRay) -> Float[Array, " n"]:
     # What may be seen through is a surface, too.
     cells = layers.cells.reshape(-1)
     volume = Volume(cells, layers.disparity_scale, None, grid.columns, grid.rows)
-    disparities = layers.disparity.reshape(-1)
     least, largest = jnp.where(layers.ranges.overall[1] > 0, layers.ranges.overall, 0.0)
 
     def one(ray: LensRay) -> Float[Array, ""]:
@@ -47,7 +46,9 @@ def _first_disparities(layers: Layers, rays: LensRay) -> Float[Array, " n"]:
         # From the sample's centre to where the ray is above its square, as far as the surface goes there.
         low, high = _above_square(on_grid, sample % grid.size, grid.columns)
         end, start = (steps * layers.disparity_scale for steps in interval(volume.cells[sample]))
-        disparity = jnp.clip(jnp.clip(disparities[sample], low, high), end, start)
+        disparity = jnp.clip(
+            jnp.clip(layers.samples.disparity[layers.places.number(sample)], low, high), end, start
+        )
         return jnp.where(hit >= 0, disparity, 0.0)
 
     return jax.vmap(one)(rays)

@@ -40,7 +40,7 @@ def _seen(layers: Layers) -> Float[Array, "h w 3"]:
         if opacity is not None:
             return _blended(layers, radiances, opacity, dx, dy)
         nearest = jnp.zeros(shape, dtype=jnp.int32)
-        colour = layers.background
+        colour = jnp.broadcast_to(layers.background, (*shape, 3))
         for words, radiance in zip(layers.cells, radiances, strict=True):
             # Of two within one step of disparity, the one in the earlier layer is nearer.
             most = interval(words)[1]
@@ -49,7 +49,7 @@ def _seen(layers: Layers) -> Float[Array, "h w 3"]:
             colour = jnp.where(shows[..., None], radiance, colour)
         return colour
 
-    return jax.lax.map(at_place, jnp.asarray(_PLACES, dtype=layers.radiance.dtype)).mean(axis=0)
+    return jax.lax.map(at_place, jnp.asarray(_PLACES, dtype=layers.background.dtype)).mean(axis=0)
 
 
 def _blended(
@@ -76,6 +76,6 @@ def _blended(
         share = through * jnp.where(of_layer(nearest) > 0, of_layer(opacity), 0.0)
         return (colour + share[..., None] * of_layer(radiances), through - share), None
 
-    nothing = jnp.zeros((*shape, 3), dtype=layers.radiance.dtype)
+    nothing = jnp.zeros((*shape, 3), dtype=layers.background.dtype)
     (colour, through), _ = jax.lax.scan(over, (nothing, jnp.ones(shape, dtype=nothing.dtype)), order)
-    return colour + through[..., None] * layers.background
+    return colour + through[..., None] * jnp.broadcast_to(layers.background, colour.shape)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt
 
+from focusjax._counts import require_counts
 from focusjax._parallel import CORES
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers import Grid, Layers
@@ -50,8 +51,7 @@ def render(
     Raises:
         ValueError: no rays, or a lens whose rays leave what the layers were peeled for.
     """
-    if rays < 1:
-        raise ValueError(f"rays is {rays}; expected at least 1 ray per pixel")
+    require_counts(rays=rays)
     _check_reach(layers, lens)
     grid, camera = layers.grid, layers.camera
     opacity = None if layers.opacity is None else pack_opacity(layers.opacity)
@@ -114,7 +114,7 @@ def _strays(layers: Layers, lens: AbstractLens) -> np.ndarray:
     least, largest = (float(w) for w in layers.ranges.overall)
     if not largest > 0:
         return np.zeros(1)
-    disparities = jnp.asarray(np.linspace(least, largest, 9).astype(layers.disparity.dtype))
+    disparities = jnp.asarray(np.linspace(least, largest, 9).astype(layers.background.dtype))
     return np.asarray(_strays_at(lens, layers.camera, disparities))
 
 

@@ -10,6 +10,7 @@ from focusjax.layers._cells import (
     WHOLE,
     covered,
     covered_share,
+    in_steps,
     interval,
     line_code,
     pack_cells,
@@ -20,7 +21,8 @@ def test_packed_intervals_hold_what_they_were_given_and_little_more():
     random = np.random.default_rng(0)
     low = random.uniform(0.0, 2.0, 500)
     high = low + 10.0 ** random.uniform(-5, 0.3, low.shape)
-    words, scale = pack_cells(low, high, np.full(low.shape, WHOLE, dtype=np.uint16))
+    *steps, scale = in_steps(low, high)
+    words = pack_cells(*steps, np.full(low.shape, WHOLE, dtype=np.uint16))
     least, most = (np.asarray(a) for a in interval(jnp.asarray(words)))
     assert (words > EMPTY).all()
     assert (least * scale <= low + 1e-12).all()
@@ -34,7 +36,8 @@ def test_packed_intervals_hold_what_they_were_given_and_little_more():
 def test_every_length_is_rounded_up_to_one_that_is_kept():
     length = np.arange(STEPS)
     high = np.full(STEPS, float(STEPS))
-    words, scale = pack_cells(high - length, high, np.full(STEPS, WHOLE, dtype=np.uint16))
+    *steps, scale = in_steps(high - length, high)
+    words = pack_cells(*steps, np.full(STEPS, WHOLE, dtype=np.uint16))
     assert scale == 1.0
     least, most = (np.asarray(a) for a in interval(jnp.asarray(words)))
     kept = most - least

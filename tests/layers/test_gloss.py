@@ -4,7 +4,7 @@ import jax
 import numpy as np
 from glossy import glossy_camera, glossy_lens, glossy_scene
 
-from focusjax.layers import peel, unpack_normal
+from focusjax.layers import peel, spread, unpack_normal
 from focusjax.layers._gloss import pack_normal
 
 
@@ -26,8 +26,9 @@ def test_packed_normals_keep_their_direction():
 def test_each_sample_knows_its_material_and_the_side_it_is_seen_from():
     scene, camera = glossy_scene(), glossy_camera()
     layers = peel(scene, camera, glossy_lens(), supersampling=1, view_dependent=True)
-    assert layers.gloss is not None
-    triangle, material = np.asarray(layers.triangle), np.asarray(layers.gloss.material)
+    gloss = layers.samples.gloss
+    assert gloss is not None
+    triangle, material = np.asarray(layers.triangle), np.asarray(spread(layers, gloss.material, 0))
     held = np.asarray(layers.disparity) > 0
     centre = triangle >= 0
     assert material.dtype == np.uint8
@@ -35,10 +36,7 @@ def test_each_sample_knows_its_material_and_the_side_it_is_seen_from():
     # The only outline in view is the ball's, and so is the material of its fringe.
     assert (held & ~centre).any()
     assert not material[held & ~centre].any()
-    x, y, z = (
-        np.asarray(part).reshape(held.shape)
-        for part in jax.vmap(unpack_normal)(layers.gloss.normal.reshape(-1))
-    )
+    x, y, z = (np.asarray(spread(layers, part, 0.0)) for part in jax.vmap(unpack_normal)(gloss.normal))
     table = held & (material == 1)
     np.testing.assert_allclose(y[table], 1.0, atol=1e-4)
     np.testing.assert_allclose(np.abs(x[table]) + np.abs(z[table]), 0.0, atol=1e-4)

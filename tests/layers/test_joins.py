@@ -14,11 +14,13 @@ def joined(disparity: object, slope_x: object = 0.0, slope_y: object = 0.0) -> t
     """Extents [l, h, w] and the code [l, h, w] of every neighbour (dx, dy)."""
     disparity = np.asarray(disparity, dtype=np.float64)
     slopes = (np.array(np.broadcast_to(s, disparity.shape), dtype=np.float64) for s in (slope_x, slope_y))
-    joins = join(Planes(disparity, *slopes), PARALLAX)
+    held = np.flatnonzero(disparity)
+    columns = (a.reshape(-1)[held] for a in (disparity, *slopes))
+    joins = join(Planes(disparity.shape, held, *columns), PARALLAX)
 
     def whole(samples: np.ndarray) -> np.ndarray:
         out = np.zeros(disparity.size, dtype=samples.dtype)
-        out[joins.held] = samples
+        out[held] = samples
         return out.reshape(disparity.shape)
 
     codes = {

@@ -136,5 +136,5 @@ def test_a_seed_gives_the_same_rays():
 
 
 def test_no_rays_are_refused():
-    with pytest.raises(ValueError, match="rays is 0; expected at least 1"):
+    with pytest.raises(ValueError, match="rays is 0; expected a whole number, at least 1"):
         missed_light(varied_layers(), nearest_in_layers(varied_layers()), rays=0)

@@ -41,7 +41,8 @@ def test_layers_are_in_order_and_finite():
     for array in (layers.disparity, layers.radiance, layers.background):
         assert np.isfinite(array).all()
     assert layers.radiance.shape == (*disparity.shape, 3)
-    assert disparity.shape[1:] == (layers.grid.rows, layers.grid.columns) == layers.background.shape[:2]
+    assert disparity.shape[1:] == (layers.grid.rows, layers.grid.columns)
+    assert layers.background.shape == (3,)
 
 
 def test_a_pinhole_sees_one_layer():
@@ -142,8 +143,8 @@ def test_disparity_map_is_zero_where_nothing_is():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"supersampling": 0}, "supersampling is 0; expected at least 1"),
-        ({"max_layers": 0}, "max_layers is 0; expected at least 1"),
+        ({"supersampling": 0}, "supersampling is 0; expected a whole number, at least 1"),
+        ({"max_layers": 0}, "max_layers is 0; expected a whole number, at least 1"),
         ({"near": 0.0}, r"near is 0\.0 m; expected a positive depth"),
         ({"near": float("nan")}, "near is nan m; expected a positive depth"),
     ],

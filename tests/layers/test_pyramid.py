@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from focusjax.layers import RangePyramid
+from focusjax.layers._cells import STEPS, in_steps
 from focusjax.layers._pyramid import build_ranges
 
 SHAPE = (3, 22, 30)
@@ -19,15 +20,20 @@ def planes() -> tuple[np.ndarray, np.ndarray]:
     """Least and largest disparity [l, h, w] of sparse random samples."""
     random = np.random.default_rng(4)
     held = random.random(SHAPE) < 0.08
-    low = np.where(held, random.uniform(0.1, 5.0, SHAPE), 0.0)
-    return low, np.where(held, low + random.uniform(0.0, 1.0, SHAPE), 0.0)
+    low = np.where(held, random.integers(100, 5000, SHAPE), 0)
+    high = np.where(held, low + random.integers(0, 1000, SHAPE), 0)
+    # The largest makes a step 1 dioptre, so that nothing is rounded.
+    high[np.unravel_index(np.argmax(high), SHAPE)] = STEPS
+    return low.astype(np.float64), high.astype(np.float64)
 
 
 def pyramid(block: int, widest: float = 16.0) -> RangePyramid:
     low, high = planes()
     _, row, column = np.nonzero(high)
     cell, held = row * SHAPE[2] + column, high > 0
-    return build_ranges(cell, low[held], high[held], shape=SHAPE[1:], block=block, widest=widest)
+    least, most, scale = in_steps(low[held], high[held])
+    shape, real = SHAPE[1:], low.dtype
+    return build_ranges(cell, least, most, scale, shape=shape, block=block, widest=widest, real=real)
 
 
 @eqx.filter_jit
@@ -40,7 +46,7 @@ def brute(first: np.ndarray, last: np.ndarray) -> tuple[float, float, int]:
     low, high = (a[:, max(first[1], 0) : last[1] + 1, max(first[0], 0) : last[0] + 1] for a in planes())
     held = high > 0
     return (
-        low[held].min() if held.any() else np.inf,
+        low[held].min() if held.any() else STEPS + 1,
         high[held].max() if held.any() else 0.0,
         int(held.sum(axis=0).max(initial=0)),
     )

@@ -47,5 +47,5 @@ def test_nothing_in_view_saves_nothing():
 
 def test_a_supersampling_below_one_is_refused():
     camera = front_camera()
-    with pytest.raises(ValueError, match="supersampling is 0; expected at least 1"):
+    with pytest.raises(ValueError, match="supersampling is 0; expected a whole number, at least 1"):
         umbra_saving(varied_scene(), camera, wide_lens(camera), supersampling=0)

@@ -196,7 +196,10 @@ def test_a_cut_is_as_wide_as_the_patch():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"opacity": 1.5}, r"opacity of object 'a' is 1\.5; expected 0 \(not there\) to 1 \(opaque\)"),
+        (
+            {"opacity": 1.5},
+            r"opacity of object 'a' is 1\.5; expected a number, 0 \(not there\) to 1 \(opaque\)",
+        ),
         ({"opacity": float("nan")}, "opacity of object 'a' is nan"),
         ({"cutoff": -0.1}, r"cutoff of object 'a' is -0\.1"),
         ({"texture": np.ones((2, 2, 2))}, r"has the shape \(2, 2, 2\); expected \[h, w, 3\] or \[h, w, 4\]"),

@@ -59,7 +59,7 @@ def test_scenes_without_gloss_are_what_they_were():
     """Not only the picture: the arrays, and so the programs compiled for them."""
     camera = front_camera()
     layers = peel(varied_scene(), camera, wide_lens(camera), view_dependent=True)
-    assert layers.gloss is None
+    assert layers.samples.gloss is None
     assert jax.tree.structure(layers) == jax.tree.structure(varied_layers())
     np.testing.assert_array_equal(layers.radiance, varied_layers().radiance)
 

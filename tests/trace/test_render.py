@@ -22,10 +22,10 @@ def varied_picture(rays: int = 16, seed: int = 0) -> np.ndarray:
 def test_uniform_radiance_stays_uniform_to_the_border():
     radiance = np.array([0.25, 1.0, 7.0])
     uniform = eqx.tree_at(
-        lambda layers: (layers.radiance, layers.background),
+        lambda layers: (layers.samples.radiance, layers.background),
         varied_layers(),
         (
-            jnp.broadcast_to(radiance, varied_layers().radiance.shape),
+            jnp.broadcast_to(radiance, varied_layers().samples.radiance.shape),
             jnp.broadcast_to(radiance, varied_layers().background.shape),
         ),
     )
@@ -202,7 +202,7 @@ def test_single_precision_gives_the_same_picture():
 
 @pytest.mark.parametrize("rays", [0, -4])
 def test_no_rays_are_refused(rays: int):
-    with pytest.raises(ValueError, match=f"rays is {rays}; expected at least 1 ray per pixel"):
+    with pytest.raises(ValueError, match=f"rays is {rays}; expected a whole number, at least 1"):
         varied_picture(rays)
 
 

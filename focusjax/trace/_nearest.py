@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from focusjax.geometry import LensRay
 from focusjax.layers import Layers, interval
-from focusjax.trace._walk import Volume, first_hit
+from focusjax.trace._walk import first_hit, make_volume
 
 _SAMPLES_BEYOND = 0.5
 """Half the width of a sample."""
@@ -35,8 +35,7 @@ def nearest_in_layers(layers: Layers) -> Callable[[LensRay], Float[np.ndarray, "
 def _first_disparities(layers: Layers, rays: LensRay) -> Float[Array, " n"]:
     grid = layers.grid
     # What may be seen through is a surface, too.
-    cells = layers.cells.reshape(-1)
-    volume = Volume(cells, layers.disparity_scale, None, grid.columns, grid.rows)
+    volume, cells = make_volume(layers.cells, layers.disparity_scale, None), layers.cells.reshape(-1)
     least, largest = jnp.where(layers.ranges.overall[1] > 0, layers.ranges.overall, 0.0)
 
     def one(ray: LensRay) -> Float[Array, ""]:
@@ -45,7 +44,7 @@ def _first_disparities(layers: Layers, rays: LensRay) -> Float[Array, " n"]:
         sample = jnp.maximum(hit, 0)
         # From the sample's centre to where the ray is above its square, as far as the surface goes there.
         low, high = _above_square(on_grid, sample % grid.size, grid.columns)
-        end, start = (steps * layers.disparity_scale for steps in interval(volume.cells[sample]))
+        end, start = (steps * layers.disparity_scale for steps in interval(cells[sample]))
         disparity = jnp.clip(
             jnp.clip(layers.samples.disparity[layers.places.number(sample)], low, high), end, start
         )

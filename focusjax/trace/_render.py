@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, UInt
+from jaxtyping import Array, Float, Int
 
 from focusjax._counts import require_counts
 from focusjax._parallel import CORES
@@ -15,9 +15,10 @@ from focusjax.geometry import Camera, LensRay
 from focusjax.layers import Grid, Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._colour import Surface, radiance_at, surface_of
+from focusjax.trace._march import first_hits
 from focusjax.trace._ranges import disparity_range
 from focusjax.trace._samples import RaySamples, ray_samples, z_order
-from focusjax.trace._walk import Volume, first_hit, pack_opacity
+from focusjax.trace._walk import Path, Volume, make_volume, path_of
 
 _SAMPLES_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 23}
 
@@ -54,11 +55,9 @@ def render(
     require_counts(rays=rays)
     _check_reach(layers, lens)
     grid, camera = layers.grid, layers.camera
-    opacity = None if layers.opacity is None else pack_opacity(layers.opacity)
-    samples = ray_samples(lens, rays, seed, chances=opacity is not None)
-    cells = layers.cells.reshape(-1)
+    samples = ray_samples(lens, rays, seed, chances=layers.samples.opacity is not None)
     scene = _Scene(
-        volume=Volume(cells, layers.disparity_scale, opacity, grid.columns, grid.rows),
+        volume=make_volume(layers.cells, layers.disparity_scale, layers.opacity),
         surface=surface_of(layers),
         camera=camera,
         grid=grid,
@@ -180,40 +179,34 @@ def _trace_block(
     depth: int,
 ) -> Float[Array, "p 3"]:
     """Mean radiance of some `pixels`, `together` rays of each at a time."""
+    grid = scene.grid
     least, largest = least[pixels], largest[pixels]
+    column, row = pixels % grid.width, pixels // grid.width
+    corner = jnp.stack([column, row], axis=1).astype(least.dtype)
+
+    def of_pixel(
+        corner: Float[Array, "2"], low: Array, high: Array, offsets: Array, pupils: Array
+    ) -> tuple[LensRay, Path]:
+        def one(offset: Float[Array, "2"], pupil: Float[Array, "2"]) -> tuple[LensRay, Path]:
+            ray = lens.ray(scene.camera, corner + offset, pupil)
+            on_grid = LensRay(
+                ray.a * grid.supersampling + grid.margin, ray.b * grid.supersampling, ray.weight
+            )
+            return on_grid, path_of(on_grid, low, high)
+
+        return jax.vmap(one)(offsets, pupils)
 
     def some_rays(first: Int[Array, ""]) -> Float[Array, "p 3"]:
-        def one(pixel: Int[Array, ""], low: Float[Array, ""], high: Float[Array, ""]) -> Float[Array, "3"]:
-            return _pixel(scene, lens, samples, pixel, low, high, first, together, depth)
+        starts = jax.vmap(lambda x, y: samples.of_pixel(x, y, first, together))(column, row)
+        offsets, pupils, chance = starts
+        rays, paths = jax.vmap(of_pixel)(corner, least, largest, offsets, pupils)
+        paths, chance = jax.tree.map(lambda a: a.reshape(-1), (paths, chance))
+        hits = first_hits(scene.volume, paths, chance, depth=depth).reshape(rays.weight.shape)
 
-        return jax.vmap(one)(pixels, least, largest)
+        def brought(ray: LensRay, hit: Int[Array, ""]) -> Float[Array, "3"]:
+            return ray.weight * radiance_at(scene.surface, ray, hit)
+
+        return jax.vmap(lambda ray, hit: jax.vmap(brought)(ray, hit).sum(axis=0))(rays, hits)
 
     rays = samples.pupil.shape[1]
     return jax.lax.map(some_rays, jnp.arange(0, rays, together)).sum(axis=0) / rays
-
-
-def _pixel(
-    scene: _Scene,
-    lens: AbstractLens,
-    samples: RaySamples,
-    pixel: Int[Array, ""],
-    least: Float[Array, ""],
-    largest: Float[Array, ""],
-    first: Int[Array, ""],
-    count: int,
-    depth: int,
-) -> Float[Array, "3"]:
-    """Radiance summed over `count` rays of one pixel, from ray `first` on."""
-    grid = scene.grid
-    column, row = pixel % grid.width, pixel // grid.width
-    corner = jnp.stack([column, row]).astype(least.dtype)
-
-    def one(
-        offset: Float[Array, "2"], pupil: Float[Array, "2"], chance: UInt[Array, ""] | None
-    ) -> Float[Array, "3"]:
-        ray = lens.ray(scene.camera, corner + offset, pupil)
-        on_grid = LensRay(ray.a * grid.supersampling + grid.margin, ray.b * grid.supersampling, ray.weight)
-        hit = first_hit(scene.volume, on_grid, least, largest, chance, depth=depth)
-        return ray.weight * radiance_at(scene.surface, on_grid, hit)
-
-    return jax.vmap(one)(*samples.of_pixel(column, row, first, count)).sum(axis=0)

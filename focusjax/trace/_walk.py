@@ -18,12 +18,14 @@ class Volume(eqx.Module):
     """The layers as flat planes, in the form the walk reads them.
 
     Attributes:
-        cells: packed interval and outline [n] of every sample of every layer.
+        cells: packed interval and outline [n] of every sample of every layer, the layers of a sample side by
+            side, so that a step reads one place in memory.
         scale: dioptres per step of `cells`.
         opacity: in 255ths of all samples, those of four layers in the bytes of each word [n / 4, rounded
-            up]; None where all are opaque, and then it costs nothing.
+            up], which lie side by side as well; None where all are opaque, and then it costs nothing.
         columns: samples per row (static).
         rows: rows (static).
+        layers: number of layers (static).
     """
 
     cells: UInt[Array, " n"]
@@ -31,6 +33,110 @@ class Volume(eqx.Module):
     opacity: UInt[Array, " m"] | None
     columns: int = eqx.field(static=True)
     rows: int = eqx.field(static=True)
+    layers: int = eqx.field(static=True)
+
+
+@eqx.filter_jit
+def make_volume(
+    cells: UInt[Array, "l h w"], scale: Float[Array, ""], opacity: Float[Array, "l h w"] | None
+) -> Volume:
+    """The volume of layers with these `cells` and, of what may be seen through, `opacity`."""
+    layers, rows, columns = cells.shape
+
+    def side_by_side(words: UInt[Array, "k h w"]) -> UInt[Array, " _"]:
+        return jnp.moveaxis(words, 0, -1).reshape(-1)
+
+    packed = None if opacity is None else side_by_side(_pack_opacity(opacity))
+    return Volume(side_by_side(cells), scale, packed, columns, rows, layers)
+
+
+class Path(eqx.Module):
+    """The equal steps in which one ray is walked; see `first_hit`.
+
+    Attributes:
+        a_x: grid x at infinity.
+        a_y: grid y at infinity.
+        b_x: change of x per dioptre.
+        b_y: change of y per dioptre.
+        start: disparity at which the first step begins.
+        stride: disparity from one step to the next.
+        steps: how many there are; 0 if there is nothing to meet.
+    """
+
+    # Scalars, not 2-vectors: vmapped, they become whole arrays that XLA fuses into one pass around the
+    # look-ups (four times quicker on a CPU).
+    a_x: Float[Array, "*n"]
+    a_y: Float[Array, "*n"]
+    b_x: Float[Array, "*n"]
+    b_y: Float[Array, "*n"]
+    start: Float[Array, "*n"]
+    stride: Float[Array, "*n"]
+    steps: Int[Array, "*n"]
+
+
+class Passing(eqx.Module):
+    """What a ray knows of the surfaces that let it through, where there are such.
+
+    Attributes:
+        inside: a bit for each layer, modulo 32, whose surface the ray met in the step before.
+        chance: the number that decides where it stops next.
+    """
+
+    inside: UInt[Array, "*n"]
+    chance: UInt[Array, "*n"]
+
+
+def path_of(ray: LensRay, least: Float[Array, ""], largest: Float[Array, ""]) -> Path:
+    """The steps of `ray` (in grid units) from the disparity `largest` to `least`."""
+    (a_x, a_y), (b_x, b_y) = ray.a, ray.b
+    length = (largest - least) * jnp.maximum(jnp.abs(b_x), jnp.abs(b_y))
+    several = length > 0.5
+    steps = jnp.where(several, jnp.ceil(length).astype(jnp.int32) + 1, 1)
+    steps = jnp.where(largest > 0, steps, 0)
+    stride = (largest - least) / jnp.maximum(steps - 1, 1).astype(largest.dtype)
+    start = jnp.where(several, largest + 0.5 * stride, largest)
+    return Path(a_x, a_y, b_x, b_y, start, stride, steps)
+
+
+def take_step(
+    volume: Volume, path: Path, step: Int[Array, ""], passing: Passing | None, *, depth: int
+) -> tuple[Int[Array, ""], Passing | None]:
+    """What the ray meets in step number `step`, as `first_hit` tells it, and what it then knows."""
+    layer_size = volume.columns * volume.rows
+    per_dioptre, words = 1.0 / volume.scale, -(-volume.layers // _LAYERS_PER_WORD)
+    near = path.start - step.astype(path.start.dtype) * path.stride
+    middle = near - 0.5 * path.stride
+    column = jnp.clip((path.a_x + path.b_x * middle).astype(jnp.int32), 0, volume.columns - 1)
+    row = jnp.clip((path.a_y + path.b_y * middle).astype(jnp.int32), 0, volume.rows - 1)
+    sample = row * volume.columns + column
+    nearest = (near * per_dioptre).astype(jnp.int32) + 1
+    farthest = ((near - path.stride) * per_dioptre).astype(jnp.int32)
+    half_way = (nearest + farthest) >> 1
+    offset_x, offset_y = path.a_x - 0.5 - column.astype(near.dtype), path.a_y - 0.5 - row.astype(near.dtype)
+    per_step_x, per_step_y = path.b_x * volume.scale, path.b_y * volume.scale
+    best, hit = jnp.uint32(0), jnp.int32(-1)
+    inside_now, levels = jnp.uint32(0), jnp.uint32(0)
+    chance = jnp.uint32(0) if passing is None else passing.chance
+    for layer in range(depth):
+        word = volume.cells.at[sample * volume.layers + layer].get(mode="promise_in_bounds")
+        low, most = interval(word)
+        at = jnp.clip(half_way, low, most).astype(offset_x.dtype)
+        inside = covered(word, offset_x + per_step_x * at, offset_y + per_step_y * at)
+        # Words are ordered by their largest disparity; of two within one step, the earlier is nearer.
+        meets = (low <= nearest) & (most >= farthest) & (word > best) & inside
+        if volume.opacity is not None and passing is not None:
+            place, byte = divmod(layer, _LAYERS_PER_WORD)
+            if byte == 0:
+                levels = volume.opacity.at[sample * words + place].get(mode="promise_in_bounds")
+            level, bit = levels >> (8 * byte) & _OPAQUE, jnp.uint32(1 << layer % 32)
+            partly = meets & (level < _OPAQUE)
+            new = partly & ((passing.inside & bit) == 0)
+            inside_now |= jnp.where(partly, bit, 0)
+            meets &= ~partly | (new & ((chance >> 8) < level * ((1 << 24) // _OPAQUE)))
+            chance = jnp.where(new, chance * _NEXT + 1, chance)
+        best = jnp.where(meets, word | BELOW_MOST, best)
+        hit = jnp.where(meets, sample + layer * layer_size, hit)
+    return hit, None if passing is None else Passing(inside_now, chance)
 
 
 def first_hit(
@@ -42,7 +148,7 @@ def first_hit(
     *,
     depth: int,
 ) -> Int[Array, ""]:
-    """Index into `volume` of the first sample that `ray` (in grid units) meets; -1 if it meets none.
+    """Flat index, layer by layer, of the first sample that `ray` (in grid units) meets; -1 if it meets none.
 
     The ray is walked in equal steps, each at most one sample long in x and y; the middle of the first is
     at the disparity `largest`, that of the last at `least`. (A range of less than half a sample is one
@@ -57,72 +163,24 @@ def first_hit(
     steps of one length, and independent of it. A ray that stays inside a slanted surface for some steps
     meets it once: in a layer that it met in one step, it meets nothing new in the next.
     """
-    # Scalars, not 2-vectors, inside the loop: vmapped, they become whole arrays that XLA fuses into
-    # one pass around the look-ups (four times quicker on a CPU).
-    (a_x, a_y), (b_x, b_y) = ray.a, ray.b
-    layer_size = volume.columns * volume.rows
-    length = (largest - least) * jnp.maximum(jnp.abs(b_x), jnp.abs(b_y))
-    several = length > 0.5
-    steps = jnp.where(several, jnp.ceil(length).astype(jnp.int32) + 1, 1)
-    steps = jnp.where(largest > 0, steps, 0)
-    stride = (largest - least) / jnp.maximum(steps - 1, 1).astype(largest.dtype)
-    start = jnp.where(several, largest + 0.5 * stride, largest)
-    per_dioptre = 1.0 / volume.scale
-    per_step_x, per_step_y = b_x * volume.scale, b_y * volume.scale
+    path = path_of(ray, least, largest)
+    passing = None if volume.opacity is None or chance is None else Passing(jnp.zeros_like(chance), chance)
 
-    def unfinished(walk: tuple[Array, ...]) -> Bool[Array, ""]:
-        step, hit = walk[:2]
-        return (step < steps) & (hit < 0)
+    def unfinished(walk: tuple[Array, Array, Passing | None]) -> Bool[Array, ""]:
+        step, hit, _ = walk
+        return (step < path.steps) & (hit < 0)
 
-    def advance(walk: tuple[Array, ...]) -> tuple[Array, ...]:
-        step, _, *passing = walk
-        near = start - step.astype(largest.dtype) * stride
-        middle = near - 0.5 * stride
-        column = jnp.clip((a_x + b_x * middle).astype(jnp.int32), 0, volume.columns - 1)
-        row = jnp.clip((a_y + b_y * middle).astype(jnp.int32), 0, volume.rows - 1)
-        sample = row * volume.columns + column
-        nearest = (near * per_dioptre).astype(jnp.int32) + 1
-        farthest = ((near - stride) * per_dioptre).astype(jnp.int32)
-        half_way = (nearest + farthest) >> 1
-        offset_x, offset_y = a_x - 0.5 - column.astype(a_x.dtype), a_y - 0.5 - row.astype(a_y.dtype)
-        best, hit = jnp.uint32(0), jnp.int32(-1)
-        inside_before, number = passing or (jnp.uint32(0), jnp.uint32(0))
-        inside_now, levels = jnp.uint32(0), jnp.uint32(0)
-        for layer in range(depth):
-            index = sample + layer * layer_size
-            word = volume.cells.at[index].get(mode="promise_in_bounds")
-            low, most = interval(word)
-            at = jnp.clip(half_way, low, most).astype(offset_x.dtype)
-            inside = covered(word, offset_x + per_step_x * at, offset_y + per_step_y * at)
-            # Words are ordered by their largest disparity; of two within one step, the earlier is nearer.
-            meets = (low <= nearest) & (most >= farthest) & (word > best) & inside
-            if volume.opacity is not None:
-                place, byte = divmod(layer, _LAYERS_PER_WORD)
-                if byte == 0:
-                    four = volume.opacity.at[sample + place * layer_size]
-                    levels = four.get(mode="promise_in_bounds")
-                level, bit = levels >> (8 * byte) & _OPAQUE, jnp.uint32(1 << layer % 32)
-                partly = meets & (level < _OPAQUE)
-                new = partly & ((inside_before & bit) == 0)
-                inside_now |= jnp.where(partly, bit, 0)
-                meets &= ~partly | (new & ((number >> 8) < level * ((1 << 24) // _OPAQUE)))
-                number = jnp.where(new, number * _NEXT + 1, number)
-            best = jnp.where(meets, word | BELOW_MOST, best)
-            hit = jnp.where(meets, index, hit)
-        return (step + 1, hit, inside_now, number) if passing else (step + 1, hit)
+    def advance(walk: tuple[Array, Array, Passing | None]) -> tuple[Array, Array, Passing | None]:
+        step, _, passing = walk
+        return step + 1, *take_step(volume, path, step, passing, depth=depth)
 
-    walk: tuple[Array, ...] = (jnp.int32(0), jnp.int32(-1))
-    if volume.opacity is not None:
-        assert chance is not None
-        walk = (*walk, jnp.uint32(0), chance)
-    return jax.lax.while_loop(unfinished, advance, walk)[1]
+    return jax.lax.while_loop(unfinished, advance, (jnp.int32(0), jnp.int32(-1), passing))[1]
 
 
-@jax.jit
-def pack_opacity(opacity: Float[Array, "l h w"]) -> UInt[Array, " m"]:
-    """The words of `Volume.opacity`."""
+def _pack_opacity(opacity: Float[Array, "l h w"]) -> UInt[Array, "k h w"]:
+    """In 255ths, four layers to a word."""
     levels = jnp.round(opacity * _OPAQUE).astype(jnp.uint32)
     levels = jnp.pad(levels, ((0, -levels.shape[0] % _LAYERS_PER_WORD), (0, 0), (0, 0)))
     bytes_ = levels.reshape(-1, _LAYERS_PER_WORD, *levels.shape[1:])
     shift = 8 * jnp.arange(_LAYERS_PER_WORD, dtype=jnp.uint32)[None, :, None, None]
-    return (bytes_ << shift).sum(axis=1, dtype=jnp.uint32).reshape(-1)
+    return (bytes_ << shift).sum(axis=1, dtype=jnp.uint32)

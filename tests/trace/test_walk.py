@@ -11,7 +11,7 @@ from small_scenes import HEIGHT, WIDTH, varied_layers
 from focusjax.geometry import LensRay
 from focusjax.layers import covered, interval
 from focusjax.trace._ranges import disparity_range
-from focusjax.trace._walk import Volume, first_hit
+from focusjax.trace._walk import first_hit, make_volume
 
 RAYS = 600
 FINER = 32
@@ -87,8 +87,7 @@ def quick_hits(volume, a, b, least, largest, depth):
 
 def quick(least: np.ndarray, largest: np.ndarray) -> np.ndarray:
     layers = varied_layers()
-    cells, grid = layers.cells.reshape(-1), layers.grid
-    volume = Volume(cells, layers.disparity_scale, None, grid.columns, grid.rows)
+    volume = make_volume(layers.cells, layers.disparity_scale, None)
     return np.asarray(quick_hits(volume, *rays()[1:], least, largest, layers.count))
 
 

@@ -29,8 +29,10 @@ from focusjax.layers import peel as peel
 from focusjax.layers import umbra_saving as umbra_saving
 from focusjax.lens import Disk as Disk
 from focusjax.lens import ThinLens as ThinLens
+from focusjax.lens import TiltShiftLens as TiltShiftLens
 from focusjax.lens import polygon as polygon
 from focusjax.lens import thin_lens as thin_lens
+from focusjax.lens import tilt_shift_lens as tilt_shift_lens
 from focusjax.scene import Scene as Scene
 from focusjax.scene import constant_background as constant_background
 from focusjax.scene import directional_light as directional_light

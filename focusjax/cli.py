@@ -18,7 +18,7 @@ from rich.table import Table
 from focusjax import job
 from focusjax.config import ConfigError, load_config
 from focusjax.io import staged_folder
-from focusjax.report import FILES, depth_of_field, f_number, metres, save_outcome
+from focusjax.report import FILES, angle, depth_of_field, f_number, metres, movements, save_outcome
 
 FAILED, BAD_INPUT, MISSED = 1, 2, 3
 """Exit statuses beside 0: failed; bad usage or config; solved, but a wish is missed."""
@@ -106,6 +106,15 @@ def _tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
         f"[bold]Focus {metres(float(lens.focus_distance()))}, {f_number(float(lens.f_number(camera)))}[/]"
         f"  sharp from {metres(sharp.near)} to {metres(sharp.far)}"
     )
+    moved = movements(outcome)
+    if moved["tilt_deg"] or moved["swing_deg"]:
+        console.print(
+            f"Tilt {angle(moved['tilt_deg'])}, swing {angle(moved['swing_deg'])};"
+            f" hinge {metres(moved['hinge_distance_m'])} from the lens",
+            highlight=False,
+        )
+    if moved["rise_mm"] or moved["shift_mm"]:
+        console.print(f"Rise {moved['rise_mm']:+g} mm, shift {moved['shift_mm']:+g} mm", highlight=False)
     if outcome.solution is not None:
         console.print(_wishes(outcome.solution))
         for bound in outcome.solution.active_bounds:

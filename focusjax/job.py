@@ -14,7 +14,7 @@ from focusjax.config import Config, build_camera, build_focus_points, build_lens
 from focusjax.focus import FocusPoint, ImagePoints, Solution, locate, solve
 from focusjax.geometry import Camera
 from focusjax.layers import Layers, disparity_map, peel
-from focusjax.lens import AbstractLens, ThinLens
+from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens
 from focusjax.scene import Scene
 from focusjax.trace import render, render_pinhole
 
@@ -64,7 +64,7 @@ class Outcome:
 
     config: Config
     camera: Camera
-    lens: ThinLens
+    lens: ThinLens | TiltShiftLens
     points: ImagePoints | None
     solution: Solution | None
     disparity: Float[np.ndarray, "h w"]
@@ -103,6 +103,7 @@ def run(
     solution = None
     if solving:
         assert points is not None
+        assert isinstance(lens, ThinLens)
         solution = _solve(config, points, camera, lens, watch)
         lens = solution.lens
     picture = _render(config, scene, camera, lens, watch, tell) if rendering else None
@@ -178,7 +179,7 @@ def _solve(config: Config, points: ImagePoints, camera: Camera, lens: ThinLens, 
 
 
 def _render(
-    config: Config, scene: Scene, camera: Camera, lens: ThinLens, watch: Stopwatch, tell: Progress
+    config: Config, scene: Scene, camera: Camera, lens: AbstractLens, watch: Stopwatch, tell: Progress
 ) -> Picture:
     table = config.render
     with watch.stage("peel"):

@@ -28,7 +28,15 @@ from focusjax.focus import (
     Sharp,
 )
 from focusjax.geometry import Camera, look_at, make_camera
-from focusjax.lens import AbstractAperture, Disk, ThinLens, polygon, thin_lens
+from focusjax.lens import (
+    AbstractAperture,
+    Disk,
+    ThinLens,
+    TiltShiftLens,
+    polygon,
+    thin_lens,
+    tilt_shift_lens,
+)
 from focusjax.scene import (
     AbstractBackground,
     AbstractLight,
@@ -76,6 +84,8 @@ def build_camera(config: Config) -> Camera:
         "height": height,
         "sensor_width": table.sensor_width_mm / 1000,
         "focal_length": None if table.focal_length_mm is None else table.focal_length_mm / 1000,
+        "shift": table.shift_mm / 1000,
+        "rise": table.rise_mm / 1000,
         "field_of_view": None if table.field_of_view_deg is None else math.radians(table.field_of_view_deg),
     }
     try:
@@ -89,7 +99,7 @@ def build_camera(config: Config) -> Camera:
         raise _located(error, config) from error
 
 
-def build_lens(config: Config, camera: Camera, *, solved: bool) -> ThinLens:
+def build_lens(config: Config, camera: Camera, *, solved: bool) -> ThinLens | TiltShiftLens:
     """The lens of `[lens]`, as it is before solving.
 
     Args:
@@ -98,21 +108,33 @@ def build_lens(config: Config, camera: Camera, *, solved: bool) -> ThinLens:
         solved: whether a solve will set the focus distance, so that none has to be given.
 
     Raises:
-        ConfigError: no focus distance without a solve, or one within the focal length.
+        ConfigError: no focus distance without a solve, or one within the focal length; a tilt beyond what the
+            lens can do, or one with a solve, which sets the focus of a lens that is not tilted.
     """
     table = config.lens
+    turned = {"tilt_degrees": table.tilt_degrees, "swing_degrees": table.swing_degrees}
+    tilted = [f"lens.{key} is {value:g}" for key, value in turned.items() if value]
+    if tilted and solved:
+        raise ConfigError(
+            f"{config.source}: {tilted[0]}, but a solve sets the focus of a lens that is not tilted; take the"
+            " lens as it is with `focusjax render`, or leave the tilt out"
+        )
     if table.focus_distance_m is None and not solved:
         raise ConfigError(
             f"{config.source}: lens.focus_distance_m is missing; give it, or solve for it with `focusjax run`"
         )
     try:
-        return thin_lens(
-            focus_distance=math.inf if table.focus_distance_m is None else table.focus_distance_m,
-            focal_length=float(camera.focal_length),
-            f_number=table.f_number,
-            aperture_radius=None if table.aperture_radius_mm is None else table.aperture_radius_mm / 1000,
-            aperture=_aperture(config),
-        )
+        settings = {
+            "focus_distance": math.inf if table.focus_distance_m is None else table.focus_distance_m,
+            "focal_length": float(camera.focal_length),
+            "f_number": table.f_number,
+            "aperture_radius": None if table.aperture_radius_mm is None else table.aperture_radius_mm / 1000,
+            "aperture": _aperture(config),
+        }
+        if not tilted:
+            return thin_lens(**settings)
+        angles = math.radians(table.tilt_degrees), math.radians(table.swing_degrees)
+        return tilt_shift_lens(tilt=angles[0], swing=angles[1], **settings)
     except ValueError as error:
         raise _located(error, config) from error
 

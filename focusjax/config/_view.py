@@ -8,6 +8,7 @@ from pydantic import Field, Strict, model_validator
 from focusjax.config._values import Millimetres, NotNegative, Number, Positive, Table, Vector
 
 Row = Annotated[tuple[Number, Number, Number, Number], Strict(False)]
+Movement = Annotated[float, Field(ge=-45, le=45, allow_inf_nan=False)]
 Pixels = Annotated[int, Field(ge=1, le=32768)]
 
 
@@ -27,6 +28,10 @@ class CameraTable(Table):
     field_of_view_deg: Annotated[float, Field(gt=0, lt=180)] | None = Field(
         default=None, description="the horizontal field of view in degrees, for example 40"
     )
+    shift_mm: Number = Field(
+        default=0.0, description="how far in mm the lens slides to the right over the sensor"
+    )
+    rise_mm: Number = Field(default=0.0, description="how far in mm the lens slides up over the sensor")
     resolution: Annotated[tuple[Pixels, Pixels], Strict(False)] = Field(
         description="the picture's [width, height] in pixels, for example [640, 480]"
     )
@@ -71,6 +76,12 @@ class LensTable(Table):
     )
     focus_distance_m: Annotated[float, Field(gt=0)] | None = Field(
         default=None, description="the focus distance in metres, for example 2.5, or inf"
+    )
+    tilt_degrees: Movement = Field(
+        default=0.0, description="the lens's tilt in degrees, positive forwards (its axis down), up to 45"
+    )
+    swing_degrees: Movement = Field(
+        default=0.0, description="the lens's swing in degrees, positive to the right, up to 45"
     )
     aperture: Annotated[DiskTable | PolygonTable, Field(discriminator="shape")] = Field(
         default=DiskTable(shape="disk"),

@@ -5,6 +5,8 @@ from focusjax.focus._image_points import blurs as blurs
 from focusjax.focus._image_points import errors as errors
 from focusjax.focus._image_points import residuals as residuals
 from focusjax.focus._locate import locate as locate
+from focusjax.focus._plane import PlaneFit as PlaneFit
+from focusjax.focus._plane import fit_focal_plane as fit_focal_plane
 from focusjax.focus._points import AtInfinity as AtInfinity
 from focusjax.focus._points import AtPixel as AtPixel
 from focusjax.focus._points import AtPoint as AtPoint

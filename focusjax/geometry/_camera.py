@@ -93,8 +93,13 @@ def make_camera(
     focal_length: float | None = None,
     field_of_view: float | None = None,
     sensor_width: float = FULL_FRAME_WIDTH,
+    shift: float = 0.0,
+    rise: float = 0.0,
 ) -> Camera:
-    """A camera with its view axis through the middle of the frame.
+    """A camera with its view axis through the middle of the frame, or shifted from there.
+
+    Shift and rise slide the lens over the sensor. That moves the frame over the scene and leaves the
+    perspective as it is: uprights that are parallel in the picture stay so, as no turn of the camera would.
 
     Args:
         world_from_camera: rigid transform [4, 4] (rotation and metres).
@@ -103,9 +108,16 @@ def make_camera(
         focal_length: metres; give this or `field_of_view`, not both.
         field_of_view: horizontal angle in radians, below pi.
         sensor_width: metres.
+        shift: metres that the lens slides to the right over the sensor; the frame sees more of what is there.
+        rise: metres that the lens slides up; the frame sees more of what is above.
 
     Raises:
         ValueError: a size, length or angle out of range, or a transform that is not rigid.
+
+    Example:
+        >>> risen = make_camera(np.eye(4), width=36, height=24, focal_length=0.05, rise=0.004)
+        >>> risen.principal_point.tolist()
+        [18.0, 16.0]
     """
     # Checked on the host: every small operation on the device would be compiled by itself.
     pose = np.asarray(world_from_camera, dtype=np.float64)
@@ -129,11 +141,16 @@ def make_camera(
         focal_length = sensor_width / 2 / math.tan(field_of_view / 2)
     elif focal_length is None or not 0 < focal_length < math.inf:
         raise ValueError(f"focal length is {focal_length} m; expected a positive length")
+    for name, slide in (("shift", shift), ("rise", rise)):
+        if not math.isfinite(slide):
+            raise ValueError(f"{name} is {slide} m; expected a finite length")
+    pixels_per_metre = width / sensor_width
     return Camera(
         world_from_camera=_real(pose),
         focal_length=_real(focal_length),
         sensor_width=_real(sensor_width),
-        principal_point=_real([width / 2, height / 2]),
+        # What is seen straight ahead moves against the frame.
+        principal_point=_real([width / 2 - shift * pixels_per_metre, height / 2 + rise * pixels_per_metre]),
         width=width,
         height=height,
     )
@@ -149,10 +166,12 @@ def look_at(
     focal_length: float | None = None,
     field_of_view: float | None = None,
     sensor_width: float = FULL_FRAME_WIDTH,
+    shift: float = 0.0,
+    rise: float = 0.0,
 ) -> Camera:
     """A camera at `position` whose view axis passes through `target` (both world metres).
 
-    Lengths and angles are as in `make_camera`.
+    Lengths, angles, shift and rise are as in `make_camera`.
 
     Raises:
         ValueError: `target` is at `position`, or `up` is along the line between them.
@@ -177,4 +196,6 @@ def look_at(
         focal_length=focal_length,
         field_of_view=field_of_view,
         sensor_width=sensor_width,
+        shift=shift,
+        rise=rise,
     )

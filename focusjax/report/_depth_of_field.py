@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from focusjax.geometry import Camera
-from focusjax.lens import ThinLens
+from focusjax.lens import ThinLens, TiltShiftLens
 
 DIAGONAL_SHARE = 1 / 1500
 """Customary circle of confusion: this share of the sensor's diagonal."""
@@ -29,21 +29,22 @@ class DepthOfField:
     hyperfocal: float
 
 
-def depth_of_field(camera: Camera, lens: ThinLens) -> DepthOfField:
+def depth_of_field(camera: Camera, lens: ThinLens | TiltShiftLens) -> DepthOfField:
     """The range of distances whose blur 2 f E |w_f - w| is at most the customary circle of confusion c.
 
     In disparity it is w_f +- c / (2 f E), and the hyperfocal disparity is c / (2 f E).
+    Distances are along the view axis, wherever a tilted lens has its focus elsewhere.
     """
     diagonal_px = math.hypot(camera.width, camera.height)
     circle_px = diagonal_px * DIAGONAL_SHARE
     pixel_mm = float(camera.sensor_width) / camera.width * 1000
-    pixels_per_dioptre = 2.0 * float(lens.parallax(camera))
+    pixels_per_dioptre = 2.0 * float(camera.focal_px * lens.aperture_radius)
     half_range = circle_px / pixels_per_dioptre if pixels_per_dioptre > 0 else math.inf
     focus = float(lens.focus_disparity)
     return DepthOfField(
         circle_mm=circle_px * pixel_mm,
         circle_px=circle_px,
-        near=1.0 / (focus + half_range),
+        near=1.0 / (focus + half_range) if focus > -half_range else math.inf,
         far=1.0 / (focus - half_range) if focus > half_range else math.inf,
         hyperfocal=1.0 / half_range if half_range > 0 else math.inf,
     )

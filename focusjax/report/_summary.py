@@ -9,6 +9,7 @@ import numpy as np
 
 from focusjax.focus import Result
 from focusjax.job import Outcome
+from focusjax.lens import as_tilt_shift
 from focusjax.report._depth_of_field import depth_of_field
 
 _LIBRARIES = ("focusjax", "jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy", "trimesh", "OpenEXR")
@@ -57,6 +58,7 @@ def _lens(outcome: Outcome) -> dict[str, Any]:
         "aperture_radius_mm": 1000 * float(lens.aperture_radius),
         "focal_length_mm": 1000 * float(camera.focal_length),
         "sensor_width_mm": 1000 * float(camera.sensor_width),
+        "movements": movements(outcome),
         "depth_of_field": {
             "circle_of_confusion_mm": sharp.circle_mm,
             "circle_of_confusion_px": sharp.circle_px,
@@ -64,6 +66,21 @@ def _lens(outcome: Outcome) -> dict[str, Any]:
             "far_m": sharp.far,
             "hyperfocal_m": sharp.hyperfocal,
         },
+    }
+
+
+def movements(outcome: Outcome) -> dict[str, float]:
+    """How the lens is turned and slid against the sensor."""
+    camera, lens = outcome.camera, outcome.lens
+    table = outcome.config.camera
+    found = as_tilt_shift(lens).movements(camera)
+    return {
+        "tilt_deg": math.degrees(float(found.tilt)),
+        "swing_deg": math.degrees(float(found.swing)),
+        "image_distance_mm": 1000 * float(found.image_distance),
+        "hinge_distance_m": float(found.hinge_distance),
+        "rise_mm": table.rise_mm,
+        "shift_mm": table.shift_mm,
     }
 
 

@@ -73,7 +73,7 @@ def _background_radiance(
 def background(scene: Scene, camera: Camera, grid: Grid) -> Float[Array, "h w 3"] | Float[Array, "3"]:
     """What is seen at infinity through every sample of the grid; one colour if it is the same all over."""
     if isinstance(scene.background, ConstantBackground):
-        return jnp.asarray(scene.background.colour)
+        return jnp.asarray(np.asarray(scene.background.colour))
     x, y = np.meshgrid(np.arange(grid.columns) + 0.5, np.arange(grid.rows) + 0.5)
     positions = (np.stack([x, y], axis=-1).reshape(-1, 2) - grid.margin) / grid.supersampling
     flat = _background_radiance(scene.background, camera, jnp.asarray(positions, dtype=float))

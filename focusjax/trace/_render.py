@@ -7,20 +7,22 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, UInt
 
 from focusjax._counts import require_counts
 from focusjax._parallel import CORES
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers import Grid, Layers
 from focusjax.lens import AbstractLens
+from focusjax.trace._allot import FEWEST, allot, contrast, counts_for
+from focusjax.trace._blocks import Block, make_blocks
 from focusjax.trace._colour import Surface, radiance_at, surface_of
 from focusjax.trace._march import first_hits
 from focusjax.trace._ranges import disparity_range
-from focusjax.trace._samples import RaySamples, ray_samples, z_order
+from focusjax.trace._samples import RaySamples, ray_samples
 from focusjax.trace._walk import Path, Volume, make_volume, path_of
 
-_SAMPLES_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 23}
+_RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 23}
 
 
 class _Scene(eqx.Module):
@@ -37,15 +39,19 @@ def render(
     lens: AbstractLens,
     *,
     rays: int = 64,
+    even: bool = False,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> Float[Array, "h w 3"]:
-    """The picture that `lens` forms of `layers`: linear radiance, mean over `rays` rays per pixel.
+    """The picture that `lens` forms of `layers`: linear radiance, mean over the rays of each pixel.
 
     Args:
         layers: peeled for this lens or for one whose rays go farther.
         lens: any lens.
-        rays: rays per pixel; each has its own place in the pixel and on the lens.
+        rays: rays per pixel on the average; each has its own place in the pixel and on the lens. They go
+            where what they may meet differs, up to eight times as many, and four where it is all alike; see
+            `_allot`. Fewer than four are the same for all.
+        even: give just `rays` to every pixel, be it plain or not.
         seed: chooses the rays; the same seed gives the same picture.
         progress: called with the share done, 0 to 1, now and then.
 
@@ -55,40 +61,42 @@ def render(
     require_counts(rays=rays)
     _check_reach(layers, lens)
     grid, camera = layers.grid, layers.camera
-    samples = ray_samples(lens, rays, seed, chances=layers.samples.opacity is not None)
+    least, largest, depth = _ranges(layers, lens)
+    if even or rays < FEWEST:
+        levels, counts = [rays], np.full(camera.width * camera.height, rays)
+    else:
+        levels, counts = counts_for(rays), allot(contrast(layers, lens, least, largest), rays)
+    fewest = levels[0]
+    samples = ray_samples(lens, levels, seed, chances=layers.samples.opacity is not None)
     scene = _Scene(
         volume=make_volume(layers.cells, layers.disparity_scale, layers.opacity),
         surface=surface_of(layers),
         camera=camera,
         grid=grid,
     )
-    least, largest, depth = _ranges(layers, lens)
-    work = np.asarray((largest - least) * lens.parallax(camera))
-    together = _rays_together(rays)
-    at_once = _SAMPLES_AT_ONCE.get(jax.default_backend(), 1 << 20)
-    blocks = _blocks(work, np.asarray(depth), max(1, at_once // together), layers.count, camera.width)
+    together = max(k for k in range(1, FEWEST + 1) if fewest % k == 0)
+    at_once = _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20)
+    blocks = make_blocks(
+        counts // together, np.asarray(depth), layers.count, camera.width, max(1, at_once // together)
+    )
     flat = np.zeros((camera.width * camera.height, 3), dtype=least.dtype)
 
-    def trace(block: tuple[np.ndarray, int]) -> tuple[np.ndarray, np.ndarray]:
-        pixels, variant = block
-        ids = jnp.asarray(pixels)
-        traced = _trace_block(scene, lens, samples, ids, least, largest, together=together, depth=variant)
-        return pixels, np.asarray(traced)
+    def trace(block: Block) -> np.ndarray:
+        # The rays of the smaller counts come before those of a pixel's own.
+        first = jnp.asarray(counts[block.pixels] - fewest + together * block.part)
+        pixels = jnp.asarray(block.pixels)
+        options = {"together": together, "depth": block.depth}
+        return np.asarray(_trace_block(scene, lens, samples, pixels, first, least, largest, **options))
 
     # XLA runs one block on about one core, so a CPU is given a block per core at a time.
     workers = CORES if jax.default_backend() == "cpu" else 1
     with concurrent.futures.ThreadPoolExecutor(workers) as pool:
-        for done, (pixels, values) in enumerate(pool.map(trace, blocks), start=1):
-            flat[pixels] = values
+        for done, (block, values) in enumerate(zip(blocks, pool.map(trace, blocks), strict=True), start=1):
+            block.add_to(flat, values)
             if progress is not None:
                 progress(done / len(blocks))
+    flat *= (together / counts)[:, None]
     return jnp.asarray(flat.reshape(camera.height, camera.width, 3))
-
-
-def _rays_together(rays: int) -> int:
-    """The largest share of a pixel's rays, at most an eighth or four, that divides them."""
-    most = max(4, rays // 8)
-    return max(k for k in range(1, min(most, rays) + 1) if rays % k == 0)
 
 
 def _check_reach(layers: Layers, lens: AbstractLens) -> None:
@@ -142,51 +150,33 @@ def _ranges(
     return jax.vmap(one)(jnp.arange(camera.width * camera.height))
 
 
-def _blocks(
-    work: np.ndarray, depth: np.ndarray, block: int, most_layers: int, columns: int
-) -> list[tuple[np.ndarray, int]]:
-    """Pixels in blocks of like work, the last one repeating a pixel to be full, and layers to test.
-
-    Within a fifth of an octave of work pixels stay in Z-order, so that a block reads few places of the
-    layers.
-    """
-    variants = np.unique(np.minimum([4, 8, 16, most_layers], most_layers))
-    level = np.searchsorted(variants, np.maximum(depth, 1))
-    row, column = np.divmod(np.arange(len(work)), columns)
-    order = np.lexsort((z_order(column, row), np.ceil(5 * np.log2(1 + work)), level))
-    block = min(block, len(order))
-    out = []
-    for start in range(0, len(order), block):
-        pixels = order[start : start + block]
-        pixels = np.concatenate([pixels, np.full(block - len(pixels), pixels[-1])])
-        out.append((pixels, int(variants[level[pixels].max()])))
-    # One block of each kind first, so that their programs are compiled side by side.
-    kinds = [variant for _, variant in out]
-    first = sorted({kinds.index(variant) for variant in kinds})
-    return [out[k] for k in first] + [block for k, block in enumerate(out) if k not in first]
-
-
 @eqx.filter_jit
 def _trace_block(
     scene: _Scene,
     lens: AbstractLens,
     samples: RaySamples,
     pixels: Int[Array, " p"],
+    first: Int[Array, " p"],
     least: Float[Array, " n"],
     largest: Float[Array, " n"],
     *,
     together: int,
     depth: int,
 ) -> Float[Array, "p 3"]:
-    """Mean radiance of some `pixels`, `together` rays of each at a time."""
+    """Mean radiance of `together` rays of each of some `pixels`, those from `first` on."""
     grid = scene.grid
-    least, largest = least[pixels], largest[pixels]
     column, row = pixels % grid.width, pixels // grid.width
-    corner = jnp.stack([column, row], axis=1).astype(least.dtype)
 
     def of_pixel(
-        corner: Float[Array, "2"], low: Array, high: Array, offsets: Array, pupils: Array
-    ) -> tuple[LensRay, Path]:
+        column: Int[Array, ""],
+        row: Int[Array, ""],
+        first: Int[Array, ""],
+        low: Float[Array, ""],
+        high: Float[Array, ""],
+    ) -> tuple[LensRay, Path, UInt[Array, " s"] | None]:
+        corner = jnp.stack([column, row]).astype(low.dtype)
+        offsets, pupils, chance = samples.of_pixel(column, row, first, together)
+
         def one(offset: Float[Array, "2"], pupil: Float[Array, "2"]) -> tuple[LensRay, Path]:
             ray = lens.ray(scene.camera, corner + offset, pupil)
             on_grid = LensRay(
@@ -194,19 +184,13 @@ def _trace_block(
             )
             return on_grid, path_of(on_grid, low, high)
 
-        return jax.vmap(one)(offsets, pupils)
+        return *jax.vmap(one)(offsets, pupils), chance
 
-    def some_rays(first: Int[Array, ""]) -> Float[Array, "p 3"]:
-        starts = jax.vmap(lambda x, y: samples.of_pixel(x, y, first, together))(column, row)
-        offsets, pupils, chance = starts
-        rays, paths = jax.vmap(of_pixel)(corner, least, largest, offsets, pupils)
-        paths, chance = jax.tree.map(lambda a: a.reshape(-1), (paths, chance))
-        hits = first_hits(scene.volume, paths, chance, depth=depth).reshape(rays.weight.shape)
+    rays, paths, chance = jax.vmap(of_pixel)(column, row, first, least[pixels], largest[pixels])
+    paths, chance = jax.tree.map(lambda a: a.reshape(-1), (paths, chance))
+    hits = first_hits(scene.volume, paths, chance, depth=depth).reshape(rays.weight.shape)
 
-        def brought(ray: LensRay, hit: Int[Array, ""]) -> Float[Array, "3"]:
-            return ray.weight * radiance_at(scene.surface, ray, hit)
+    def brought(ray: LensRay, hit: Int[Array, ""]) -> Float[Array, "3"]:
+        return ray.weight * radiance_at(scene.surface, ray, hit)
 
-        return jax.vmap(lambda ray, hit: jax.vmap(brought)(ray, hit).sum(axis=0))(rays, hits)
-
-    rays = samples.pupil.shape[1]
-    return jax.lax.map(some_rays, jnp.arange(0, rays, together)).sum(axis=0) / rays
+    return jax.vmap(lambda ray, hit: jax.vmap(brought)(ray, hit).mean(axis=0))(rays, hits)

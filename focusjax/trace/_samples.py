@@ -4,12 +4,11 @@ Rays of one pixel share one scrambled Sobol block in four dimensions (two for th
 lens), so that they are spread evenly over both together. Pixels of a square tile take consecutive
 blocks of one sequence along a Z-order curve: any 2^k pixels that are neighbours on it are well
 spread together too, which moves the error to high frequencies (Ahmed and Wonka 2020).
-
-Within a pixel, rays are ordered by how far from the lens centre they start. A ray's walk is as long as
-that, so rays of like rank, traced together, finish together.
 """
 
+import functools
 import math
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -25,10 +24,11 @@ _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
 class RaySamples(eqx.Module):
-    """Ray starts for the pixels of a tile that repeats over the picture.
+    """Ray starts for the pixels of a tile that repeats over the picture, for different numbers of rays.
 
     Attributes:
-        offset: position in the pixel [t, s, 2], 0 to 1 in x and y.
+        offset: position in the pixel [t, s, 2], 0 to 1 in x and y; the rays of the fewest a pixel may have,
+            then those of the next number, and so on.
         pupil: point of the opening [t, s, 2] in units of the aperture radius.
         chance: 32 bits [t, s] that decide where a ray stops among surfaces that are there in part only;
             None where nothing is. Those of one pixel are evenly spaced, in an order that spreads them
@@ -55,29 +55,36 @@ class RaySamples(eqx.Module):
         )
 
 
-def ray_samples(lens: AbstractLens, rays: int, seed: int, *, chances: bool = False) -> RaySamples:
-    """Samples for `rays` rays per pixel through `lens`, the same ones for the same `seed`.
+def ray_samples(lens: AbstractLens, counts: Sequence[int], seed: int, *, chances: bool = False) -> RaySamples:
+    """Samples through `lens` for pixels with each of the increasing `counts` of rays, fixed by `seed`.
 
     `chances` says whether there is anything that lets rays through.
     """
     edge = 32
-    while edge > 1 and rays * edge**2 > _MOST_SAMPLES:
+    while edge > 1 and counts[-1] * edge**2 > _MOST_SAMPLES:
         edge //= 2
-    length = rays * edge**2
-    sequence = qmc.Sobol(4, scramble=True, rng=np.random.default_rng(seed))
-    points = sequence.random_base2(max(length - 1, 0).bit_length())[:length].reshape(edge**2, rays, 4)
     rows, columns = np.divmod(np.arange(edge**2), edge)
     place = z_order(columns, rows)
-    points = jnp.asarray(points[place], dtype=float)
-    pupil = eqx.filter_jit(_pupil_points)(lens, points[..., 2:])
-    order = np.argsort(np.abs(np.asarray(pupil)).max(axis=-1), axis=-1)[..., None]
-    offset, pupil = (
-        jnp.asarray(np.take_along_axis(np.asarray(a), order, axis=1)) for a in (points[..., :2], pupil)
-    )
+    points = np.concatenate([_points(edge**2, count, seed)[place] for count in counts], axis=1)
     chance = None
     if chances:
-        chance = jnp.asarray(_chances(place, rays, seed))
-    return RaySamples(offset=offset, pupil=pupil, chance=chance, edge=edge)
+        chance = jnp.asarray(np.concatenate([_chances(place, count, seed) for count in counts], axis=1))
+    starts = jnp.asarray(points, dtype=jnp.zeros(()).dtype)
+    return RaySamples(
+        offset=starts[..., :2],
+        pupil=eqx.filter_jit(_pupil_points)(lens, starts[..., 2:]),
+        chance=chance,
+        edge=edge,
+    )
+
+
+@functools.lru_cache(maxsize=12)
+def _points(pixels: int, rays: int, seed: int) -> Float[np.ndarray, "t s 4"]:
+    length = pixels * rays
+    sequence = qmc.Sobol(4, scramble=True, rng=np.random.default_rng(seed))
+    points = sequence.random_base2(max(length - 1, 0).bit_length())[:length]
+    # Below 1 also in single precision.
+    return np.minimum(points, 1.0 - 2.0**-24).astype(np.float32).reshape(pixels, rays, 4)
 
 
 def _chances(place: np.ndarray, rays: int, seed: int) -> UInt[np.ndarray, "t s"]:

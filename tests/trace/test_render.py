@@ -55,8 +55,9 @@ def test_each_thing_is_where_it_belongs():
     assert picture.shape == (HEIGHT, WIDTH, 3)
     green = np.zeros((HEIGHT, WIDTH))
     green[4:9, 4:10] = 1.0
-    # Where all that a pixel's rays can meet is in focus, edges are exact. Observed: 0.
-    np.testing.assert_allclose(picture[..., 1], green, atol=1e-6)
+    # Where all that a pixel's rays can meet is in focus, edges are exact but for rays that pass within a step
+    # of disparity of them. Observed: one of 128 rays of one pixel.
+    np.testing.assert_allclose(picture[..., 1], green, atol=0.01)
     red = picture[..., 0]
     y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
     # Observed: 22.98, 17.00 and 24.05.
@@ -126,13 +127,11 @@ def test_colour_is_interpolated():
     np.testing.assert_allclose(picture.reshape(-1, 3), expected, atol=1e-4)
 
 
-@pytest.mark.parametrize("pixels", [100, 1])
+@pytest.mark.parametrize("pixels", [100, 6 * WIDTH * HEIGHT])
 def test_blocks_do_not_change_the_picture(pixels: int, monkeypatch: pytest.MonkeyPatch):
     """Not even when they do not divide the picture."""
     whole = varied_picture()
-    monkeypatch.setattr(_render, "_rays_together", lambda rays: 8 if pixels == 100 else 16)
-    at_once = 8 * 100 if pixels == 100 else 16 * WIDTH * HEIGHT
-    monkeypatch.setattr(_render, "_SAMPLES_AT_ONCE", {jax.default_backend(): at_once})
+    monkeypatch.setattr(_render, "_RAYS_AT_ONCE", {jax.default_backend(): 4 * pixels})
     # Observed: 2e-16.
     np.testing.assert_allclose(varied_picture(), whole, rtol=1e-12)
 
@@ -191,7 +190,7 @@ def test_single_precision_gives_the_same_picture():
         lens = wide_lens(camera)
         layers = peel(objects, camera, lens)
         assert layers.radiance.dtype == jnp.float32
-        picture = np.asarray(render(layers, lens, rays=16))
+        picture = np.asarray(render(layers, lens, rays=16, even=True))
     assert picture.dtype == np.float32
     difference = np.abs(picture - varied)
     # Observed: 1e-8, 1.7e-5 and 0.13 %. A ray within rounding of an edge may fall on its other side.

@@ -1,0 +1,134 @@
+"""How many rays each pixel gets: many where what they may meet differs, few where it is all alike.
+
+With n well-spread rays of variance V a pixel's mean has a squared error of about V / n^a, a between 1 (at
+silhouettes) and 2 (where all is smooth). For a given number of rays over the picture the sum of errors is
+least when n is in proportion to V^(1 / (1 + a)); in between lies
+
+    n ~ V^0.4.
+
+V is bounded before any ray is traced, by the variance of what the lens centre sees over the box that holds
+all places the pixel's rays can pass (Lee10 section 3.1 finds the disparities they can meet, the lens tells
+how far they stray there): a summed-area table of radiance and of its square answers for any box. Where the
+mean is brighter than white, 1, the variance relative to it counts, as an eye or a film would have it.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from focusjax.layers import Layers
+from focusjax.lens import AbstractLens
+from focusjax.trace._gloss import radiance_from_centre
+
+FEWEST = 4
+"""Rays of a pixel where nothing differs. All counts are this times a power of two."""
+_MOST_TIMES_MEAN = 8
+
+
+def counts_for(rays: int) -> list[int]:
+    """All numbers of rays that a pixel may get where the mean is `rays`, increasing."""
+    return [FEWEST << k for k in range((_MOST_TIMES_MEAN * rays // FEWEST).bit_length())]
+
+
+_EXPONENT = 0.4
+_BINS = 64
+"""Per octave of rays, in which pixels are counted."""
+
+
+def allot(variance: Float[np.ndarray, " p"], rays: int) -> Int[np.ndarray, " p"]:
+    """Rays for pixels of a given variance: `rays` of them a pixel on the average, which are four or more."""
+    most = len(counts_for(rays)) - 1
+    # In octaves above the fewest; a pixel of no variance at all is as far below as one can be.
+    octave = _EXPONENT * np.log2(np.maximum(variance, 1e-30))
+    first = float(octave.min())
+    number = np.minimum(((octave - first) * _BINS).astype(np.int64), 1 << 16)
+    pixels = np.bincount(number)
+    centre = first + (np.arange(len(pixels)) + 0.5) / _BINS
+
+    def counts_at(shift: float) -> Int[np.ndarray, " b"]:
+        return FEWEST << np.clip(np.round(centre + shift), 0, most).astype(np.int64)
+
+    low, high = -float(centre[-1]) - 1.0, most - first + 1.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        if float(counts_at(middle) @ pixels) > float(rays) * len(variance):
+            high = middle
+        else:
+            low = middle
+    return counts_at(low)[number]
+
+
+def contrast(
+    layers: Layers, lens: AbstractLens, least: Float[Array, " p"], largest: Float[Array, " p"]
+) -> Float[np.ndarray, " p"]:
+    """Variance of what the lens centre sees, all channels together, around each pixel.
+
+    Over the box that holds its rays between the disparities `least` and `largest`, each pixel's own.
+    """
+    grid, edge = layers.grid, layers.grid.supersampling
+    rows, columns = grid.rows // edge, grid.columns // edge
+    table = np.zeros((rows + 1, columns + 1, 4))
+    table[1:, 1:] = np.asarray(_moments(layers)).reshape(rows, edge, columns, edge, 4).mean(axis=(1, 3))
+    np.cumsum(np.cumsum(table, axis=0, out=table), axis=1, out=table)
+    table = table.reshape(-1, 4)
+    low, high = (np.asarray(corner) for corner in _boxes(layers, lens, least, largest))
+    size = np.array([columns, rows])
+    first = np.clip(np.floor(low), 0, size - 1).astype(np.intp)
+    last = np.clip(np.ceil(high), first + 1, size).astype(np.intp)
+
+    def at(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.take(table, y * (columns + 1) + x, axis=0)
+
+    (left, top), (right, bottom) = first.T, last.T
+    total = at(right, bottom) - at(left, bottom) - at(right, top) + at(left, top)
+    mean = total / ((right - left) * (bottom - top))[:, None]
+    white = np.maximum(mean[:, :3].max(axis=1), 1.0)
+    return np.maximum(mean[:, 3] - (mean[:, :3] ** 2).sum(axis=1), 0.0) / white**2
+
+
+@eqx.filter_jit
+def _moments(layers: Layers) -> Float[Array, "h w 4"]:
+    """Means of what a ray through each sample's centre brings: of the radiance, and of its square.
+
+    It stops at a surface of which only a share is there with that chance.
+    """
+    shape, opacity = layers.cells.shape[1:], layers.opacity
+
+    def with_square(radiance: Float[Array, "h w 3"]) -> Float[Array, "h w 4"]:
+        return jnp.concatenate([radiance, (radiance**2).sum(axis=-1, keepdims=True)], axis=-1)
+
+    far = with_square(jnp.broadcast_to(layers.background, (*shape, 3)))
+    if layers.samples.gloss is not None or opacity is not None:
+        radiance = radiance_from_centre(layers)
+        shares = layers.cells > 0 if opacity is None else opacity
+        moments, through = jnp.zeros_like(far), jnp.ones(shape, dtype=far.dtype)
+        for colour, share in zip(radiance, shares, strict=True):
+            moments += (through * share)[..., None] * with_square(colour)
+            through = through * (1 - share)
+        return moments + through[..., None] * far
+    there = layers.cells[0] > 0
+    number = jnp.cumsum(there.reshape(-1), dtype=jnp.int32).reshape(shape) - 1
+    planes = [layers.samples.radiance[:, k][number] for k in range(3)]
+    return jnp.where(there[..., None], with_square(jnp.stack(planes, axis=-1)), far)
+
+
+@eqx.filter_jit
+def _boxes(
+    layers: Layers, lens: AbstractLens, least: Float[Array, " p"], largest: Float[Array, " p"]
+) -> tuple[Float[Array, "p 2"], Float[Array, "p 2"]]:
+    """Corners, in pixels from that of the grid, of boxes around all places that each pixel's rays pass."""
+    camera, grid = layers.camera, layers.grid
+
+    def one(index: Int[Array, ""], least: Array, largest: Array) -> tuple[Array, Array]:
+        film = jnp.stack([index % camera.width, index // camera.width]).astype(least.dtype) + 0.5
+        ends = [lens.footprint(camera, film, disparity) for disparity in (least, largest)]
+        low, high = (
+            sum_([centre + sign * (radius + 0.5) for centre, radius in ends])
+            for sign, sum_ in ((-1.0, lambda a: jnp.minimum(*a)), (1.0, lambda a: jnp.maximum(*a)))
+        )
+        margin = grid.margin / grid.supersampling
+        return low + margin, high + margin
+
+    return jax.vmap(one)(jnp.arange(camera.width * camera.height), least, largest)

@@ -183,7 +183,8 @@ def test_a_second_picture_compiles_nothing():
 
 
 def test_single_precision_gives_the_same_picture():
-    varied = varied_picture()
+    # Rounding may give a pixel the next number of rays: that is another picture.
+    varied = np.asarray(render(varied_layers(), varied_layers().lens, rays=16, even=True))
     with jax.enable_x64(False):
         camera = front_camera()
         objects = varied_scene()

@@ -110,7 +110,7 @@ def _check_reach(layers: Layers, lens: AbstractLens) -> None:
 
 
 def _strays(layers: Layers, lens: AbstractLens) -> np.ndarray:
-    """How far in pixels rays of a frame corner stray from it, at disparities over the layers' range."""
+    """How far in pixels rays stray from their film points, at disparities over the layers' range."""
     least, largest = (float(w) for w in layers.ranges.overall)
     if not largest > 0:
         return np.zeros(1)
@@ -120,13 +120,7 @@ def _strays(layers: Layers, lens: AbstractLens) -> np.ndarray:
 
 @eqx.filter_jit
 def _strays_at(lens: AbstractLens, camera: Camera, disparities: Float[Array, " n"]) -> Float[Array, " n"]:
-    corner = jnp.zeros(2, dtype=disparities.dtype)
-
-    def one(disparity: Float[Array, ""]) -> Float[Array, ""]:
-        centre, radius = lens.footprint(camera, corner, disparity)
-        return radius + jnp.abs(centre - corner).max()
-
-    return jax.vmap(one)(disparities)
+    return jax.vmap(lambda w: lens.reach(camera, w))(disparities)
 
 
 @eqx.filter_jit

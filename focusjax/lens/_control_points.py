@@ -1,6 +1,7 @@
 """Control points of a focal surface, and the surface through them."""
 
-from typing import get_args
+from collections.abc import Sequence
+from typing import TypeAlias, get_args
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,6 +10,8 @@ from jaxtyping import Array, ArrayLike, Float
 
 from focusjax.lens._kernels import AbstractKernel, InverseDistance
 from focusjax.lens._moving_least_squares import Basis, moving_least_squares
+
+Numbers: TypeAlias = ArrayLike | Sequence
 
 
 class FocalSurface(eqx.Module):
@@ -56,11 +59,11 @@ class FocalSurface(eqx.Module):
 
 
 def focal_surface(
-    xy: ArrayLike,
-    focus_disparity: ArrayLike,
+    xy: Numbers,
+    focus_disparity: Numbers,
     *,
-    aperture_scale: ArrayLike = 1.0,
-    weight: ArrayLike = 1.0,
+    aperture_scale: Numbers = 1.0,
+    weight: Numbers = 1.0,
     kernel: AbstractKernel | None = None,
     basis: Basis = "constant",
 ) -> FocalSurface:

@@ -18,9 +18,9 @@ class FocalSurfaceLens(AbstractLens):
     """A thin lens for every film point p: focal disparity w_f(p), aperture radius s(p) E (Lee10 section 5.2).
 
     Rays are b = f s E v and a = p - b w_f, so blur at disparity w is 2 f E (s w_f - s w). What they are
-    made of, s and s w_f, is bilinear between the corners of pixels. At corners the surface is exact; inside a pixel
-    the focal disparity is off by at most (|w_xx| + |w_yy|) / 8 of the sampled surface for constant s, with
-    derivatives per pixel: 2e-4 px of blur across a picture where blur changes by 50 px over 200 px.
+    made of, s and s w_f, is bilinear between the corners of pixels. At corners the surface is exact; inside
+    a pixel the blur is off by at most (|B_xx| + |B_yy|) / 8, with B_xx and B_yy the blur's second derivatives
+    per square pixel.
 
     It is no lens that glass could make: two film points may see the same point of the world
     differently, and every film point receives light as through the whole lens.

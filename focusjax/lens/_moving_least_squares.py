@@ -15,8 +15,8 @@ points leave A without one direction or all of them. There is no case to tell ap
 
 for degree n, the normal equations are solved by iterated Tikhonov regularisation:
 c <- (A' Omega A + lambda)^-1 (A' Omega v + lambda c), three times from 0. A direction of eigenvalue
-sigma keeps the share 1 - (lambda / (sigma + lambda))^3 of its plain solution: all but 3e-5 where points surround x, nothing where
-they do not reach, and everything between where they begin to.
+sigma keeps the share 1 - (lambda / (sigma + lambda))^3 of its plain solution: all but 3e-5 where points
+surround x, nothing where they do not reach, and everything between where they begin to.
 
 - The first sum is what sigma would be if the points around x lay in all directions; it vanishes like
   sigma when x comes to a control point, where that one point has nearly all the weight. So the slope

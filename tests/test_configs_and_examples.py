@@ -29,8 +29,8 @@ def test_config_runs(path, tmp_path):
     assert iio.imread(tmp_path / "image.png").std() > 10
 
 
-def test_there_are_three_configs_of_full_size():
-    assert [path.stem for path in CONFIGS] == ["bars", "still_life", "town"]
+def test_there_are_four_configs_of_full_size():
+    assert [path.stem for path in CONFIGS] == ["bars", "focal_surface", "still_life", "town"]
     for path in CONFIGS:
         width, height = tomllib.loads(path.read_text())["camera"]["resolution"]
         assert width >= 640

@@ -8,7 +8,16 @@ import pytest
 from gradients import check_gradients
 
 from focusjax.geometry import Camera, LensRay, look_at
-from focusjax.lens import AbstractAperture, AbstractLens, Disk, ThinLens, polygon
+from focusjax.lens import (
+    AbstractAperture,
+    AbstractLens,
+    Disk,
+    FocalSurfaceLens,
+    ThinLens,
+    focal_surface,
+    focal_surface_lens,
+    polygon,
+)
 
 FOCUS = 0.5
 FILM_POINTS = [(20.0, 15.0), (3.2, 27.9)]
@@ -20,14 +29,32 @@ def thin(aperture: AbstractAperture, focus: float = FOCUS, radius: float = 0.04)
     return ThinLens(jnp.array(focus), jnp.array(radius), aperture)
 
 
+def surfaced(radius: float = 0.04) -> FocalSurfaceLens:
+    """Focus at about the same disparity everywhere, so that it orders `DISPARITIES` alike."""
+    places = [(5.0, 5.0), (33.0, 12.0), (18.0, 26.0)]
+    surface = focal_surface(places, [0.492, 0.5, 0.508], aperture_scale=[0.6, 1.0, 1.3], basis="affine")
+    return focal_surface_lens(surface, CAMERA, thin(polygon(5, rotation=0.3), radius=radius))
+
+
+def at_film(lens: AbstractLens, camera: Camera, film: jnp.ndarray) -> ThinLens:
+    """The thin lens that a film point looks through."""
+    return lens if isinstance(lens, ThinLens) else lens.thin_lens_at(camera, film)
+
+
+CAMERA = look_at((1.0, 0.5, 2.0), (0.0, 0.0, 0.0), width=40, height=30, field_of_view=0.7)
 LENSES = {
     "thin, disk": thin(Disk()),
     "thin, 5 straight blades": thin(polygon(5, rotation=0.3)),
     "thin, 5 bulging blades": thin(polygon(5, rotation=0.3, roundness=0.5)),
     "thin, 5 round blades": thin(polygon(5, rotation=0.3, roundness=1.0)),
     "thin, focused on infinity": thin(polygon(5), focus=0.0),
+    "focal surface": surfaced(),
 }
-PINHOLES = {"thin, disk": thin(Disk(), radius=0.0), "thin, blades": thin(polygon(5), radius=0.0)}
+PINHOLES = {
+    "thin, disk": thin(Disk(), radius=0.0),
+    "thin, blades": thin(polygon(5), radius=0.0),
+    "focal surface": surfaced(0.0),
+}
 
 every_lens = pytest.mark.parametrize("lens", [pytest.param(lens, id=name) for name, lens in LENSES.items()])
 every_pinhole = pytest.mark.parametrize(
@@ -37,7 +64,7 @@ every_pinhole = pytest.mark.parametrize(
 
 @pytest.fixture(scope="module")
 def camera() -> Camera:
-    return look_at((1.0, 0.5, 2.0), (0.0, 0.0, 0.0), width=40, height=30, field_of_view=0.7)
+    return CAMERA
 
 
 def square() -> jnp.ndarray:
@@ -70,17 +97,19 @@ def test_rays_fill_the_circle_of_confusion(lens: AbstractLens, camera: Camera, f
 
 @every_lens
 def test_blur_is_positive_behind_the_focus_and_linear_in_disparity(lens: AbstractLens, camera: Camera):
-    film, focus = jnp.array(FILM_POINTS[0]), float(lens.focus_disparity)
+    film = jnp.array(FILM_POINTS[0])
+    there = at_film(lens, camera, film)
+    focus = float(there.focus_disparity)
     blurs = np.array([float(lens.blur(camera, film, jnp.array(w))) for w in DISPARITIES])
     assert (np.sign(blurs) == np.sign(focus - np.array(DISPARITIES))).all()
-    np.testing.assert_allclose(np.diff(blurs) / np.diff(DISPARITIES), -2 * float(lens.parallax(camera)))
+    np.testing.assert_allclose(np.diff(blurs) / np.diff(DISPARITIES), -2 * float(there.parallax(camera)))
 
 
 @every_lens
 @pytest.mark.parametrize("film", FILM_POINTS)
 def test_rays_meet_in_focus(lens: AbstractLens, camera: Camera, film):
     _, rays = all_rays(lens, camera, jnp.array(film))
-    met = rays.a + rays.b * lens.focus_disparity
+    met = rays.a + rays.b * at_film(lens, camera, jnp.array(film)).focus_disparity
     np.testing.assert_allclose(met, np.broadcast_to(film, met.shape), atol=1e-12)
 
 
@@ -95,10 +124,25 @@ def test_the_middle_ray_is_the_pinhole_ray(lens: AbstractLens, camera: Camera):
 def test_rays_cross_the_lens_at_the_pupil_point(lens: AbstractLens, camera: Camera):
     """b is the crossing point times the focal length, and never above the parallax."""
     pupil, rays = all_rays(lens, camera, jnp.array(FILM_POINTS[1]))
-    expected = np.asarray(camera.focal_px * lens.aperture_radius * pupil)
+    radius = at_film(lens, camera, jnp.array(FILM_POINTS[1])).aperture_radius
+    expected = np.asarray(camera.focal_px * radius * pupil)
     np.testing.assert_allclose(rays.b, expected, atol=1e-12)
     widest = np.linalg.norm(rays.b, axis=1).max()
-    assert widest == pytest.approx(float(lens.parallax(camera)), rel=1e-12)
+    assert widest <= float(lens.parallax(camera)) * (1 + 1e-12)
+
+
+@every_lens
+def test_bounds_hold_all_over_the_picture(lens: AbstractLens, camera: Camera):
+    """Reach and parallax bound every film point; disks of a pixel's corners bound those within."""
+    films = jnp.array(np.random.default_rng(1).uniform((0, 0), (40, 30), (200, 2)))
+    radius = jax.jit(jax.vmap(lambda p, w: lens.footprint(camera, p, w)[1], in_axes=(0, None)))
+    for w in map(jnp.array, DISPARITIES):
+        here = np.asarray(radius(films, w))
+        corners = [radius(jnp.floor(films) + jnp.array([[x, y]]), w) for x in (0.0, 1.0) for y in (0.0, 1.0)]
+        assert (here <= np.max(corners, axis=0) + 1e-12).all()
+        assert here.max() <= float(lens.reach(camera, w)) + 1e-12
+    rims = [jnp.linalg.norm(all_rays(lens, camera, film)[1].b, axis=1).max() for film in films[:5]]
+    assert max(map(float, rims)) <= float(lens.parallax(camera)) * (1 + 1e-12)
 
 
 @every_lens

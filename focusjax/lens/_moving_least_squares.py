@@ -41,7 +41,7 @@ Basis: TypeAlias = Literal["constant", "affine", "quadratic"]
 DEGREES: dict[Basis, int] = {"constant": 0, "affine": 1, "quadratic": 2}
 
 _ETA = 1e-2
-_DELTA = 1e-3
+_DELTA = 0.1
 _ITERATIONS = 3
 _LARGEST_LOG = 60.0
 

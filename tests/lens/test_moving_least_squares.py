@@ -61,7 +61,7 @@ def test_exact_at_control_points_in_float32(kernel, basis):
     single = jax.tree.map(lambda leaf: leaf.astype(jnp.float32), surface("general", kernel, basis))
     found = at(single, single.xy)
     assert found.dtype == jnp.float32
-    # Observed: 2e-7.
+    # Observed: no difference.
     np.testing.assert_allclose(found[0], single.focus_disparity, atol=2e-6)
     np.testing.assert_allclose(found[1], single.aperture_scale, atol=2e-6)
 
@@ -122,7 +122,7 @@ def test_contradictory_points_at_one_place_share_it_by_weight(basis):
     made = focal_surface(
         [(31.0, 17.5), (31.0, 17.5), (80.0, 20.0)], [0.2, 1.0, 0.5], weight=[3.0, 1.0, 1.0], basis=basis
     )
-    # Observed: 1e-10.
+    # Observed: 1e-13, and 2e-5 beside the place.
     assert float(at(made, made.xy)[0, 0]) == pytest.approx(0.4, abs=1e-8)
     beside = at(made, made.xy + jnp.array([[0.01, 0.0]]))[0, 0]
     assert float(beside) == pytest.approx(0.4, abs=1e-3)
@@ -138,8 +138,8 @@ def test_smooth_along_a_line_through_a_control_point(kernel, basis):
         steps = jnp.linspace(-reach, reach, 401)[:, None]
         values = np.asarray(at(made, middle[None] + steps * jnp.array([[0.6, 0.8]]))[0])
         slope = np.diff(values) / (2 * reach / 400)
-        # Curvature is bounded, so slopes change by less the finer the steps. Observed: 0.02 x reach at most.
-        assert np.abs(np.diff(slope)).max() < 0.1 * reach
+        # Curvature is bounded, so slopes change by less the finer the steps. Observed: 0.0092 x reach.
+        assert np.abs(np.diff(slope)).max() < 0.03 * reach
 
 
 @every_basis
@@ -153,8 +153,8 @@ def test_trends_of_its_degree_are_kept_within_the_points(basis):
     }[basis]
     made = focal_surface(xy, trend(x, y), basis=basis)
     places = np.array([(40.3, 33.1), (60.0, 55.0), (30.0, 50.0)])
-    # Observed: 4e-16, 2e-5, and 2e-3 for the quadratic's seven points, hardly more than its six terms.
-    tolerance = {"constant": 1e-12, "affine": 1e-4, "quadratic": 1e-2}[basis]
+    # Observed: 1e-16, 2.5e-7 and 3.7e-6.
+    tolerance = {"constant": 1e-12, "affine": 2e-6, "quadratic": 2e-5}[basis]
     np.testing.assert_allclose(at(made, jnp.array(places))[0], trend(*(places / 100.0).T), atol=tolerance)
 
 
@@ -163,8 +163,8 @@ def test_collinear_points_leave_no_slope_across_their_line():
     across = jnp.array([[-1.0, 2.0]]) / 5**0.5
     line = jnp.array([[40.0, 25.0]])
     found = at(made, line + jnp.linspace(-15.0, 15.0, 7)[:, None] * across)[0]
-    # Observed: within 6e-4 of the value on the line.
-    np.testing.assert_allclose(found, 0.5, atol=5e-3)
+    # Observed: within 3e-8 of the value on the line.
+    np.testing.assert_allclose(found, 0.5, atol=1e-6)
 
 
 @pytest.mark.parametrize("basis", ["affine", "quadratic"])
@@ -178,9 +178,9 @@ def test_points_that_become_collinear_change_the_surface_without_a_jump(basis):
 
     bends = np.linspace(-4.0, 4.0, 161)
     values = np.array([value(bend) for bend in bends])
-    # Steps of 0.05 x 2.2 px. Observed: 0.031 at most from one to the next, of 0.5 in all.
+    # Steps of 0.05 x 2.2 px. Observed: 0.027 at most from one to the next, of 0.8 in all.
     assert np.abs(np.diff(values)).max() < 0.05
-    assert np.abs(np.diff(values, 2)).max() < 0.01
+    assert np.abs(np.diff(values, 2)).max() < 3e-3
 
 
 @every_basis
@@ -202,7 +202,7 @@ def test_a_point_that_fades_out_leaves_without_a_jump(basis):
 def test_far_from_two_close_points_the_surface_levels_off(basis):
     """A plane through points 1 px apart would be at 2,000 here."""
     made = focal_surface([(50.0, 50.0), (51.0, 50.0)], [0.0, 1.0], basis=basis)
-    # Observed: 0.5 and a little.
+    # Observed: 0.56 and 0.69.
     assert abs(float(at(made, jnp.array([[2050.0, 50.0]]))[0, 0])) < 5.0
 
 

@@ -100,7 +100,7 @@ def _do(
 
 def _tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     """What a photographer wants to know, in a few lines."""
-    lens, camera = outcome.lens, outcome.camera
+    lens, camera = outcome.middle_lens, outcome.camera
     sharp = depth_of_field(camera, lens)
     console.print(
         f"[bold]Focus {metres(float(lens.focus_distance()))}, {f_number(float(lens.f_number(camera)))}[/]"
@@ -115,8 +115,11 @@ def _tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
         )
     if moved["rise_mm"] or moved["shift_mm"]:
         console.print(f"Rise {moved['rise_mm']:+g} mm, shift {moved['shift_mm']:+g} mm", highlight=False)
+    if outcome.config.lens.focal_surface is not None:
+        console.print("In the middle of the picture; a focal surface sets it from place to place.")
     if outcome.solution is not None:
         console.print(_wishes(outcome.solution))
+    if isinstance(outcome.solution, job.Solution):
         for bound in outcome.solution.active_bounds:
             console.print(f"On the limit: {bound.replace('_', ' ')}.")
         if outcome.solution.undetermined:
@@ -129,7 +132,7 @@ def _tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     console.print(f"Report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
 
 
-def _wishes(solution: job.Solution) -> Table:
+def _wishes(solution: job.Solution | job.SurfaceSolution) -> Table:
     table = Table(box=None, header_style="dim", pad_edge=False)
     for heading in ("wish", "wished", "got", "missed by", ""):
         table.add_column(heading, justify="left" if heading in ("wish", "") else "right")

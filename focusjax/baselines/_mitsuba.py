@@ -3,8 +3,19 @@
 import dataclasses
 import functools
 import math
+from types import ModuleType
+from typing import Any
 
 import numpy as np
+from jaxtyping import Float, Int
+
+from focusjax.geometry import Camera
+from focusjax.lens import ThinLens
+from focusjax.scene import ConstantBackground, Scene
+
+FASTEST = "llvm_ad_rgb"
+"""Mitsuba's vectorised variant for CPUs; it compiles with LLVM."""
+_FARTHEST = 1e5
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -18,25 +29,101 @@ class UnlitScene:
         background: linear radiance (3).
     """
 
-    vertices: np.ndarray
-    faces: np.ndarray
-    colours: np.ndarray
+    vertices: Float[np.ndarray, "v 3"]
+    faces: Int[np.ndarray, "t 3"]
+    colours: Float[np.ndarray, "v 3"]
     background: tuple[float, float, float]
 
 
-@functools.cache
-def mitsuba():
-    """The module, set to its vectorised CPU variant."""
-    import mitsuba
+def mitsuba(variant: str = FASTEST) -> ModuleType:
+    """The module, set to one of its variants.
 
-    mitsuba.set_variant("llvm_ad_rgb")
+    Raises:
+        ValueError: Mitsuba is not installed, or lacks the variant or what that needs.
+    """
+    try:
+        import mitsuba
+    except ImportError as error:
+        raise ValueError(
+            "the Mitsuba baseline needs Mitsuba 3, which is not installed; run `pip install mitsuba`"
+        ) from error
+    try:
+        mitsuba.set_variant(variant)
+    except ImportError as error:
+        raise ValueError(
+            f"Mitsuba cannot use its variant {variant} ({' '.join(str(error).split())});"
+            " for an llvm variant set DRJIT_LIBLLVM_PATH to a recent LLVM"
+        ) from error
     return mitsuba
 
 
+def unlit_scene(scene: Scene) -> UnlitScene:
+    """The triangles, vertex colours and background of `scene`.
+
+    Raises:
+        ValueError: lights, textures, material colours, opacity, or a background of several colours.
+    """
+    background = scene.background
+    plain = (
+        scene.unlit
+        and isinstance(background, ConstantBackground)
+        and scene.may_be_seen_through() is None
+        and all(
+            (m.base_colour == 1).all() and not np.any(m.emission) and m.texture < 0 for m in scene.materials
+        )
+    )
+    if not plain:
+        raise ValueError(
+            "the Mitsuba baseline draws opaque, unlit, white materials with vertex colours before one"
+            " background colour only; bake the scene's colours to its vertices first"
+        )
+    assert isinstance(background, ConstantBackground)
+    red, green, blue = (float(value) for value in np.asarray(background.colour))
+    return UnlitScene(scene.vertices, scene.faces, scene.colours, (red, green, blue))
+
+
+def mitsuba_picture(
+    scene: UnlitScene,
+    camera: Camera,
+    lens: ThinLens,
+    *,
+    samples: int,
+    seed: int = 0,
+    variant: str = FASTEST,
+) -> Float[np.ndarray, "h w 3"]:
+    """What Mitsuba sees through `lens`, whose opening it takes for a disk: linear radiance.
+
+    Args:
+        scene: what to see.
+        camera: frame and pose.
+        lens: where rays go.
+        samples: rays per pixel.
+        seed: of the first pass.
+        variant: of Mitsuba.
+
+    Raises:
+        ValueError: fewer than one sample, or Mitsuba cannot be used.
+    """
+    if samples < 1:
+        raise ValueError(f"samples is {samples}; expected at least 1 per pixel")
+    return render_thin_lens(
+        scene,
+        np.asarray(camera.world_from_camera),
+        camera.width,
+        camera.height,
+        2 * math.degrees(math.atan(camera.width / 2 / float(camera.focal_px))),
+        float(lens.aperture_radius),
+        float(lens.focus_distance()),
+        samples,
+        seed,
+        variant=variant,
+    )
+
+
 @functools.lru_cache(maxsize=2)
-def load(scene: UnlitScene):
+def load_unlit(scene: UnlitScene, variant: str = FASTEST) -> Any:
     """`scene` inside Mitsuba: the albedo channel carries the colours, the environment the background."""
-    mi = mitsuba()
+    mi = mitsuba(variant)
     bsdf = {
         "type": "twosided",
         "nested": {
@@ -79,7 +166,9 @@ def render_thin_lens(
     focus_distance: float,
     samples: int,
     seed: int = 0,
-) -> np.ndarray:
+    *,
+    variant: str = FASTEST,
+) -> Float[np.ndarray, "h w 3"]:
     """Linear picture [height, width, 3], one-pixel box filter.
 
     Args:
@@ -92,9 +181,13 @@ def render_thin_lens(
         focus_distance: metres; infinity becomes 1e5 m, whose blur differs by less than 0.001 px here.
         samples: rays per pixel, traced in passes of at most 256.
         seed: first pass's seed.
+        variant: of Mitsuba.
+
+    Raises:
+        ValueError: Mitsuba cannot be used.
     """
-    mi = mitsuba()
-    loaded = load(scene)
+    mi = mitsuba(variant)
+    loaded = load_unlit(scene, variant)
     pose = np.asarray(world_from_camera, dtype=np.float64)
     eye, backward, up = pose[:3, 3], pose[:3, 2], pose[:3, 1]
     sensor = mi.load_dict(
@@ -105,7 +198,7 @@ def render_thin_lens(
             "near_clip": 1e-3,
             "far_clip": 1e7,
             "aperture_radius": aperture_radius,
-            "focus_distance": focus_distance if math.isfinite(focus_distance) else 1e5,
+            "focus_distance": min(focus_distance, _FARTHEST),
             "to_world": mi.ScalarTransform4f().look_at(
                 origin=eye.tolist(), target=(eye - backward).tolist(), up=up.tolist()
             ),

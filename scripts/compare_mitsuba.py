@@ -16,41 +16,18 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _truth import mitsuba_picture, truth, unlit_scene
+from _truth import truth
 from rich.console import Console
 from rich.table import Table
 
 from focusjax import job
+from focusjax.baselines import mitsuba_picture, unlit_scene
+from focusjax.bench import baked, resized
 from focusjax.config import build_scene, load_config
-from focusjax.geometry import Camera
 from focusjax.layers import peel
 from focusjax.lens import Disk
 from focusjax.metrics import psnr, ssim
-from focusjax.scene import Scene, constant_background, make_object, make_scene
 from focusjax.trace import render
-
-SKY = (0.35, 0.45, 0.62)
-
-
-def baked(scene: Scene) -> Scene:
-    """The same triangles with the unlit colour at their vertices, at most white, under a plain sky."""
-    shader = dataclasses.replace(scene, unlit=True).shader(np.zeros(3))
-    corner = np.zeros(len(scene.vertices), dtype=np.int32)
-    face = np.zeros(len(scene.vertices), dtype=np.int32)
-    for number in range(3):
-        face[scene.faces[:, number]] = np.arange(len(scene.faces))
-        corner[scene.faces[:, number]] = number
-    weights = jnp.asarray(np.eye(3)[corner], dtype=float)
-    extent = jnp.full(len(corner), 1e-3)
-    colours = np.asarray(jax.jit(jax.vmap(shader))(jnp.asarray(face), weights, extent), dtype=np.float64)
-    surface = make_object("all", scene.vertices, scene.faces, vertex_colours=np.minimum(colours, 1.0))
-    return make_scene([surface], background=constant_background(np.array(SKY)), unlit=True)
-
-
-def resized(camera: Camera, width: int, height: int) -> Camera:
-    """The same view at `width` x `height` pixels."""
-    centre = jnp.array([width / 2, height / 2])
-    return dataclasses.replace(camera, width=width, height=height, principal_point=centre)
 
 
 def second_call(run):
@@ -70,7 +47,7 @@ def compare(path: Path, options: argparse.Namespace) -> dict[str, object]:
     layers = peel(scene, camera, lens, max_layers=options.layers, supersampling=options.supersampling)
     ours, our_seconds = second_call(lambda: render(layers, lens, rays=options.rays))
     unlit = unlit_scene(scene)
-    theirs, their_seconds = second_call(lambda: mitsuba_picture(unlit, camera, lens, options.rays))
+    theirs, their_seconds = second_call(lambda: mitsuba_picture(unlit, camera, lens, samples=options.rays))
     kept = None if options.references is None else options.references / f"{path.stem}.npz"
     reference, maker = truth(kept, scene, camera, lens, options.samples)
     widest = float(jnp.abs(lens.blur(camera, camera.principal_point, layers.disparity.max())))

@@ -127,7 +127,7 @@ def speed_error(
     except Exception as error:
         _fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
     for found in results.cases:
-        console.print(_comparison(found, results))
+        console.print(_comparison(found))
     console.print(f"Report: {out / 'report.html'}", soft_wrap=True, highlight=False)
     failures = [why for found in results.cases for why in found.failures.values()]
     if failures:
@@ -203,15 +203,14 @@ def _wishes(solution: job.Solution) -> Table:
     return table
 
 
-def _comparison(found: bench.CaseResults, results: bench.Results) -> Table:
+def _comparison(found: bench.CaseResults) -> Table:
     """What a scene's measurements say, a line for each setting."""
     table = Table(title=found.case.title, box=None, header_style="dim", pad_edge=False, title_justify="left")
     for heading in ("method", "setting", "picture", "set-up", "MiB", "PSNR", "SSIM", "silhouettes"):
         table.add_column(heading, justify="left" if heading in ("method", "setting") else "right")
-    titles = {method.name: method.title for method in results.methods}
     for row in found.rows:
         table.add_row(
-            titles[row.method],
+            row.method,
             f"{row.setting} {row.knob}",
             _duration(row.seconds),
             _duration(row.setup_seconds),

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from focusjax._parallel import in_parallel, parts
-from focusjax.baselines._through_lens import AT_ONCE, STEPS, RayScene, pixel_corners, radiance
+from focusjax._parallel import in_parallel
+from focusjax.baselines._through_lens import STEPS, RayScene, blocks, pixel_corners, radiance
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
@@ -38,5 +38,5 @@ def accumulate(scene: Scene | RayScene, camera: Camera, lens: AbstractLens, *, v
             total += radiance(ready, camera, lens, pixel[block] + square[:2], pupil)
         return total / views
 
-    means = in_parallel(mean_of, parts(len(pixel), AT_ONCE))
+    means = in_parallel(mean_of, blocks(len(pixel)))
     return np.concatenate(means).reshape(camera.height, camera.width, 3)

@@ -12,13 +12,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from focusjax._parallel import in_parallel, parts
+from focusjax._parallel import CORES, in_parallel, parts
 from focusjax.baselines._raycast import RayCaster, world_rays
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 from focusjax.scene import AbstractBackground, Scene, Shader
 
-AT_ONCE = 1 << 15
+_AT_ONCE = 1 << 15
 # One over powers of the generalised golden ratio: steps that fill the 4-cube evenly (Roberts 2018).
 STEPS = 0.8566748838545029 ** np.arange(1, 5)
 _TEXTURE_SHARE = 1 / 8
@@ -75,7 +75,7 @@ def lens_picture(
             total += radiance(ready, camera, lens, film, square[:, 2:])
         return total / rays
 
-    means = in_parallel(mean_of, parts(len(pixel), AT_ONCE))
+    means = in_parallel(mean_of, blocks(len(pixel)))
     return np.concatenate(means).reshape(camera.height, camera.width, 3)
 
 
@@ -83,6 +83,11 @@ def pixel_corners(camera: Camera) -> Int[np.ndarray, "p 2"]:
     """Top-left corners of all pixels (x right, y down), row after row."""
     columns, rows = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
     return np.stack([columns, rows], axis=-1).reshape(-1, 2)
+
+
+def blocks(pixels: int) -> list[slice]:
+    """That many pixels in blocks of like length, some for every core, small enough for its caches."""
+    return parts(pixels, min(_AT_ONCE, -(-pixels // CORES)))
 
 
 def radiance(

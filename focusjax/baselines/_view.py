@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from focusjax._parallel import in_parallel, parts
-from focusjax.baselines._through_lens import AT_ONCE, RayScene, line_radiance, pixel_corners
+from focusjax._parallel import in_parallel
+from focusjax.baselines._through_lens import RayScene, blocks, line_radiance, pixel_corners
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
@@ -48,7 +48,7 @@ def pinhole_view(
                     disparity = depth
         return total / edge**2, disparity
 
-    views = in_parallel(view_of, parts(len(pixel), AT_ONCE))
+    views = in_parallel(view_of, blocks(len(pixel)))
     shape = (camera.height, camera.width)
     image = np.concatenate([view[0] for view in views]).reshape(*shape, 3)
     return image, np.concatenate([view[1] for view in views]).reshape(shape)

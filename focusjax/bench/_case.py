@@ -9,12 +9,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float, Int
 
 from focusjax import job
 from focusjax.config import Config, ConfigError, build_camera, build_lens, build_scene
 from focusjax.geometry import Camera, make_camera
 from focusjax.lens import Disk, ThinLens, thin_lens
-from focusjax.scene import ConstantBackground, Scene, constant_background, make_object, make_scene
+from focusjax.scene import ConstantBackground, Scene, Shader, constant_background, make_object, make_scene
 
 SKY = (0.35, 0.45, 0.62)
 """Radiance behind the triangles."""
@@ -139,9 +140,16 @@ def baked(scene: Scene) -> Scene:
         corner[scene.faces[:, number]] = number
     weights = jnp.asarray(np.eye(3)[corner], dtype=float)
     extent = jnp.full(len(corner), 1e-3)
-    colours = eqx.filter_jit(jax.vmap(shader))(jnp.asarray(face), weights, extent)
+    colours = _shaded(shader, jnp.asarray(face), weights, extent)
     white = np.minimum(np.asarray(colours, dtype=np.float64), 1.0)
     return _plain_scene(scene.vertices, scene.faces, white, np.array(SKY))
+
+
+@eqx.filter_jit
+def _shaded(
+    shader: Shader, face: Int[Array, " v"], weights: Float[Array, "v 3"], extent: Float[Array, " v"]
+) -> Float[Array, "v 3"]:
+    return jax.vmap(shader)(face, weights, extent)
 
 
 def resized(camera: Camera, width: int, height: int) -> Camera:

@@ -74,7 +74,7 @@ def reference_picture(case: Case, *, maker: str, samples: int, cache: Path) -> R
         ) from error
     start = time.perf_counter()
     shares = (samples // 2, samples - samples // 2)
-    halves = [made_apart(maker, case, samples=n, seed=seed) for n, seed in zip(shares, _SEEDS, strict=True)]
+    halves = made_apart(maker, case, list(zip(shares, _SEEDS, strict=True)))
     seconds = time.perf_counter() - start
     mean = (shares[0] * halves[0] + shares[1] * halves[1]) / samples
     # The mean has half the variance of a half, the difference of the halves twice that.

@@ -69,9 +69,9 @@ class EqualError:
     Attributes:
         method: name of the method.
         render: time without set-up.
-        total: time with the method's set-up.
+        total: time with the method's set-up, if it is not the anchor's method.
         ratio: how many times sooner than the anchor, neither with its set-up.
-        total_ratio: the same with the method's set-up, but not the anchor's, counted.
+        total_ratio: the same with the method's set-up counted, but not the anchor's.
     """
 
     method: str
@@ -118,7 +118,8 @@ class CaseResults:
         for method in dict.fromkeys(row.method for row in self.rows):
             rows = [row for row in self.rows if row.method == method]
             render = time_to_reach([(row.seconds, row.psnr) for row in rows], anchor.psnr)
-            total = time_to_reach([(row.seconds + row.setup_seconds, row.psnr) for row in rows], anchor.psnr)
+            setup = 0.0 if method == anchor.method else rows[0].setup_seconds
+            total = time_to_reach([(row.seconds + setup, row.psnr) for row in rows], anchor.psnr)
             ratios = (anchor.seconds / reach.seconds for reach in (render, total))
             out.append(EqualError(method, render, total, *ratios))
         return out

@@ -1,4 +1,4 @@
-"""A process that measures one method, or makes one half of a reference, and ends.
+"""A process that measures one method, or makes a reference, and ends.
 
 Every method has a process of its own, so that its memory is its own, and so that a library that takes its
 process down takes nothing else with it. Called as `python -m focusjax.bench._worker TASK FOLDER`: what to do
@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,16 +41,15 @@ def measured_apart(method: Method, case: Case, *, repeats: int) -> tuple[Measure
     return Measured(**told, timings=timings), pictures
 
 
-def made_apart(maker: str, case: Case, *, samples: int, seed: int) -> np.ndarray:
-    """One picture [h, w, 3] by `maker`, one of those that can converge, in a process of its own.
+def made_apart(maker: str, case: Case, parts: Sequence[tuple[int, int]]) -> list[np.ndarray]:
+    """A picture [h, w, 3] for each (samples, seed) of `parts`, by one of those that can converge.
 
     Raises:
         ValueError: the maker failed; the message is what it said last.
     """
-    task = {"maker": maker, "samples": samples, "seed": seed}
     with tempfile.TemporaryDirectory(prefix="focusjax-") as folder:
-        _run(task, case, Path(folder))
-        return _picture(Path(folder), 0)
+        _run({"maker": maker, "parts": list(parts)}, case, Path(folder))
+        return [_picture(Path(folder), number) for number in range(len(parts))]
 
 
 def _run(task: dict[str, Any], case: Case, folder: Path) -> None:
@@ -87,7 +87,8 @@ def main(task_file: Path, folder: Path) -> None:
         np.save(_picture_file(folder, number), picture.astype(np.float32))
 
     if "maker" in task:
-        keep(0, maker_named(task["maker"])(case, task["samples"], task["seed"]))
+        for number, (samples, seed) in enumerate(task["parts"]):
+            keep(number, maker_named(task["maker"])(case, samples, seed))
         return
     method = dataclasses.replace(method_named(task["method"]), settings=tuple(task["settings"]))
     told = measure(method, case, repeats=task["repeats"], keep=keep)

@@ -153,7 +153,7 @@ METHODS: tuple[Method, ...] = (
     Method(
         "scatter",
         "scatter, one view",
-        "radius step in px",
+        "px step",
         (1.0, 0.25),
         _sharp_view,
         _filtered(scatter, "radius_step"),
@@ -162,7 +162,7 @@ METHODS: tuple[Method, ...] = (
     Method(
         "scatter-normalised",
         "scatter, normalised",
-        "radius step in px",
+        "px step",
         (1.0, 0.25),
         _sharp_view,
         _filtered(functools.partial(scatter, normalised=True), "radius_step"),

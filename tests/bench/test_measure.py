@@ -9,7 +9,6 @@ import pytest
 from focusjax.baselines import lens_picture
 from focusjax.bench._measure import measure, peak_memory
 from focusjax.bench._methods import Method, method_named
-from focusjax.bench._worker import measured_apart
 from focusjax.metrics import psnr
 
 
@@ -36,36 +35,27 @@ def test_set_up_apart_and_every_setting_repeated(case):
 
 
 @pytest.mark.parametrize(
-    ("name", "setting", "least"),
+    ("name", "setting", "observed"),
     [  # observed, in dB
-        ("raycast", 16, 31.5),
-        ("accumulation", 16, 32.0),
-        ("gather", 64, 25.0),
-        ("scatter", 0.25, 17.0),
-        ("scatter-normalised", 0.25, 24.0),
-        ("multilayer", 16, 27.0),
+        ("raycast", 16, 36.9),
+        ("accumulation", 16, 39.6),
+        ("gather", 64, 36.1),
+        ("scatter", 0.25, 29.3),
+        ("scatter-normalised", 0.25, 33.4),
+        ("multilayer", 16, 32.5),
         pytest.param(
             "mitsuba-scalar",
             16,
-            26.0,
+            33.0,
             marks=pytest.mark.skipif(
                 importlib.util.find_spec("mitsuba") is None, reason="Mitsuba is not installed (`bench` extra)"
             ),
         ),
     ],
 )
-def test_methods_see_the_same_picture(case, name, setting, least):
+def test_methods_see_the_same_picture(case, name, setting, observed):
     method = dataclasses.replace(method_named(name), settings=(setting,))
     kept = {}
     measure(method, case, repeats=1, keep=kept.__setitem__)
     truth = lens_picture(case.scene, case.camera, case.lens, rays=128, seed=7)
-    print("OBS", name, psnr(kept[0], truth))
-    assert psnr(kept[0], truth) > least - 1.0
-
-
-def test_a_method_that_fails_says_why(case):
-    impossible = dataclasses.replace(method_named("multilayer"), settings=(1,))
-    with pytest.raises(
-        ValueError, match="multilayer failed on ball_and_wall: layers is 1; expected at least"
-    ):
-        measured_apart(impossible, case, repeats=1)
+    assert psnr(kept[0], truth) > observed - 1.0

@@ -45,7 +45,7 @@ def test_refuses_no_samples_and_unknown_variants():
 
 
 def test_refuses_what_it_does_not_draw():
-    with pytest.raises(ValueError, match="opaque, unlit, white materials .* bake the scene's colours"):
+    with pytest.raises(ValueError, match=r"opaque, unlit, white materials .* bake the scene's colours"):
         unlit_scene(varied_scene())
 
 

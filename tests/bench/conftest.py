@@ -11,10 +11,17 @@ title = "Ball & <wall>"
 [scene]
 ambient = 0.5
 background = {kind = "constant", colour = [0.1, 0.2, 0.3]}
-objects = [
-    {file = "ball.ply", name = "ball", translate = [-0.2, 0, -1.5], colour = [1.0, 0.0, 0.5]},
-    {file = "wall.ply", name = "wall", translate = [0.8, 0, -4], colour = [0.0, 1.0, 0.0], emission = [5.0, 0.0, 0.25]},
-]
+[[scene.objects]]
+file = "ball.ply"
+name = "ball"
+translate = [-0.2, 0, -1.5]
+colour = [1.0, 0.0, 0.5]
+[[scene.objects]]
+file = "wall.ply"
+name = "wall"
+translate = [0.8, 0, -4]
+colour = [0.0, 1.0, 0.0]
+emission = [5.0, 0.0, 0.25]
 [camera]
 position = [0, 0, 0]
 look_at = [0, 0, -1]

@@ -14,6 +14,7 @@ from focusjax.bench._reference import Reference as Reference
 from focusjax.bench._reference import reference_picture as reference_picture
 from focusjax.bench._run import CaseResults as CaseResults
 from focusjax.bench._run import Results as Results
+from focusjax.bench._run import Row as Row
 from focusjax.bench._run import speed_error as speed_error
 from focusjax.bench._save import FILES as FILES
 from focusjax.bench._save import save_results as save_results

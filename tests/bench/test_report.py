@@ -6,8 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from focusjax.bench import METHODS, CaseResults, Reference, Results, save_results
-from focusjax.bench._run import Row
+from focusjax.bench import METHODS, CaseResults, Reference, Results, Row, save_results
 
 
 def row(method, setting, seconds, psnr, setup):

@@ -14,6 +14,7 @@ from focusjax.focus import OnTriangle as OnTriangle
 from focusjax.focus import Sharp as Sharp
 from focusjax.focus import Solution as Solution
 from focusjax.focus import solve as solve
+from focusjax.focus import solve_focal_surface as solve_focal_surface
 from focusjax.geometry import Camera as Camera
 from focusjax.geometry import look_at as look_at
 from focusjax.geometry import make_camera as make_camera
@@ -28,8 +29,12 @@ from focusjax.layers import missed_light as missed_light
 from focusjax.layers import peel as peel
 from focusjax.layers import umbra_saving as umbra_saving
 from focusjax.lens import Disk as Disk
+from focusjax.lens import FocalSurface as FocalSurface
+from focusjax.lens import FocalSurfaceLens as FocalSurfaceLens
 from focusjax.lens import ThinLens as ThinLens
 from focusjax.lens import TiltShiftLens as TiltShiftLens
+from focusjax.lens import focal_surface as focal_surface
+from focusjax.lens import focal_surface_lens as focal_surface_lens
 from focusjax.lens import polygon as polygon
 from focusjax.lens import thin_lens as thin_lens
 from focusjax.lens import tilt_shift_lens as tilt_shift_lens

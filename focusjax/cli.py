@@ -1,4 +1,4 @@
-"""The command line: `focusjax run`, `solve` and `render`."""
+"""The command line: `focusjax run`, `solve`, `render` and `bench`."""
 
 import logging
 import os
@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from focusjax import job
+from focusjax import bench, job
 from focusjax.config import ConfigError, load_config
 from focusjax.io import staged_folder
 from focusjax.report import FILES, angle, depth_of_field, f_number, metres, movements, save_outcome
@@ -40,6 +40,8 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
+bench_app = typer.Typer(help="Measure focusjax beside other methods.", no_args_is_help=True)
+app.add_typer(bench_app, name="bench")
 ConfigArgument = Annotated[Path, typer.Argument(help="A TOML file.", metavar="CONFIG")]
 OutOption = Annotated[
     Path | None, typer.Option("--out", help="Folder for the results; out/<config's name> by default.")
@@ -66,6 +68,70 @@ def solve(config: ConfigArgument, out: OutOption = None, set_: SetOption = None)
 def render(config: ConfigArgument, out: OutOption = None, set_: SetOption = None) -> None:
     """Render with the lens as the config has it."""
     _do(config, out, set_, solving=False, rendering=True)
+
+
+@bench_app.command("speed-error")
+def speed_error(
+    configs: Annotated[list[Path], typer.Argument(help="TOML files.", metavar="CONFIG...")],
+    out: Annotated[Path, typer.Option("--out", help="Folder for the report.")],
+    methods: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--methods",
+            metavar="NAME[=SETTING,...]",
+            help=f"Of {', '.join(method.name for method in bench.METHODS)}; may be repeated.",
+        ),
+    ] = None,
+    size: Annotated[
+        str | None, typer.Option("--size", metavar="WxH", help="Pixels; the configs' own by default.")
+    ] = None,
+    repeats: Annotated[int, typer.Option("--repeats", help="Timed calls after the first.")] = 3,
+    reference: Annotated[
+        str | None,
+        typer.Option("--reference", metavar="mitsuba|raycast", help="Who makes the converged picture."),
+    ] = None,
+    reference_samples: Annotated[
+        int, typer.Option("--reference-samples", help="Samples per pixel of the converged picture.")
+    ] = 2048,
+    cache: Annotated[
+        Path | None, typer.Option("--cache", help="Folder that keeps converged pictures between runs.")
+    ] = None,
+) -> None:
+    """Report the speed of every method against its error, on the scenes of some configs."""
+    console, errors = Console(), Console(stderr=True)
+    try:
+        chosen = bench.chosen_methods(methods or ())
+        pixels = None if size is None else _size(size)
+        read = [load_config(path) for path in configs]
+        with (
+            staged_folder(out, owned=bench.FILES) as stage,
+            _progress(errors) as tell,
+            _warnings_told(errors),
+        ):
+            tell("load", None)
+            results = bench.speed_error(
+                [bench.case_from_config(config, pixels) for config in read],
+                chosen,
+                cache=_caches() / "references" if cache is None else cache,
+                maker=reference,
+                samples=reference_samples,
+                repeats=repeats,
+                progress=tell,
+            )
+            tell("save", None)
+            bench.save_results(stage, results)
+    except (ConfigError, bench.ChoiceError) as error:
+        _fail(errors, error, BAD_INPUT)
+    except (ValueError, RuntimeError, OSError, MemoryError) as error:
+        _fail(errors, error, FAILED)
+    except Exception as error:
+        _fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
+    for found in results.cases:
+        console.print(_comparison(found))
+    console.print(f"Report: {out / 'report.html'}", soft_wrap=True, highlight=False)
+    failures = [why for found in results.cases for why in found.failures.values()]
+    if failures:
+        _fail(errors, ValueError("; ".join(failures)), FAILED)
 
 
 def main() -> None:
@@ -100,7 +166,7 @@ def _do(
 
 def _tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     """What a photographer wants to know, in a few lines."""
-    lens, camera = outcome.lens, outcome.camera
+    lens, camera = outcome.middle_lens, outcome.camera
     sharp = depth_of_field(camera, lens)
     console.print(
         f"[bold]Focus {metres(float(lens.focus_distance()))}, {f_number(float(lens.f_number(camera)))}[/]"
@@ -115,8 +181,11 @@ def _tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
         )
     if moved["rise_mm"] or moved["shift_mm"]:
         console.print(f"Rise {moved['rise_mm']:+g} mm, shift {moved['shift_mm']:+g} mm", highlight=False)
+    if outcome.config.lens.focal_surface is not None:
+        console.print("In the middle of the picture; a focal surface sets it from place to place.")
     if outcome.solution is not None:
         console.print(_wishes(outcome.solution))
+    if isinstance(outcome.solution, job.Solution):
         for bound in outcome.solution.active_bounds:
             console.print(f"On the limit: {bound.replace('_', ' ')}.")
         if outcome.solution.undetermined:
@@ -129,7 +198,7 @@ def _tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     console.print(f"Report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
 
 
-def _wishes(solution: job.Solution) -> Table:
+def _wishes(solution: job.Solution | job.SurfaceSolution) -> Table:
     table = Table(box=None, header_style="dim", pad_edge=False)
     for heading in ("wish", "wished", "got", "missed by", ""):
         table.add_column(heading, justify="left" if heading in ("wish", "") else "right")
@@ -144,6 +213,33 @@ def _wishes(solution: job.Solution) -> Table:
             verdict,
         )
     return table
+
+
+def _comparison(found: bench.CaseResults) -> Table:
+    """What a scene's measurements say, a line for each setting."""
+    table = Table(title=found.case.title, box=None, header_style="dim", pad_edge=False, title_justify="left")
+    for heading in ("method", "setting", "picture", "set-up", "MiB", "PSNR", "SSIM", "silhouettes"):
+        table.add_column(heading, justify="left" if heading in ("method", "setting") else "right")
+    for row in found.rows:
+        table.add_row(
+            row.method,
+            f"{row.setting} {row.knob}",
+            _duration(row.seconds),
+            _duration(row.setup_seconds),
+            f"{row.peak_mib:.0f}",
+            f"{row.psnr:.2f} dB",
+            "" if row.ssim is None else f"{row.ssim:.4f}",
+            "" if row.silhouette_psnr is None else f"{row.silhouette_psnr:.2f} dB",
+        )
+    return table
+
+
+def _size(text: str) -> tuple[int, int]:
+    """Width and height from text such as 800x600."""
+    width, cross, height = text.lower().partition("x")
+    if not (cross and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        raise bench.ChoiceError(f"--size is {text}; expected width and height in pixels, such as 800x600")
+    return int(width), int(height)
 
 
 def _duration(seconds: float) -> str:
@@ -209,9 +305,13 @@ def _set_up_jax() -> None:
         "false",
     ):
         return
-    caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    jax.config.update("jax_compilation_cache_dir", str(caches / "focusjax" / "compiled"))
+    jax.config.update("jax_compilation_cache_dir", str(_caches() / "compiled"))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+
+
+def _caches() -> Path:
+    """Where focusjax keeps what later runs can use."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "focusjax"
 
 
 def _quieten() -> None:

@@ -10,11 +10,34 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._stopwatch import Stopwatch
-from focusjax.config import Config, build_camera, build_focus_points, build_lens, build_scene
-from focusjax.focus import FocusPoint, ImagePoints, Solution, locate, solve
+from focusjax.config import (
+    Config,
+    build_camera,
+    build_control_points,
+    build_focal_surface,
+    build_focus_points,
+    build_lens,
+    build_scene,
+)
+from focusjax.focus import (
+    FocusPoint,
+    ImagePoints,
+    Solution,
+    SurfaceSolution,
+    locate,
+    solve,
+    solve_focal_surface,
+)
 from focusjax.geometry import Camera
 from focusjax.layers import Layers, disparity_map, peel
-from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens
+from focusjax.lens import (
+    AbstractLens,
+    FocalSurface,
+    FocalSurfaceLens,
+    ThinLens,
+    TiltShiftLens,
+    focal_surface_lens,
+)
 from focusjax.scene import Scene
 from focusjax.trace import render, render_pinhole
 
@@ -64,14 +87,21 @@ class Outcome:
 
     config: Config
     camera: Camera
-    lens: ThinLens | TiltShiftLens
+    lens: ThinLens | TiltShiftLens | FocalSurfaceLens
     points: ImagePoints | None
-    solution: Solution | None
+    solution: Solution | SurfaceSolution | None
     disparity: Float[np.ndarray, "h w"]
     blur: Float[np.ndarray, "h w"]
     picture: Picture | None
     seconds: dict[str, float]
     compile_seconds: dict[str, float]
+
+    @property
+    def middle_lens(self) -> ThinLens | TiltShiftLens:
+        """The lens as the middle of the picture has it."""
+        if isinstance(self.lens, FocalSurfaceLens):
+            return self.lens.thin_lens_at(self.camera, self.camera.principal_point)
+        return self.lens
 
 
 def run(
@@ -100,8 +130,22 @@ def run(
         points = None
         if wishes:
             points = find_points(wishes, scene, camera, disparity=disparity)
+        surface = None
+        if config.lens.focal_surface is not None:
+            assert isinstance(lens, ThinLens)
+            controls = build_control_points(config, scene)
+            found = find_points(controls, scene, camera, disparity=disparity)
+            surface = build_focal_surface(config, found, camera, lens)
     solution = None
-    if solving:
+    if surface is not None and solving:
+        assert points is not None
+        assert isinstance(lens, ThinLens)
+        solution = _solve_surface(config, points, camera, surface, lens, watch)
+        lens = solution.lens
+    elif surface is not None:
+        assert isinstance(lens, ThinLens)
+        lens = focal_surface_lens(surface, camera, lens)
+    elif solving:
         assert points is not None
         assert isinstance(lens, ThinLens)
         solution = _solve(config, points, camera, lens, watch)
@@ -175,6 +219,24 @@ def _solve(config: Config, points: ImagePoints, camera: Camera, lens: ThinLens, 
         with watch.stage(stage, compile_apart=False):
             solution = solve(points, camera, lens, **options)
             jax.block_until_ready(eqx.filter(solution.lens, eqx.is_array))
+    return solution
+
+
+def _solve_surface(
+    config: Config,
+    points: ImagePoints,
+    camera: Camera,
+    surface: FocalSurface,
+    lens: ThinLens,
+    watch: Stopwatch,
+) -> SurfaceSolution:
+    """As `_solve`, for the control values of a focal surface."""
+    assert config.lens.focal_surface is not None
+    smoothness = config.lens.focal_surface.smoothness
+    for stage in ("solve_first", "solve"):
+        with watch.stage(stage, compile_apart=False):
+            solution = solve_focal_surface(points, camera, surface, lens, smoothness=smoothness)
+            jax.block_until_ready(solution.cost)
     return solution
 
 

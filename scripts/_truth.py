@@ -1,39 +1,15 @@
 """Converged pictures to score against, computed once and kept in a file."""
 
 import hashlib
+import importlib.util
 from pathlib import Path
 
 import numpy as np
-from _mitsuba import UnlitScene, render_thin_lens
 
-from focusjax.baselines import lens_picture
+from focusjax.baselines import lens_picture, mitsuba_picture, unlit_scene
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens
-from focusjax.scene import ConstantBackground, Scene
-
-
-def unlit_scene(scene: Scene) -> UnlitScene:
-    """The triangles, vertex colours and constant background of `scene`."""
-    assert isinstance(scene.background, ConstantBackground)
-    background = tuple(float(value) for value in np.asarray(scene.background.colour))
-    return UnlitScene(scene.vertices, scene.faces, scene.colours, background)
-
-
-def mitsuba_picture(
-    scene: UnlitScene, camera: Camera, lens: ThinLens, samples: int, seed: int = 0
-) -> np.ndarray:
-    """What Mitsuba sees through the same lens (a disk)."""
-    return render_thin_lens(
-        scene,
-        np.asarray(camera.world_from_camera),
-        camera.width,
-        camera.height,
-        2 * np.degrees(np.arctan(camera.width / 2 / float(camera.focal_px))),
-        float(lens.aperture_radius),
-        float(lens.focus_distance()),
-        samples,
-        seed,
-    )
+from focusjax.scene import Scene
 
 
 def truth(
@@ -59,10 +35,10 @@ def truth(
                     f"{file} is of another scene, camera or lens; name another file or remove it"
                 )
             return kept["picture"].astype(np.float64), str(kept["maker"])
-    try:
-        picture = mitsuba_picture(unlit_scene(scene), camera, lens, samples, seed=1000)
+    if importlib.util.find_spec("mitsuba") is not None:
+        picture = mitsuba_picture(unlit_scene(scene), camera, lens, samples=samples, seed=1000)
         maker = f"Mitsuba, {samples} samples per pixel"
-    except ImportError:
+    else:
         picture = lens_picture(scene, camera, lens, rays=samples)
         maker = f"ray cast, {samples} rays per pixel"
     if file is not None:

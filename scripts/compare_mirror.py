@@ -11,8 +11,8 @@ import argparse
 import jax.numpy as jnp
 import numpy as np
 import trimesh
-from _mitsuba import mitsuba
 
+from focusjax.baselines import mitsuba
 from focusjax.geometry import Camera, look_at
 from focusjax.layers import peel
 from focusjax.lens import ThinLens

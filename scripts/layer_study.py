@@ -23,12 +23,12 @@ import jax
 from _procedural import timed_scene
 from _truth import truth
 from bench_render import machine, view
-from compare_mitsuba import baked, resized
 from rich.console import Console
 from rich.table import Table
 
 from focusjax import job
 from focusjax.baselines import nearest_in_scene
+from focusjax.bench import baked, resized
 from focusjax.config import build_scene, load_config
 from focusjax.geometry import Camera
 from focusjax.layers import Layers, decompose, missed_light, peel, umbra_saving

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from _mitsuba import UnlitScene, render_thin_lens
+
+from focusjax.baselines import UnlitScene, render_thin_lens
 
 WIDTH, HEIGHT, FIELD_OF_VIEW = 256, 192, 40.0
 EYE, TARGET = (0.25, 0.55, 3.0), (0.0, 0.0, 0.0)

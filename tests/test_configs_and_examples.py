@@ -79,8 +79,16 @@ def test_a_tilted_lens_is_not_solved_for(tmp_path):
     assert "lens.swing_degrees is -5.788, but a solve sets the focus of a lens that is not tilted" in said
 
 
-def test_there_are_four_configs_of_full_size():
-    assert [path.stem for path in CONFIGS] == ["bars", "still_life", "tilted_row", "town"]
+def test_a_turned_lens_has_no_focal_surface(tmp_path):
+    surface = ROOT / "configs" / "focal_surface.toml"
+    options = ["--out", str(tmp_path), "--set", "lens.tilt_degrees=3"]
+    result = CliRunner().invoke(app, ["render", str(surface), *options])
+    assert result.exit_code == 2
+    assert "lens has tilt_degrees and a focal_surface" in " ".join(result.output.split())
+
+
+def test_there_are_five_configs_of_full_size():
+    assert [path.stem for path in CONFIGS] == ["bars", "focal_surface", "still_life", "tilted_row", "town"]
     for path in CONFIGS:
         width, height = tomllib.loads(path.read_text())["camera"]["resolution"]
         assert width >= 640

@@ -1,26 +1,13 @@
-"""The picture by definition: cast every lens ray at the triangles themselves, with Embree.
-
-Shares nothing with the layers or the tracer but the lens that makes the rays and the scene's shader, which
-looks at every point from where the ray starts, not from the lens centre.
-"""
+"""Where rays first meet the triangles themselves, by Embree."""
 
 import dataclasses
 from collections.abc import Callable
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from focusjax.geometry import Camera, LensRay
-from focusjax.lens import AbstractLens
-from focusjax.scene import AbstractBackground, Scene, Shader
-
-_AT_ONCE = 1 << 18
-# One over powers of the generalised golden ratio: steps that fill the 4-cube evenly (Roberts 2018).
-_STEPS = 0.8566748838545029 ** np.arange(1, 5)
-_TEXTURE_SHARE = 1 / 8
+from focusjax.scene import Scene
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,7 +27,7 @@ class SurfaceHits:
 
 
 class RayCaster:
-    """Triangles made ready for ray casting; building takes about 5 s per million triangles.
+    """Triangles made ready for ray casting; building takes seconds per million triangles.
 
     Args:
         vertices: world metres [v, 3].
@@ -91,40 +78,6 @@ class RayCaster:
         return SurfaceHits(np.where(hit, triangle, -1), distance, barycentric)
 
 
-def lens_picture(
-    scene: Scene, camera: Camera, lens: AbstractLens, *, rays: int = 64, seed: int = 0
-) -> np.ndarray:
-    """Linear picture [h, w, 3] through `lens`, each pixel the weighted mean of `rays` rays.
-
-    A pixel's film points cover its unit square (box filter) and its pupil points the whole opening.
-    Textures are read at an eighth of a pixel, so that the rays do the averaging.
-
-    Args:
-        scene: what to see.
-        camera: frame and pose.
-        lens: where rays go.
-        rays: per pixel.
-        seed: of the random shift of each pixel's ray pattern.
-
-    Raises:
-        ValueError: fewer than one ray, or Embree is not installed.
-    """
-    if rays < 1:
-        raise ValueError(f"rays is {rays}; expected at least 1 per pixel")
-    caster = RayCaster(scene.vertices, scene.faces)
-    shader = scene.shader(camera.position)
-    shifts = np.random.default_rng(seed).uniform(size=(camera.height * camera.width, 4))
-    pixel = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1).reshape(-1, 2)
-    total = np.zeros((len(pixel), 3))
-    for first in range(0, len(pixel), _AT_ONCE):
-        block = slice(first, first + _AT_ONCE)
-        for number in range(rays):
-            square = (shifts[block] + number * _STEPS) % 1.0
-            film = pixel[block] + square[:, :2]
-            total[block] += _radiance(scene, shader, caster, camera, lens, film, square[:, 2:])
-    return (total / rays).reshape(camera.height, camera.width, 3)
-
-
 def nearest_in_scene(scene: Scene, camera: Camera) -> Callable[[LensRay], Float[np.ndarray, " n"]]:
     """Which surface lens rays of `camera` meet first, by casting them: the truth for `missed_light`.
 
@@ -138,74 +91,12 @@ def nearest_in_scene(scene: Scene, camera: Camera) -> Callable[[LensRay], Float[
 
     def first_disparity(rays: LensRay) -> Float[np.ndarray, " n"]:
         lines = (np.asarray(part, dtype=np.float64) for part in (rays.a, rays.b))
-        return 1.0 / caster.first_hits(*_world_rays(camera, *lines)).distance
+        return 1.0 / caster.first_hits(*world_rays(camera, *lines)).distance
 
     return first_disparity
 
 
-def _radiance(
-    scene: Scene,
-    shader: Shader,
-    caster: RayCaster,
-    camera: Camera,
-    lens: AbstractLens,
-    film: np.ndarray,
-    pupil: np.ndarray,
-) -> np.ndarray:
-    """Weighted radiance [n, 3] along one ray per film point [n, 2] and pupil sample [n, 2]."""
-    real = jnp.zeros(()).dtype
-    a, b, weight = (
-        np.asarray(part, dtype=np.float64)
-        for part in _image_lines(lens, camera, jnp.asarray(film, dtype=real), jnp.asarray(pupil, dtype=real))
-    )
-    origins, directions = _world_rays(camera, a, b)
-    hits = caster.first_hits(origins, directions)
-    seen = hits.triangle >= 0
-    # Directions advance one metre along the view axis, so the distance is the depth.
-    width = np.where(seen, hits.distance, 1.0) / float(camera.focal_px) * _TEXTURE_SHARE
-    colour = _colours(
-        shader,
-        scene.background,
-        jnp.asarray(np.maximum(hits.triangle, 0), dtype=jnp.int32),
-        jnp.asarray(hits.barycentric, dtype=real),
-        jnp.asarray(width, dtype=real),
-        jnp.asarray(origins, dtype=real),
-        jnp.asarray(directions, dtype=real),
-        jnp.asarray(seen),
-    )
-    return weight[:, None] * np.asarray(colour, dtype=np.float64)
-
-
-@eqx.filter_jit
-def _image_lines(
-    lens: AbstractLens, camera: Camera, film: Float[Array, "n 2"], pupil: Float[Array, "n 2"]
-) -> tuple[Float[Array, "n 2"], Float[Array, "n 2"], Float[Array, " n"]]:
-    def one(point: Float[Array, "2"], sample: Float[Array, "2"]):
-        ray = lens.ray(camera, point, lens.pupil_point(sample))
-        return ray.a, ray.b, ray.weight
-
-    return jax.vmap(one)(film, pupil)
-
-
-@eqx.filter_jit
-def _colours(
-    shader: Shader,
-    background: AbstractBackground,
-    triangle: Int[Array, " n"],
-    barycentric: Float[Array, "n 3"],
-    width: Float[Array, " n"],
-    eye: Float[Array, "n 3"],
-    direction: Float[Array, "n 3"],
-    seen: Array,
-) -> Float[Array, "n 3"]:
-    def seen_from(eye: Float[Array, "3"], *sample: Array) -> Float[Array, "3"]:
-        return dataclasses.replace(shader, eye=eye)(*sample)
-
-    surface = jax.vmap(seen_from)(eye, triangle, barycentric, width)
-    return jnp.where(seen[:, None], surface, jax.vmap(background.radiance)(direction))
-
-
-def _world_rays(camera: Camera, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def world_rays(camera: Camera, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Origins in the lens plane and directions, one metre deep, of image lines q(w) = a + b w.
 
     X(z) = X0 + m z with b = f (X0, -Y0) and a = c + f (m_x, -m_y); the camera looks along -z.

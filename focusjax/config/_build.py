@@ -3,9 +3,11 @@
 import math
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 
 from focusjax.config._errors import ConfigError
+from focusjax.config._focal_surface import ControlPointTable, GaussianTable, WendlandTable
 from focusjax.config._load import Config
 from focusjax.config._scene import (
     ConstantTable,
@@ -23,6 +25,7 @@ from focusjax.focus import (
     AtPoint,
     Blur,
     FocusPoint,
+    ImagePoints,
     OnObject,
     OnTriangle,
     Sharp,
@@ -30,9 +33,15 @@ from focusjax.focus import (
 from focusjax.geometry import Camera, look_at, make_camera
 from focusjax.lens import (
     AbstractAperture,
+    AbstractKernel,
     Disk,
+    FocalSurface,
+    GaussianFade,
+    InverseDistance,
     ThinLens,
     TiltShiftLens,
+    WendlandFade,
+    focal_surface,
     polygon,
     thin_lens,
     tilt_shift_lens,
@@ -119,7 +128,7 @@ def build_lens(config: Config, camera: Camera, *, solved: bool) -> ThinLens | Ti
             f"{config.source}: {tilted[0]}, but a solve sets the focus of a lens that is not tilted; take the"
             " lens as it is with `focusjax render`, or leave the tilt out"
         )
-    if table.focus_distance_m is None and not solved:
+    if table.focus_distance_m is None and table.focal_surface is None and not solved:
         raise ConfigError(
             f"{config.source}: lens.focus_distance_m is missing; give it, or solve for it with `focusjax run`"
         )
@@ -137,6 +146,40 @@ def build_lens(config: Config, camera: Camera, *, solved: bool) -> ThinLens | Ti
         return tilt_shift_lens(tilt=angles[0], swing=angles[1], **settings)
     except ValueError as error:
         raise _located(error, config) from error
+
+
+def build_control_points(config: Config, scene: Scene) -> tuple[FocusPoint, ...]:
+    """The places of `[[lens.focal_surface.points]]`, with the signed blur wished there.
+
+    Raises:
+        ConfigError: no focal surface, or an object that does not exist.
+    """
+    table = config.lens.focal_surface
+    if table is None:
+        raise ConfigError(f"{config.source}: there is no [lens.focal_surface] table; add one")
+    try:
+        return tuple(_control_point(point, number, scene) for number, point in enumerate(table.points))
+    except ValueError as error:
+        raise _located(error, config) from error
+
+
+def build_focal_surface(config: Config, points: ImagePoints, camera: Camera, lens: ThinLens) -> FocalSurface:
+    """The surface through the control points, found in the picture as `points`.
+
+    A point of wished blur d and disparity w is passed at w + d / (2 f E s), where it has that blur.
+    """
+    table = config.lens.focal_surface
+    assert table is not None
+    scale = np.array([point.aperture_scale for point in table.points])
+    slope = 2.0 * float(lens.parallax(camera)) * scale
+    return focal_surface(
+        points.xy,
+        np.asarray(points.disparity) + np.asarray(points.target) / slope,
+        aperture_scale=scale,
+        weight=np.array([point.weight for point in table.points]),
+        kernel=_kernel(config),
+        basis=table.basis,
+    )
 
 
 def build_focus_points(config: Config, scene: Scene) -> tuple[FocusPoint, ...]:
@@ -188,6 +231,31 @@ def _where(
     assert table.object is not None
     scene.face_range(table.object)
     return OnObject(table.object) if table.samples is None else OnObject(table.object, samples=table.samples)
+
+
+def _control_point(table: ControlPointTable, number: int, scene: Scene) -> FocusPoint:
+    if table.pixel is not None:
+        where = AtPixel(*table.pixel)
+    elif table.point is not None:
+        where = AtPoint(table.point)
+    else:
+        assert table.object is not None
+        scene.face_range(table.object)
+        where = OnObject(table.object, samples=1)
+    return FocusPoint(
+        where, Blur(table.blur_px, signed=True), name=table.name or f"lens.focal_surface.points.{number}"
+    )
+
+
+def _kernel(config: Config) -> AbstractKernel:
+    assert config.lens.focal_surface is not None
+    table = config.lens.focal_surface.kernel
+    exponent = jnp.asarray(table.exponent, dtype=float)
+    if isinstance(table, GaussianTable):
+        return GaussianFade(jnp.asarray(table.width_px, dtype=float), exponent)
+    if isinstance(table, WendlandTable):
+        return WendlandFade(jnp.asarray(table.radius_px, dtype=float), exponent)
+    return InverseDistance(exponent)
 
 
 def _default_name(table: FocusTable) -> str:

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Strict, model_validator
 
+from focusjax.config._focal_surface import FocalSurfaceTable
 from focusjax.config._values import Millimetres, NotNegative, Number, Positive, Table, Vector
 
 Row = Annotated[tuple[Number, Number, Number, Number], Strict(False)]
@@ -87,11 +88,24 @@ class LensTable(Table):
         default=DiskTable(shape="disk"),
         description='the opening, for example {shape = "polygon", blades = 6}, or {shape = "disk"}',
     )
+    focal_surface: FocalSurfaceTable | None = Field(
+        default=None, description="a [lens.focal_surface] table with its points"
+    )
 
     @model_validator(mode="after")
     def _one_opening(self) -> "LensTable":
         if (self.f_number is None) == (self.aperture_radius_mm is None):
             raise ValueError("needs exactly one of f_number and aperture_radius_mm")
+        if self.focal_surface is not None and self.focus_distance_m is not None:
+            raise ValueError("has focus_distance_m and a focal_surface; give one or the other")
+        turned = [key for key in ("tilt_degrees", "swing_degrees") if getattr(self, key)]
+        if self.focal_surface is not None and turned:
+            raise ValueError(
+                f"has {turned[0]} and a focal_surface, which needs a lens that is not turned; give one or the"
+                " other"
+            )
+        if self.focal_surface is not None and self.aperture_radius_mm == 0:
+            raise ValueError("has a focal_surface and aperture_radius_mm = 0; open the aperture")
         if self.focus_distance_m is not None and math.isnan(self.focus_distance_m):
             raise ValueError("has focus_distance_m = nan; give metres, or inf")
         return self

@@ -19,3 +19,5 @@ from focusjax.focus._solution import Result as Result
 from focusjax.focus._solution import Solution as Solution
 from focusjax.focus._solution import WishResult as WishResult
 from focusjax.focus._solve import solve as solve
+from focusjax.focus._solve_surface import SurfaceSolution as SurfaceSolution
+from focusjax.focus._solve_surface import solve_focal_surface as solve_focal_surface

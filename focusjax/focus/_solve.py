@@ -82,7 +82,7 @@ def solve(
         max_focus_distance=max_focus_distance,
         f_number_range=f_number_range,
     )
-    points = _checked(points)
+    points = checked_points(points)
     free_aperture = "f_number" in free
     if free_aperture:
         _check_start(camera, lens, limits)
@@ -148,7 +148,7 @@ def _check_start(camera: Camera, lens: ThinLens, limits: Limits) -> None:
     )
 
 
-def _checked(points: ImagePoints) -> ImagePoints:
+def checked_points(points: ImagePoints) -> ImagePoints:
     """The points, with every value in range."""
     if points.disparity.shape[0] == 0:
         raise ValueError("there are no focus points; give at least one wish")

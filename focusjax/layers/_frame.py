@@ -73,26 +73,15 @@ def _reach(
     """How far in samples rays of any film point stray from it, as a function of disparities."""
     if lens is None:
         return np.zeros_like
-    films = jnp.array(
-        [[x * camera.width, y * camera.height] for x in (0.0, 0.5, 1.0) for y in (0.0, 0.5, 1.0)]
-    )
 
     def reach(disparity: np.ndarray) -> np.ndarray:
         flat = pad_rows(disparity.reshape(-1), max(1024, padded_length(disparity.size)))
-        radius = np.asarray(_footprints(lens, camera, films, jnp.asarray(flat, dtype=films.dtype)))
+        radius = np.asarray(_reaches(lens, camera, jnp.asarray(flat, dtype=camera.focal_px.dtype)))
         return radius[: disparity.size].reshape(disparity.shape) * supersampling + supersampling / 2 + _BORDER
 
     return reach
 
 
 @eqx.filter_jit
-def _footprints(
-    lens: AbstractLens, camera: Camera, films: Float[Array, "p 2"], disparity: Float[Array, " t"]
-) -> Float[Array, " t"]:
-    """Largest distance of any ray from its own film point, over the film points."""
-
-    def one(film: Float[Array, "2"], w: Float[Array, ""]) -> Float[Array, ""]:
-        centre, radius = lens.footprint(camera, film, w)
-        return radius + jnp.abs(centre - film).max()
-
-    return jax.vmap(lambda w: jax.vmap(lambda p: one(p, w))(films).max())(disparity)
+def _reaches(lens: AbstractLens, camera: Camera, disparity: Float[Array, " t"]) -> Float[Array, " t"]:
+    return jax.vmap(lambda w: lens.reach(camera, w))(disparity)

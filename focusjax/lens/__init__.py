@@ -6,6 +6,16 @@ from focusjax.lens._aperture import Polygon as Polygon
 from focusjax.lens._aperture import polygon as polygon
 from focusjax.lens._back import tilt_back as tilt_back
 from focusjax.lens._base import AbstractLens as AbstractLens
+from focusjax.lens._control_points import FocalSurface as FocalSurface
+from focusjax.lens._control_points import focal_surface as focal_surface
+from focusjax.lens._focal_surface import FocalSurfaceLens as FocalSurfaceLens
+from focusjax.lens._focal_surface import focal_surface_lens as focal_surface_lens
+from focusjax.lens._kernels import AbstractKernel as AbstractKernel
+from focusjax.lens._kernels import GaussianFade as GaussianFade
+from focusjax.lens._kernels import InverseDistance as InverseDistance
+from focusjax.lens._kernels import WendlandFade as WendlandFade
+from focusjax.lens._moving_least_squares import Basis as Basis
+from focusjax.lens._moving_least_squares import moving_least_squares as moving_least_squares
 from focusjax.lens._scheimpflug import MAX_TILT as MAX_TILT
 from focusjax.lens._scheimpflug import Movements as Movements
 from focusjax.lens._scheimpflug import focal_plane_through as focal_plane_through

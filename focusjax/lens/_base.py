@@ -39,7 +39,15 @@ class AbstractLens(eqx.Module):
         """Centre [2] and radius in pixels of a disk that holds all rays of `film_point` at `disparity`.
 
         Rays are linear in disparity, so the disks at both ends of a disparity interval bound all
-        those between.
+        those between. The disks of a pixel's corners bound, in the same sense, those of the film points
+        within it, to a thousandth of a pixel.
+        """
+
+    @abc.abstractmethod
+    def reach(self, camera: Camera, disparity: Float[Array, ""]) -> Float[Array, ""]:
+        """How far in pixels, along x or y, rays are at most from their film points at `disparity`.
+
+        A bound over all film points of the picture, and convex in the disparity.
         """
 
     @abc.abstractmethod

@@ -54,6 +54,9 @@ class ThinLens(AbstractLens):
     ) -> tuple[Float[Array, "2"], Float[Array, ""]]:
         return film_point, self.parallax(camera) * jnp.abs(self.focus_disparity - disparity)
 
+    def reach(self, camera: Camera, disparity: Float[Array, ""]) -> Float[Array, ""]:
+        return self.parallax(camera) * jnp.abs(self.focus_disparity - disparity)
+
     def parallax(self, camera: Camera) -> Float[Array, ""]:
         return camera.focal_px * self.aperture_radius
 

@@ -29,6 +29,7 @@ the same.
 from typing import SupportsFloat
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -104,19 +105,24 @@ class TiltShiftLens(AbstractLens):
     def footprint(
         self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
     ) -> tuple[Float[Array, "2"], Float[Array, ""]]:
+        # A product of three factors that are convex in the film point. Where one rises as another falls it
+        # may top a pixel's corners, by about E sin(t)^2 / (4 F f), or 1e-5 pixels.
         focus = self.focal_disparity(camera, film_point)
         widest = self._stretch(camera, view_tangents(camera, film_point)) * self._gap(camera, focus)
         return film_point, camera.focal_px * self.aperture_radius * widest * jnp.abs(focus - disparity)
 
+    def reach(self, camera: Camera, disparity: Float[Array, ""]) -> Float[Array, ""]:
+        # Affine, so its size is largest in a corner of the frame.
+        corners = _frame_corners(camera, self.plane.dtype)
+        focus = jax.vmap(lambda corner: self.focal_disparity(camera, corner))(corners)
+        return self.parallax(camera) * jnp.max(jnp.abs(focus - disparity))
+
     def parallax(self, camera: Camera) -> Float[Array, ""]:
-        # Both factors are largest in a corner of the frame.
-        corners = [
-            jnp.array([x, y], dtype=self.plane.dtype) for x in (0, camera.width) for y in (0, camera.height)
-        ]
-        stretch = [self._stretch(camera, view_tangents(camera, corner)) for corner in corners]
-        gap = [self._gap(camera, self.focal_disparity(camera, corner)) for corner in corners]
-        widest = jnp.max(jnp.stack(stretch)) * jnp.max(jnp.stack(gap))
-        return camera.focal_px * self.aperture_radius * widest
+        # Both factors are convex in the film point, so they are largest in a corner of the frame.
+        corners = _frame_corners(camera, self.plane.dtype)
+        stretch = jax.vmap(lambda corner: self._stretch(camera, view_tangents(camera, corner)))(corners)
+        gap = jax.vmap(lambda corner: self._gap(camera, self.focal_disparity(camera, corner)))(corners)
+        return camera.focal_px * self.aperture_radius * jnp.max(stretch) * jnp.max(gap)
 
     def focal_disparity(self, camera: Camera, film_point: Float[Array, "2"]) -> Float[Array, ""]:
         """Disparity w_f in 1/m that is sharp at `film_point`; not positive where nothing ahead is."""
@@ -160,6 +166,10 @@ class TiltShiftLens(AbstractLens):
         lean = jnp.where(square > 0.0, jnp.sqrt(jnp.where(square > 0.0, square, 1.0)), 0.0)
         depth = self.aperture_radius * lean * jnp.abs(focus)
         return 1.0 / jnp.maximum(1.0 - depth, _LEAST_GAP)
+
+
+def _frame_corners(camera: Camera, dtype: jnp.dtype) -> Float[Array, "4 2"]:
+    return jnp.array([(x, y) for x in (0, camera.width) for y in (0, camera.height)], dtype=dtype)
 
 
 def tilt_shift_lens(
@@ -236,8 +246,8 @@ def lens_for_plane(
     )
     check_plane(plane, length, float(max_tilt))
     lens = TiltShiftLens(jnp.asarray(plane, dtype=float), opening.aperture_radius, opening.aperture)
-    corners = [jnp.array([x, y], dtype=float) for x in (0, camera.width) for y in (0, camera.height)]
-    nearest = max(float(lens.focal_disparity(camera, corner)) for corner in corners)
+    corners = _frame_corners(camera, lens.plane.dtype)
+    nearest = float(jax.vmap(lambda corner: lens.focal_disparity(camera, corner))(corners).max())
     if nearest < 0:
         raise ValueError(
             f"the plane {[float(v) for v in lens.plane]} 1/m is behind the lens all over the frame, so that"

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from focusjax.focus import Result
+from focusjax.focus import Result, SurfaceSolution
 from focusjax.job import Outcome
-from focusjax.lens import as_tilt_shift
+from focusjax.lens import FocalSurfaceLens, as_tilt_shift
 from focusjax.report._depth_of_field import depth_of_field
 
 _LIBRARIES = ("focusjax", "jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy", "trimesh", "OpenEXR")
@@ -48,7 +48,7 @@ def _versions() -> dict[str, str]:
 
 
 def _lens(outcome: Outcome) -> dict[str, Any]:
-    camera, lens = outcome.camera, outcome.lens
+    camera, lens = outcome.camera, outcome.middle_lens
     sharp = depth_of_field(camera, lens)
     return {
         "solved": outcome.solution is not None,
@@ -56,6 +56,7 @@ def _lens(outcome: Outcome) -> dict[str, Any]:
         "focus_disparity_per_m": float(lens.focus_disparity),
         "f_number": float(lens.f_number(camera)),
         "aperture_radius_mm": 1000 * float(lens.aperture_radius),
+        "focal_surface": _focal_surface(outcome),
         "focal_length_mm": 1000 * float(camera.focal_length),
         "sensor_width_mm": 1000 * float(camera.sensor_width),
         "movements": movements(outcome),
@@ -71,7 +72,7 @@ def _lens(outcome: Outcome) -> dict[str, Any]:
 
 def movements(outcome: Outcome) -> dict[str, float]:
     """How the lens is turned and slid against the sensor."""
-    camera, lens = outcome.camera, outcome.lens
+    camera, lens = outcome.camera, outcome.middle_lens
     table = outcome.config.camera
     found = as_tilt_shift(lens).movements(camera)
     return {
@@ -82,6 +83,28 @@ def movements(outcome: Outcome) -> dict[str, float]:
         "rise_mm": table.rise_mm,
         "shift_mm": table.shift_mm,
     }
+
+
+def _focal_surface(outcome: Outcome) -> dict[str, Any] | None:
+    """How far the focus is from place to place; what the other settings say is of the middle."""
+    if not isinstance(outcome.lens, FocalSurfaceLens):
+        return None
+    focus, scale = np.asarray(outcome.lens.focus_disparity), np.asarray(outcome.lens.aperture_scale)
+    nearest, farthest = float(focus.max()), float(focus.min())
+    facts: dict[str, Any] = {
+        "nearest_focus_m": 1.0 / nearest if nearest > 0 else math.inf,
+        "farthest_focus_m": 1.0 / farthest if farthest > 0 else math.inf,
+        "least_aperture_scale": float(scale.min()),
+        "largest_aperture_scale": float(scale.max()),
+    }
+    if isinstance(outcome.solution, SurfaceSolution):
+        surface = outcome.solution.surface
+        facts["roughness_px_per_100_px"] = float(outcome.solution.roughness)
+        facts["control_points"] = [
+            {"pixel": xy, "focus_disparity_per_m": value}
+            for xy, value in zip(surface.xy.tolist(), surface.focus_disparity.tolist(), strict=True)
+        ]
+    return facts
 
 
 def _wishes(outcome: Outcome) -> list[dict[str, Any]]:
@@ -110,6 +133,16 @@ def _solver(outcome: Outcome) -> dict[str, Any] | None:
     solution = outcome.solution
     if solution is None:
         return None
+    if isinstance(solution, SurfaceSolution):
+        return {
+            "status": "solved",
+            "message": "The control values meet the wishes as well as smoothness allows.",
+            "steps": 1,
+            "cost_px2": float(solution.cost),
+            "free": ["focal surface"],
+            "undetermined": [],
+            "active_bounds": [],
+        }
     return {
         "status": next(name for name in _RESULTS if solution.result == getattr(Result, name)),
         "message": str(Result[solution.result]),

@@ -22,19 +22,21 @@ def disparity_range(
     nothing to meet.
     """
     grid = layers.grid
-    # Half a pixel of filter, and half a sample because rays are rounded to their nearest sample.
-    slack = 0.5 * grid.supersampling + 1.0
+    # Rays start anywhere in the pixel, and are rounded to their nearest sample.
+    offsets = jnp.array([(-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)], dtype=film_point.dtype)
+    slack = 1.0
+
+    def bound(film: Float[Array, "2"], disparity: Float[Array, ""]) -> tuple[Array, Array]:
+        """The square on the grid around the footprint of one film point."""
+        centre, radius = lens.footprint(layers.camera, film, disparity)
+        on_grid, reach = centre * grid.supersampling + grid.margin, radius * grid.supersampling
+        return on_grid - reach, on_grid + reach
 
     def narrow(_: Any, state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         least, largest, _depth = state
-        corners = []
-        for disparity in (least, largest):
-            centre, radius = lens.footprint(layers.camera, film_point, disparity)
-            on_grid = centre * grid.supersampling + grid.margin
-            reach = radius * grid.supersampling + slack
-            corners.append((on_grid - reach, on_grid + reach))
-        low = jnp.minimum(corners[0][0], corners[1][0])
-        high = jnp.maximum(corners[0][1], corners[1][1])
+        ends = jnp.stack([least, largest])
+        bounds = jax.vmap(lambda w: jax.vmap(lambda step: bound(film_point + step, w))(offsets))(ends)
+        low, high = bounds[0].min(axis=(0, 1)) - slack, bounds[1].max(axis=(0, 1)) + slack
         found_least, found_largest, depth = layers.ranges.query(low, high)
         # Where nothing is below, the range is empty: collapse it to infinity.
         empty = found_largest <= 0

@@ -117,7 +117,7 @@ def _check_reach(layers: Layers, lens: AbstractLens) -> None:
 
 
 def _strays(layers: Layers, lens: AbstractLens) -> np.ndarray:
-    """How far in pixels rays of the frame's corners stray from them, over the layers' range of disparity."""
+    """How far in pixels rays stray from their film points, at disparities over the layers' range."""
     least, largest = (float(w) for w in layers.ranges.overall)
     if not largest > 0:
         return np.zeros(1)
@@ -127,13 +127,7 @@ def _strays(layers: Layers, lens: AbstractLens) -> np.ndarray:
 
 @eqx.filter_jit
 def _strays_at(lens: AbstractLens, camera: Camera, disparities: Float[Array, " n"]) -> Float[Array, " n"]:
-    corners = jnp.array([(x, y) for x in (0, camera.width) for y in (0, camera.height)], disparities.dtype)
-
-    def one(corner: Float[Array, "2"], disparity: Float[Array, ""]) -> Float[Array, ""]:
-        centre, radius = lens.footprint(camera, corner, disparity)
-        return radius + jnp.abs(centre - corner).max()
-
-    return jax.vmap(lambda w: jax.vmap(lambda p: one(p, w))(corners).max())(disparities)
+    return jax.vmap(lambda w: lens.reach(camera, w))(disparities)
 
 
 @eqx.filter_jit

@@ -1,0 +1,231 @@
+"""Unlit thin-lens pictures by Mitsuba 3: the independent word on what a lens sees."""
+
+import dataclasses
+import functools
+import math
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from focusjax.geometry import Camera
+from focusjax.lens import ThinLens
+from focusjax.scene import ConstantBackground, Scene
+
+FASTEST = "llvm_ad_rgb"
+"""Mitsuba's vectorised variant for CPUs; it compiles with LLVM."""
+_FARTHEST = 1e5
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class UnlitScene:
+    """Triangles whose interpolated vertex colour is their radiance, before a constant background.
+
+    Attributes:
+        vertices: world metres [v, 3].
+        faces: [t, 3].
+        colours: linear radiance [v, 3].
+        background: linear radiance (3).
+    """
+
+    vertices: Float[np.ndarray, "v 3"]
+    faces: Int[np.ndarray, "t 3"]
+    colours: Float[np.ndarray, "v 3"]
+    background: tuple[float, float, float]
+
+
+def mitsuba(variant: str = FASTEST) -> ModuleType:
+    """The module, set to one of its variants.
+
+    Raises:
+        ValueError: Mitsuba is not installed, or lacks the variant or what that needs.
+    """
+    try:
+        import mitsuba
+    except ImportError as error:
+        raise ValueError(
+            "the Mitsuba baseline needs Mitsuba 3, which is not installed; run `pip install mitsuba`"
+        ) from error
+    try:
+        mitsuba.set_variant(variant)
+    except ImportError as error:
+        raise ValueError(
+            f"Mitsuba cannot use its variant {variant} ({' '.join(str(error).split())});"
+            " for an llvm variant set DRJIT_LIBLLVM_PATH to a recent LLVM"
+        ) from error
+    return mitsuba
+
+
+def unlit_scene(scene: Scene) -> UnlitScene:
+    """The triangles, vertex colours and background of `scene`.
+
+    Raises:
+        ValueError: lights, textures, material colours, opacity, or a background of several colours.
+    """
+    background = scene.background
+    plain = (
+        scene.unlit
+        and isinstance(background, ConstantBackground)
+        and scene.may_be_seen_through() is None
+        and all(
+            (m.base_colour == 1).all() and not np.any(m.emission) and m.texture < 0 for m in scene.materials
+        )
+    )
+    if not plain:
+        raise ValueError(
+            "the Mitsuba baseline draws opaque, unlit, white materials with vertex colours before one"
+            " background colour only; bake the scene's colours to its vertices first"
+        )
+    assert isinstance(background, ConstantBackground)
+    red, green, blue = (float(value) for value in np.asarray(background.colour))
+    return UnlitScene(scene.vertices, scene.faces, scene.colours, (red, green, blue))
+
+
+def mitsuba_picture(
+    scene: UnlitScene,
+    camera: Camera,
+    lens: ThinLens,
+    *,
+    samples: int,
+    seed: int = 0,
+    variant: str = FASTEST,
+) -> Float[np.ndarray, "h w 3"]:
+    """What Mitsuba sees through `lens`, whose opening it takes for a disk: linear radiance.
+
+    Args:
+        scene: what to see.
+        camera: frame and pose; its view axis passes the middle of the frame.
+        lens: where rays go.
+        samples: rays per pixel.
+        seed: of the first pass.
+        variant: of Mitsuba.
+
+    Raises:
+        ValueError: fewer than one sample, a camera with rise or shift, or Mitsuba cannot be used.
+    """
+    if samples < 1:
+        raise ValueError(f"samples is {samples}; expected at least 1 per pixel")
+    x, y = (float(value) for value in camera.principal_point)
+    if max(abs(x - camera.width / 2), abs(y - camera.height / 2)) > 1e-3:
+        raise ValueError(
+            f"the view axis passes the picture at ({x:g}, {y:g}) pixels but the Mitsuba baseline has no rise"
+            " or shift; use a camera without them"
+        )
+    return render_thin_lens(
+        scene,
+        np.asarray(camera.world_from_camera),
+        camera.width,
+        camera.height,
+        2 * math.degrees(math.atan(camera.width / 2 / float(camera.focal_px))),
+        float(lens.aperture_radius),
+        float(lens.focus_distance()),
+        samples,
+        seed,
+        variant=variant,
+    )
+
+
+@functools.lru_cache(maxsize=2)
+def load_unlit(scene: UnlitScene, variant: str = FASTEST) -> Any:
+    """`scene` inside Mitsuba: the albedo channel carries the colours, the environment the background."""
+    mi = mitsuba(variant)
+    bsdf = {
+        "type": "twosided",
+        "nested": {
+            "type": "diffuse",
+            "reflectance": {"type": "mesh_attribute", "name": "vertex_color"},
+        },
+    }
+    properties = mi.Properties()
+    properties["bsdf"] = mi.load_dict(bsdf)
+    mesh = mi.Mesh("scene", len(scene.vertices), len(scene.faces), props=properties)
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = np.asarray(scene.vertices, dtype=np.float32).ravel()
+    parameters["faces"] = np.asarray(scene.faces, dtype=np.uint32).ravel()
+    parameters.update()
+    mesh.add_attribute("vertex_color", 3, np.asarray(scene.colours, dtype=np.float32).ravel())
+    return mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {
+                "type": "aov",
+                "aovs": "albedo:albedo",
+                "sky": {"type": "path", "max_depth": 1},
+            },
+            "environment": {
+                "type": "constant",
+                "radiance": {"type": "rgb", "value": list(scene.background)},
+            },
+            "mesh": mesh,
+        }
+    )
+
+
+def render_thin_lens(
+    scene: UnlitScene,
+    world_from_camera: np.ndarray,
+    width: int,
+    height: int,
+    field_of_view: float,
+    aperture_radius: float,
+    focus_distance: float,
+    samples: int,
+    seed: int = 0,
+    *,
+    variant: str = FASTEST,
+) -> Float[np.ndarray, "h w 3"]:
+    """Linear picture [height, width, 3], one-pixel box filter.
+
+    Args:
+        scene: what to see.
+        world_from_camera: pose [4, 4], looking along -z with +y up.
+        width: pixels.
+        height: pixels.
+        field_of_view: horizontal, degrees.
+        aperture_radius: metres.
+        focus_distance: metres; infinity becomes 1e5 m, whose blur differs by less than 0.001 px here.
+        samples: rays per pixel, traced in passes of at most 256.
+        seed: first pass's seed.
+        variant: of Mitsuba.
+
+    Raises:
+        ValueError: Mitsuba cannot be used.
+    """
+    mi = mitsuba(variant)
+    loaded = load_unlit(scene, variant)
+    pose = np.asarray(world_from_camera, dtype=np.float64)
+    eye, backward, up = pose[:3, 3], pose[:3, 2], pose[:3, 1]
+    sensor = mi.load_dict(
+        {
+            "type": "thinlens",
+            "fov": field_of_view,
+            "fov_axis": "x",
+            "near_clip": 1e-3,
+            "far_clip": 1e7,
+            "aperture_radius": aperture_radius,
+            "focus_distance": min(focus_distance, _FARTHEST),
+            "to_world": mi.ScalarTransform4f().look_at(
+                origin=eye.tolist(), target=(eye - backward).tolist(), up=up.tolist()
+            ),
+            "film": {
+                "type": "hdrfilm",
+                "width": width,
+                "height": height,
+                "pixel_format": "rgb",
+                "component_format": "float32",
+                "rfilter": {"type": "box"},
+            },
+            "sampler": {"type": "independent"},
+        }
+    )
+    total = np.zeros((height, width, 3))
+    done = 0
+    while done < samples:
+        count = min(256, samples - done)
+        channels = np.array(
+            mi.render(loaded, sensor=sensor, integrator=loaded.integrator(), spp=count, seed=seed + done)
+        )
+        total += count * (channels[..., :3] + channels[..., -3:]).astype(np.float64)
+        done += count
+    return total / samples

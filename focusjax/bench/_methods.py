@@ -1,0 +1,237 @@
+"""The methods that are compared; a new one, or a new setting, is an entry in the list."""
+
+import dataclasses
+import functools
+import importlib.util
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+
+from focusjax.baselines import (
+    RayScene,
+    accumulate,
+    gather,
+    lens_picture,
+    load_unlit,
+    mitsuba_picture,
+    multilayer,
+    pinhole_view,
+    scatter,
+    unlit_scene,
+)
+from focusjax.bench._case import Case
+from focusjax.layers import peel
+from focusjax.trace import render
+
+Setting = int | float | str
+"""What a method is told: a number of rays, or a name for a quality."""
+
+
+class ChoiceError(ValueError):
+    """What is to be measured is asked for in a way that means nothing."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Method:
+    """One way to the picture.
+
+    Attributes:
+        name: how it is asked for.
+        title: how reports call it.
+        knob: what its setting is called.
+        settings: those measured when nothing else is asked for, from quick to slow.
+        prepare: set-up that all settings share; its time is told apart.
+        render: the picture [h, w, 3] from the case, what `prepare` returned and a setting.
+        needs: modules that have to be installed.
+        default: measured when no methods are named, if what it needs is installed.
+    """
+
+    name: str
+    title: str
+    knob: str
+    settings: tuple[Setting, ...]
+    prepare: Callable[[Case], Any]
+    render: Callable[[Case, Any, Any], Any]
+    needs: tuple[str, ...] = ()
+    default: bool = True
+
+    def missing(self) -> tuple[str, ...]:
+        """The modules it needs that are not installed."""
+        return tuple(name for name in self.needs if importlib.util.find_spec(name) is None)
+
+
+def _peeled(supersampling: int) -> Callable[[Case], Any]:
+    def prepare(case: Case) -> Any:
+        layers = peel(
+            case.scene, case.camera, case.lens, supersampling=supersampling, max_layers=case.max_layers
+        )
+        jax.block_until_ready(eqx.filter(layers, eqx.is_array))
+        return layers
+
+    return prepare
+
+
+def _traced(case: Case, layers: Any, rays: int) -> Any:
+    return render(layers, case.lens, rays=rays)
+
+
+def _sharp_view(case: Case) -> Any:
+    return pinhole_view(case.scene, case.camera)
+
+
+def _filtered(method: Callable[..., Any], knob: str) -> Callable[[Case, Any, Any], Any]:
+    """The picture that a filter of one sharp view makes."""
+
+    def picture(case: Case, view: Any, setting: Any) -> Any:
+        image, disparity = view
+        return method(image, disparity, case.camera, case.lens, **{knob: setting})
+
+    return picture
+
+
+def _mitsuba(variant: str) -> tuple[Callable[[Case], Any], Callable[[Case, Any, Any], Any]]:
+    def prepare(case: Case) -> Any:
+        scene = unlit_scene(case.scene)
+        load_unlit(scene, variant)
+        return scene
+
+    def picture(case: Case, scene: Any, samples: int) -> Any:
+        return mitsuba_picture(scene, case.camera, case.lens, samples=samples, variant=variant)
+
+    return prepare, picture
+
+
+METHODS: tuple[Method, ...] = (
+    Method("tracer", "focusjax, 2 x 2 samples a pixel", "rays", (4, 8, 16, 32, 64, 128), _peeled(2), _traced),
+    Method("tracer-1", "focusjax, 1 sample a pixel", "rays", (4, 8, 16, 32, 64, 128), _peeled(1), _traced),
+    Method(
+        "mitsuba",
+        "Mitsuba, LLVM",
+        "samples",
+        (4, 16, 64, 256),
+        *_mitsuba("llvm_ad_rgb"),
+        needs=("mitsuba",),
+    ),
+    Method(
+        "mitsuba-scalar",
+        "Mitsuba, scalar",
+        "samples",
+        (4, 16, 64),
+        *_mitsuba("scalar_rgb"),
+        needs=("mitsuba",),
+        default=False,
+    ),
+    Method(
+        "raycast",
+        "ray cast, Embree",
+        "rays",
+        (4, 16, 64),
+        lambda case: RayScene(case.scene),
+        lambda case, ready, rays: lens_picture(ready, case.camera, case.lens, rays=rays),
+        needs=("embreex",),
+    ),
+    Method(
+        "accumulation",
+        "accumulation buffer",
+        "views",
+        (4, 16, 64),
+        lambda case: RayScene(case.scene),
+        lambda case, ready, views: accumulate(ready, case.camera, case.lens, views=views),
+        needs=("embreex",),
+    ),
+    Method(
+        "gather",
+        "gather, one view",
+        "taps",
+        (16, 64, 256),
+        _sharp_view,
+        _filtered(gather, "taps"),
+        needs=("embreex",),
+    ),
+    Method(
+        "scatter",
+        "scatter, one view",
+        "px step",
+        (1.0, 0.25),
+        _sharp_view,
+        _filtered(scatter, "radius_step"),
+        needs=("embreex",),
+    ),
+    Method(
+        "scatter-normalised",
+        "scatter, normalised",
+        "px step",
+        (1.0, 0.25),
+        _sharp_view,
+        _filtered(functools.partial(scatter, normalised=True), "radius_step"),
+        needs=("embreex",),
+    ),
+    Method(
+        "multilayer",
+        "multilayer, one view",
+        "layers",
+        (4, 8, 16, 32),
+        _sharp_view,
+        _filtered(multilayer, "layers"),
+        needs=("embreex",),
+    ),
+)
+
+
+def method_named(name: str) -> Method:
+    """The method called `name`.
+
+    Raises:
+        ChoiceError: there is none.
+    """
+    for method in METHODS:
+        if method.name == name:
+            return method
+    known = ", ".join(method.name for method in METHODS)
+    raise ChoiceError(f"there is no method named {name!r}; expected one of {known}")
+
+
+def chosen_methods(words: Sequence[str]) -> tuple[Method, ...]:
+    """Methods as a person asks for them.
+
+    Args:
+        words: names such as `tracer`, or names with settings such as `tracer=16,64`; none for all that are
+            measured by default and can be here.
+
+    Raises:
+        ChoiceError: a name that no method has, one named twice, settings that are no positive numbers, or a
+            method that needs what is not installed.
+    """
+    if not words:
+        return tuple(method for method in METHODS if method.default and not method.missing())
+    out = []
+    for word in words:
+        name, equals, listed = word.partition("=")
+        method = method_named(name)
+        if method in out or name in [other.name for other in out]:
+            raise ChoiceError(f"the method {name} is asked for twice; name it once, with all its settings")
+        if method.missing():
+            raise ChoiceError(
+                f"the method {name} needs {' and '.join(method.missing())}, which is not installed; run"
+                " `pip install 'focusjax[bench]'`"
+            )
+        if equals:
+            kind = type(method.settings[0])
+            method = dataclasses.replace(method, settings=_settings(name, listed, kind))
+        out.append(method)
+    return tuple(out)
+
+
+def _settings(name: str, listed: str, kind: type) -> tuple[Setting, ...]:
+    try:
+        values = [kind(text) for text in listed.split(",")]
+        if any(value <= 0 for value in values):
+            raise ValueError
+    except ValueError:
+        example = "16,64" if kind is int else "0.5,1"
+        raise ChoiceError(
+            f"the settings of {name} are {listed!r}; expected positive numbers such as {name}={example}"
+        ) from None
+    return tuple(values)

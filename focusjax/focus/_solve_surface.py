@@ -1,0 +1,218 @@
+"""Control values of a focal surface from wishes: weighted linear least squares with a smoothness term."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import lineax as lx
+from jaxtyping import Array, ArrayLike, Float
+
+from focusjax.focus._checks import require
+from focusjax.focus._image_points import ImagePoints, blurs, root_weight
+from focusjax.focus._solution import WishResult, wish_table
+from focusjax.focus._solve import checked_points
+from focusjax.geometry import Camera
+from focusjax.lens import FocalSurface, FocalSurfaceLens, ThinLens, focal_surface_lens
+
+_GRID = (16, 12)
+_ROUNDS = 8
+_STEP_PX = 100.0
+
+
+class SurfaceSolution(eqx.Module):
+    """The solved focal surface, the lens that has it, and how well each wish is met. A pytree.
+
+    Attributes:
+        surface: the control points with their solved focal disparities.
+        lens: what they make of the starting lens.
+        points: what was asked.
+        blur: signed blur diameter in pixels at every point.
+        error: difference from the wish in pixels at every point, as `errors` defines it.
+        roughness: root mean square over the picture of the change of blur in px per 100 px, for something
+            at one depth.
+        cost: half the sum of weight x error^2 plus smoothness x roughness^2, in px^2.
+    """
+
+    surface: FocalSurface
+    lens: FocalSurfaceLens
+    points: ImagePoints
+    blur: Float[Array, "n"]
+    error: Float[Array, "n"]
+    roughness: Float[Array, ""]
+    cost: Float[Array, ""]
+
+    def table(self) -> tuple[WishResult, ...]:
+        """One line per wish, in the order they were given."""
+        return wish_table(self.points, self.blur, self.error)
+
+
+def solve_focal_surface(
+    points: ImagePoints,
+    camera: Camera,
+    surface: FocalSurface,
+    lens: ThinLens,
+    *,
+    smoothness: ArrayLike = 1e-3,
+) -> SurfaceSolution:
+    """The focal disparities of control points that meet the wishes best, all at once.
+
+    With u_i the control values and phi_i(x) their shares of the surface at x, the blur at a point is
+    2 f E s(x) (sum_i phi_i(x) u_i - w): linear in u. Minimised is
+
+        sum of weight x (error in px)^2 + smoothness x roughness^2,
+
+    where roughness is the root mean square over the picture of |gradient of 2 f E w_f| in px per 100 px. So
+    a blur that changes by 1 px per 100 px all over the picture costs as much as a wish of weight
+    `smoothness` that is missed by 1 px. What neither determines stays as near as can be to the surface given.
+
+    Unsigned wishes take sides by turns with the solve, from four starts: all behind the focus, all in front,
+    each as the surface given has it, and near half in front. Signed and sharp wishes make the problem
+    linear, with one solve. Focal disparities are not bounded: below 0 they lie beyond infinity.
+
+    The solution is differentiable in the wishes, the camera, the lens and the surface's positions, weights,
+    kernel and aperture scale; the sides are held.
+
+    Args:
+        points: located wishes; at least one has positive weight.
+        camera: the pinhole that frames the picture.
+        surface: control points, and values to start from.
+        lens: aperture radius and shape; its focus is not used.
+        smoothness: weight of the smoothness term; 0 or more.
+
+    Raises:
+        ValueError: an argument out of range, a pinhole, or no point with positive weight.
+
+    Example:
+        >>> from focusjax.focus import AtPixel, FocusPoint, Sharp, locate
+        >>> from focusjax.geometry import make_camera
+        >>> from focusjax.lens import focal_surface, thin_lens
+        >>> camera = make_camera(jnp.eye(4), width=64, height=48, focal_length=0.05)
+        >>> wishes = [FocusPoint(AtPixel(12.5, 20.5), Sharp()), FocusPoint(AtPixel(50.5, 20.5), Sharp())]
+        >>> depth = jnp.broadcast_to(jnp.linspace(0.4, 0.8, 64), (48, 64))
+        >>> points = locate(wishes, camera, disparity_map=depth)
+        >>> thin = thin_lens(focus_distance=2.0, f_number=4.0, focal_length=0.05)
+        >>> found = solve_focal_surface(points, camera, focal_surface(points.xy, 0.5), thin)
+        >>> bool(jnp.abs(found.error).max() < 0.01)
+        True
+    """
+    points = checked_points(points)
+    smoothness = require(
+        jnp.asarray(smoothness, dtype=float),
+        lambda v: (v >= 0) & (v < jnp.inf),
+        "smoothness",
+        "zero or a positive finite number",
+    )
+    require(
+        lens.aperture_radius,
+        lambda v: v > 0,
+        "the aperture radius in metres",
+        "more than 0, since the focus of a pinhole cannot be seen",
+    )
+    anonymous = dataclasses.replace(points, names=())
+    solution = _solve(anonymous, camera, surface, lens, smoothness)
+    return dataclasses.replace(solution, points=points)
+
+
+class _Linear(eqx.Module):
+    """Residuals of wishes and smoothness as functions of the change of control values.
+
+    The change is in px of blur, 2 f E times the change of disparity.
+
+    Attributes:
+        matrix: of the residuals of the wishes, then of the smoothness term.
+        behind: the residuals without change, for wished blurs of 0.
+        target: sqrt(weight) x wished blur; unsigned ones behind the focus.
+    """
+
+    matrix: Float[Array, "r k"]
+    behind: Float[Array, "r"]
+    target: Float[Array, "n"]
+
+    def right(self, side: Float[Array, "n"]) -> Float[Array, "r"]:
+        """What the matrix times the change is to be, when unsigned wishes have chosen a `side`."""
+        wished = jnp.pad(side * self.target, (0, self.behind.size - side.size))
+        return wished - self.behind
+
+    def change(self, side: Float[Array, "n"]) -> Float[Array, "k"]:
+        """The best change; the smallest, where several are as good."""
+        return lx.linear_solve(lx.MatrixLinearOperator(self.matrix), self.right(side), lx.SVD()).value
+
+
+@eqx.filter_jit
+def _solve(
+    points: ImagePoints, camera: Camera, surface: FocalSurface, lens: ThinLens, smoothness: Float[Array, ""]
+) -> SurfaceSolution:
+    slope = 2.0 * camera.focal_px * lens.aperture_radius
+    linear = _linear(points, camera, surface, slope, smoothness)
+    side = jax.lax.stop_gradient(_sides(jax.lax.stop_gradient(linear), points))
+    change = linear.change(side)
+    solved = eqx.tree_at(lambda s: s.focus_disparity, surface, surface.focus_disparity + change / slope)
+    made = focal_surface_lens(solved, camera, lens)
+    blur = blurs(points, camera, made)
+    miss = linear.matrix @ change - linear.right(side)
+    rough = miss[points.weight.size :]
+    positive = smoothness > 0
+    return SurfaceSolution(
+        surface=solved,
+        lens=made,
+        points=points,
+        blur=blur,
+        error=jnp.where(points.signed, blur, jnp.abs(blur)) - points.target,
+        roughness=jnp.sqrt(jnp.where(positive, rough @ rough, 1.0) / jnp.where(positive, smoothness, 1.0))
+        * positive,
+        cost=0.5 * miss @ miss,
+    )
+
+
+def _linear(
+    points: ImagePoints,
+    camera: Camera,
+    surface: FocalSurface,
+    slope: Float[Array, ""],
+    smoothness: Float[Array, ""],
+) -> _Linear:
+    root = root_weight(points.weight)
+    shares = surface.shares(points.xy.T).T
+    _, scale = surface.at(points.xy.T)
+    now = slope * scale * (shares @ surface.focus_disparity - points.disparity)
+    columns, rows = _GRID
+    x = (jnp.arange(columns) + 0.5) / columns * camera.width
+    y = (jnp.arange(rows) + 0.5) / rows * camera.height
+    places = jnp.stack([part.reshape(-1) for part in jnp.meshgrid(x, y)], axis=1).astype(surface.xy.dtype)
+    gradient = jax.vmap(jax.jacfwd(surface.shares))(places)
+    steps = jnp.moveaxis(gradient, 1, 2).reshape(-1, surface.weight.size)
+    steps = root_weight((smoothness / len(places))[None])[0] * _STEP_PX * steps
+    return _Linear(
+        matrix=jnp.concatenate([(root * scale)[:, None] * shares, steps]),
+        behind=jnp.concatenate([root * now, slope * steps @ surface.focus_disparity]),
+        target=root * points.target,
+    )
+
+
+def _sides(linear: _Linear, points: ImagePoints) -> Float[Array, "n"]:
+    """Factors 1 or -1 that make the wished blurs signed ones."""
+    count = points.weight.size
+    middle = jnp.median(points.disparity)
+    starts = [
+        jnp.ones(count),
+        -jnp.ones(count),
+        jnp.sign(linear.behind[:count]),
+        jnp.where(points.disparity > middle, -1.0, 1.0),
+    ]
+
+    def clear(side: Float[Array, "n"]) -> Float[Array, "n"]:
+        return jnp.where(points.signed | (side >= 0), 1.0, -1.0).astype(linear.target.dtype)
+
+    def settle(side: Float[Array, "n"]) -> tuple[Float[Array, "n"], Float[Array, ""]]:
+        def turn(_, side):
+            blur = (linear.matrix @ linear.change(side) + linear.behind)[:count]
+            # A point of no weight says nothing, and one on the focus keeps its side.
+            return jnp.where(blur == 0, side, clear(blur))
+
+        side = jax.lax.fori_loop(0, _ROUNDS, turn, clear(side))
+        miss = linear.matrix @ linear.change(side) - linear.right(side)
+        return side, miss @ miss
+
+    sides, costs = jax.vmap(settle)(jnp.stack(starts))
+    return sides[jnp.argmin(costs)]

@@ -1,0 +1,119 @@
+"""Control points of a focal surface, and the surface through them."""
+
+from collections.abc import Sequence
+from typing import TypeAlias, get_args
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from focusjax.lens._kernels import AbstractKernel, InverseDistance
+from focusjax.lens._moving_least_squares import Basis, moving_least_squares
+
+Numbers: TypeAlias = ArrayLike | Sequence
+
+
+class FocalSurface(eqx.Module):
+    """Focal disparity and aperture scale all over the picture, from control points (Lee10 section 5.2).
+
+    Attributes:
+        xy: places of the control points in pixels, inside the picture or not.
+        focus_disparity: 1 / focus distance at each of them, in 1/m.
+        aperture_scale: aperture radius at each of them, in radii of the whole lens; blur is in proportion
+            to it. Below 1 more depth is sharp around the point, above 1 less; never negative.
+        weight: how widely each point rules its neighbourhood (alpha of Lee10); 0 for not at all.
+        kernel: how influence falls off with distance.
+        basis: "constant", "affine" or "quadratic" (static): how the surface goes on beyond the points and
+            between them. The aperture scale is of constant basis always, which keeps it between
+            the values given.
+
+    Example:
+        >>> surface = focal_surface([(10.0, 20.0), (50.0, 20.0)], [0.5, 1.0])
+        >>> [round(float(v), 6) for v in surface.at(jnp.array([50.0, 20.0]))]
+        [1.0, 1.0]
+    """
+
+    xy: Float[Array, "k 2"]
+    focus_disparity: Float[Array, "k"]
+    aperture_scale: Float[Array, "k"]
+    weight: Float[Array, "k"]
+    kernel: AbstractKernel
+    basis: Basis = eqx.field(static=True)
+
+    def at(self, place: Float[Array, "2 *p"]) -> tuple[Float[Array, "*p"], Float[Array, "*p"]]:
+        """Focal disparity in 1/m and aperture scale at pixel positions (x, y)."""
+        (focus,) = self._interpolated(place, self.focus_disparity[:, None], self.basis)
+        (scale,) = self._interpolated(place, self.aperture_scale[:, None], "constant")
+        return focus, scale
+
+    def shares(self, place: Float[Array, "2 *p"]) -> Float[Array, "k *p"]:
+        """How much the focal disparity at pixel positions changes per change at each control point."""
+        each = jnp.eye(self.xy.shape[0], dtype=self.xy.dtype)
+        return self._interpolated(place, each, self.basis)
+
+    def _interpolated(
+        self, place: Float[Array, "2 *p"], values: Float[Array, "k m"], basis: Basis
+    ) -> Float[Array, "m *p"]:
+        return moving_least_squares(place, self.xy, values, self.weight, self.kernel, basis)
+
+
+def focal_surface(
+    xy: Numbers,
+    focus_disparity: Numbers,
+    *,
+    aperture_scale: Numbers = 1.0,
+    weight: Numbers = 1.0,
+    kernel: AbstractKernel | None = None,
+    basis: Basis = "constant",
+) -> FocalSurface:
+    """A `FocalSurface` with checked values; single numbers hold for all control points.
+
+    Args:
+        xy: k places (x, y) in pixels.
+        focus_disparity: 1/m.
+        aperture_scale: 0 or more.
+        weight: 0 or more, above 0 somewhere.
+        kernel: `InverseDistance` with exponent 2 when not given.
+        basis: degree of the polynomial.
+
+    Raises:
+        ValueError: no points, lengths that differ, or a value out of range.
+    """
+    places = np.asarray(xy, dtype=float)
+    if places.ndim != 2 or places.shape[1] != 2 or not len(places):
+        raise ValueError(f"control points have shape {places.shape}; expected k rows of (x, y), at least one")
+    if basis not in get_args(Basis):
+        raise ValueError(f"basis is {basis!r}; expected one of {list(get_args(Basis))}")
+    count = len(places)
+    columns = {}
+    for name, value in (
+        ("focus disparity", focus_disparity),
+        ("aperture scale", aperture_scale),
+        ("weight", weight),
+    ):
+        column = np.asarray(value, dtype=float)
+        if column.shape not in ((), (count,)):
+            raise ValueError(f"{name} has shape {column.shape}; expected one number, or {count}")
+        if not np.isfinite(column).all() or (name != "focus disparity" and (column < 0).any()):
+            low = "a finite number" if name == "focus disparity" else "a finite number of at least 0"
+            raise ValueError(f"a control point's {name} is {_worst(column):g}; expected {low}")
+        columns[name] = jnp.asarray(np.broadcast_to(column, (count,)), dtype=float)
+    if not np.isfinite(places).all():
+        raise ValueError(f"a control point's position is {_worst(places):g}; expected finite pixels")
+    if not (np.asarray(columns["weight"]) > 0).any():
+        raise ValueError("every control point has weight 0; give at least one a positive weight")
+    return FocalSurface(
+        xy=jnp.asarray(places, dtype=float),
+        focus_disparity=columns["focus disparity"],
+        aperture_scale=columns["aperture scale"],
+        weight=columns["weight"],
+        kernel=InverseDistance(jnp.asarray(2.0, dtype=float)) if kernel is None else kernel,
+        basis=basis,
+    )
+
+
+def _worst(values: np.ndarray) -> float:
+    """The first value that is not finite, or the least."""
+    wrong = values[~np.isfinite(values)]
+    return float(wrong[0] if wrong.size else values.min())

@@ -1,0 +1,61 @@
+"""Times, memory and pictures of methods, within this process."""
+
+import dataclasses
+import importlib.util
+
+import numpy as np
+import pytest
+
+from focusjax.baselines import lens_picture
+from focusjax.bench._measure import measure, peak_memory
+from focusjax.bench._methods import Method, method_named
+from focusjax.metrics import psnr
+
+
+def test_set_up_apart_and_every_setting_repeated(case):
+    """A method that only counts how often it is called."""
+    calls = []
+
+    def prepare(given):
+        calls.append("set up")
+        return np.zeros((given.camera.height, given.camera.width, 3))
+
+    def render(given, prepared, setting):
+        calls.append(setting)
+        return prepared + setting
+
+    kept = {}
+    counting = Method("counting", "counting", "rays", (1, 5), prepare, render)
+    found = measure(counting, case, repeats=3, keep=kept.__setitem__)
+    assert calls == ["set up", "set up", 1, 1, 1, 1, 5, 5, 5, 5]
+    assert [timing.setting for timing in found.timings] == [1, 5]
+    assert all(0 < t.best_seconds <= t.seconds for t in found.timings)
+    assert {number: picture.max() for number, picture in kept.items()} == {0: 1.0, 1: 5.0}
+    assert 0 < found.start_mib <= found.timings[0].peak_mib <= found.timings[1].peak_mib <= peak_memory()
+
+
+@pytest.mark.parametrize(
+    ("name", "setting", "observed"),
+    [  # observed, in dB
+        ("raycast", 16, 36.9),
+        ("accumulation", 16, 39.6),
+        ("gather", 64, 36.1),
+        ("scatter", 0.25, 29.3),
+        ("scatter-normalised", 0.25, 33.4),
+        ("multilayer", 16, 32.5),
+        pytest.param(
+            "mitsuba-scalar",
+            16,
+            33.0,
+            marks=pytest.mark.skipif(
+                importlib.util.find_spec("mitsuba") is None, reason="Mitsuba is not installed (`bench` extra)"
+            ),
+        ),
+    ],
+)
+def test_methods_see_the_same_picture(case, name, setting, observed):
+    method = dataclasses.replace(method_named(name), settings=(setting,))
+    kept = {}
+    measure(method, case, repeats=1, keep=kept.__setitem__)
+    truth = lens_picture(case.scene, case.camera, case.lens, rays=128, seed=7)
+    assert psnr(kept[0], truth) > observed - 1.0

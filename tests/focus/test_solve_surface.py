@@ -1,0 +1,113 @@
+"""Focal surfaces solved for wishes: met where they can be, smooth, differentiable, confirmed by rays."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from focusjax.focus import ImagePoints, solve_focal_surface
+from focusjax.geometry import make_camera
+from focusjax.lens import FocalSurface, ThinLens, focal_surface, thin_lens
+
+PLACES = np.array([(6.0, 6.0), (50.0, 9.0), (30.0, 40.0), (12.0, 33.0)])
+CAMERA = make_camera(np.eye(4), width=64, height=48, focal_length=0.05)
+
+
+def lens() -> ThinLens:
+    return thin_lens(focus_distance=2.0, aperture_radius=0.1)
+
+
+def wishes(target=(0.0, 0.0, 5.0, -3.0), *, signed=True, xy=PLACES) -> ImagePoints:
+    count = len(target)
+    return ImagePoints(
+        xy=jnp.asarray(xy),
+        disparity=jnp.array([0.4, 1.1, 0.6, 0.8]),
+        target=jnp.array(target),
+        signed=jnp.full(count, signed),
+        weight=jnp.array([1.0, 2.0, 1.0, 0.5]),
+        tolerance=jnp.ones(count),
+        wish=jnp.arange(count),
+        names=tuple("abcd"),
+    )
+
+
+def controls() -> FocalSurface:
+    return focal_surface(PLACES + 0.3, 0.5)
+
+
+def test_as_many_controls_as_wishes_meet_them_all():
+    found = solve_focal_surface(wishes(), CAMERA, controls(), lens(), smoothness=1e-9)
+    # Observed: 3e-8 px.
+    assert np.abs(found.error).max() < 1e-6
+    assert [row.met for row in found.table()] == [True] * 4
+
+
+def test_rays_through_a_sharp_point_land_together():
+    found = solve_focal_surface(wishes(), CAMERA, controls(), lens(), smoothness=1e-9)
+    pupil = jax.vmap(found.lens.pupil_point)(jnp.array(np.random.default_rng(0).uniform(size=(64, 2))))
+    for place, disparity in zip(found.points.xy[:2], found.points.disparity[:2], strict=True):
+        rays = jax.vmap(lambda v, place=place: found.lens.ray(CAMERA, place, v))(pupil)
+        landed = np.asarray(rays.a + disparity * rays.b)
+        # Observed: below 1e-6 px, as the error of the wish.
+        assert np.ptp(landed, axis=0).max() < 0.1
+
+
+def test_smoothness_trades_misses_for_roughness():
+    loose, tight = (
+        solve_focal_surface(wishes(), CAMERA, controls(), lens(), smoothness=s) for s in (1e-6, 1.0)
+    )
+    assert tight.roughness < 0.5 * loose.roughness
+    assert np.abs(tight.error).max() > np.abs(loose.error).max()
+    flat = focal_surface(PLACES + 0.3, tight.surface.focus_disparity)
+    # The cost is what the docstring says it is.
+    columns, rows = (jnp.arange(n) + 0.5 for n in (16, 12))
+    grid = jnp.stack([g.reshape(-1) for g in jnp.meshgrid(columns / 16 * 64, rows / 12 * 48)], axis=1)
+    slope = 2 * lens().parallax(CAMERA)
+    gradient = jax.vmap(jax.grad(lambda p: slope * flat.at(p)[0]))(grid) * 100
+    assert float(tight.roughness) == pytest.approx(float(jnp.sqrt((gradient**2).sum(1).mean())), rel=1e-9)
+
+
+def test_unsigned_wishes_choose_the_sides_that_can_be_met():
+    found = solve_focal_surface(
+        wishes((0.0, 0.0, 5.0, 3.0), signed=False), CAMERA, controls(), lens(), smoothness=1e-9
+    )
+    assert np.abs(found.error).max() < 0.02
+
+
+@pytest.mark.parametrize("smoothness", [0.0, 1e-3])
+def test_coincident_controls_move_alike_and_nothing_is_undetermined(smoothness):
+    surface = focal_surface(np.concatenate([PLACES, PLACES[:1]]), 0.5)
+    found = solve_focal_surface(wishes(), CAMERA, surface, lens(), smoothness=smoothness)
+    values = np.asarray(found.surface.focus_disparity)
+    assert np.isfinite(values).all()
+    assert values[0] == pytest.approx(values[4], abs=1e-9)
+
+
+def test_derivative_is_that_of_solving_again():
+    points = wishes()
+
+    def solved(values: jnp.ndarray) -> jnp.ndarray:
+        disparity, target, weight = values.reshape(3, 4)
+        changed = dataclasses.replace(points, disparity=disparity, target=target, weight=weight)
+        return solve_focal_surface(changed, CAMERA, controls(), lens()).surface.focus_disparity
+
+    values = jnp.concatenate([points.disparity, points.target, points.weight])
+    steps = 1e-5 * np.eye(12)
+    expected = np.stack([(solved(values + s) - solved(values - s)) / 2e-5 for s in steps], axis=1)
+    np.testing.assert_allclose(jax.jacrev(solved)(values), expected, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"smoothness": -1.0}, "smoothness is -1; expected zero"),
+        ({"lens": thin_lens(focus_distance=2.0, aperture_radius=0.0)}, "focus of a pinhole cannot be seen"),
+    ],
+)
+def test_what_cannot_be_solved_is_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        solve_focal_surface(
+            **{"points": wishes(), "camera": CAMERA, "surface": controls(), "lens": lens(), **arguments}
+        )

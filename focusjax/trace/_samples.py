@@ -1,7 +1,7 @@
 """Where in its pixel and where on the lens each ray starts.
 
-Rays of one pixel share one scrambled Sobol block in four dimensions (two for the pixel, two for the
-lens), so that they are spread evenly over both together. Pixels of a square tile take consecutive
+Rays of one pixel share one scrambled Sobol block in four dimensions, so that they are spread evenly over lens
+and pixel together; the lens has the first two, in which few points are spread best. Pixels of a square tile take consecutive
 blocks of one sequence along a Z-order curve: any 2^k pixels that are neighbours on it are well
 spread together too, which moves the error to high frequencies (Ahmed and Wonka 2020).
 """
@@ -71,8 +71,8 @@ def ray_samples(lens: AbstractLens, counts: Sequence[int], seed: int, *, chances
         chance = jnp.asarray(np.concatenate([_chances(place, count, seed) for count in counts], axis=1))
     starts = jnp.asarray(points, dtype=jnp.zeros(()).dtype)
     return RaySamples(
-        offset=starts[..., :2],
-        pupil=eqx.filter_jit(_pupil_points)(lens, starts[..., 2:]),
+        offset=starts[..., 2:],
+        pupil=eqx.filter_jit(_pupil_points)(lens, starts[..., :2]),
         chance=chance,
         edge=edge,
     )

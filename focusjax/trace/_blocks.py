@@ -52,7 +52,7 @@ def make_blocks(
     row, column = np.divmod(np.arange(len(parts)), columns)
     order = np.lexsort((z_order(column, row), level))
     ends = np.cumsum(parts[order])
-    size = min(size, 1 << int(ends[-1] - 1).bit_length())
+    size = min(size, 1 << max(int(ends[-1]) - 1, 0).bit_length())
     blocks: list[list[Block]] = []
     for number, variant in enumerate(variants):
         first, last = np.searchsorted(level[order], [number, number + 1])

@@ -1,9 +1,9 @@
 """Where in its pixel and where on the lens each ray starts.
 
-Rays of one pixel share one scrambled Sobol block in four dimensions, so that they are spread evenly over lens
-and pixel together; the lens has the first two, in which few points are spread best. Pixels of a square tile take consecutive
-blocks of one sequence along a Z-order curve: any 2^k pixels that are neighbours on it are well
-spread together too, which moves the error to high frequencies (Ahmed and Wonka 2020).
+Rays of one pixel share one scrambled Sobol block in four dimensions, so that they are spread evenly over
+lens and pixel together; the lens has the first two, in which few points are spread best. Pixels of a square
+tile take consecutive blocks of one sequence along a Z-order curve: any 2^k pixels that are neighbours on it
+are well spread together too, which moves the error to high frequencies (Ahmed and Wonka 2020).
 """
 
 import functools

@@ -13,7 +13,7 @@ from focusjax.scene import constant_background, make_scene
 from focusjax.trace import render
 from focusjax.trace._allot import FEWEST, allot, contrast, counts_for
 from focusjax.trace._blocks import make_blocks
-from focusjax.trace._render import _ranges
+from focusjax.trace._tracer import Tracer
 
 
 @pytest.mark.parametrize("rays", [4, 10, 64])
@@ -34,8 +34,8 @@ def test_a_picture_without_contrast_takes_the_fewest_that_make_the_mean():
 
 
 def contrasts(layers):
-    least, largest, _ = _ranges(layers, layers.lens)
-    variance = contrast(layers, layers.lens, least, largest)
+    tracer = Tracer(layers, layers.lens)
+    variance = contrast(layers, layers.lens, tracer.least, tracer.largest)
     return variance.reshape(layers.camera.height, layers.camera.width)
 
 

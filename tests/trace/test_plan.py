@@ -1,0 +1,64 @@
+"""Planned rays give the quality that was asked for, and the quality of a picture is told rightly."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from small_scenes import front_camera, varied_layers, varied_scene, wide_lens
+
+from focusjax.layers import peel
+from focusjax.metrics import psnr
+from focusjax.trace import plan_rays, quality_of, render
+from focusjax.trace._plan import decibels_of
+
+
+@cache
+def larger():
+    camera = front_camera(96, 72)
+    return peel(varied_scene(), camera, wide_lens(camera))
+
+
+@cache
+def truth():
+    layers = larger()
+    return np.mean([np.asarray(render(layers, layers.lens, rays=512, seed=50 + k)) for k in range(4)], axis=0)
+
+
+@pytest.mark.parametrize("wanted", [30.0, 35.0, 40.0])
+def test_planned_rays_reach_what_was_wanted(wanted: float):
+    layers = larger()
+    plan = plan_rays(layers, layers.lens, wanted)
+    assert plan.decibels >= wanted
+    pictures = [np.asarray(render(layers, layers.lens, rays=plan.rays, seed=k)) for k in range(2)]
+    reached = np.mean([psnr(picture, truth()) for picture in pictures])
+    # Observed: -0.1 to 0.9 dB.
+    assert reached == pytest.approx(plan.decibels, abs=1.5)
+
+
+def test_the_quality_of_a_picture_is_told():
+    layers = larger()
+    picture = np.asarray(render(layers, layers.lens, rays=32, seed=3))
+    # Observed: 0.2 dB apart.
+    assert quality_of(layers, layers.lens, picture, rays=32, seed=3) == pytest.approx(
+        psnr(picture, truth()), abs=1.0
+    )
+
+
+@pytest.mark.parametrize(
+    ("quality", "decibels"),
+    [("40 dB", 40.0), ("35dB", 35.0), (31, 31.0), ("draft", 30.0), ("reference", 46.0)],
+)
+def test_names_and_numbers_of_qualities(quality: object, decibels: float):
+    assert decibels_of(quality) == decibels
+
+
+@pytest.mark.parametrize("quality", ["best", "0 dB", 500, float("nan"), "dB"])
+def test_other_qualities_are_refused(quality: object):
+    with pytest.raises(ValueError, match="expected 10 to 80 dB, such as '40 dB', or one of draft"):
+        decibels_of(quality)
+
+
+def test_a_quality_out_of_reach_names_one_within_it():
+    layers = varied_layers()
+    with pytest.raises(ValueError, match=r"79 dB would take about \d+ rays per pixel; \d+ dB can be"):
+        plan_rays(layers, layers.lens, 79)

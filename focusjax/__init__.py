@@ -5,16 +5,27 @@ The names a script needs are here; each package below holds the rest of its own.
 
 from focusjax.film import expose as expose
 from focusjax.focus import AtInfinity as AtInfinity
+from focusjax.focus import AtLeast as AtLeast
+from focusjax.focus import AtMost as AtMost
 from focusjax.focus import AtPixel as AtPixel
 from focusjax.focus import AtPoint as AtPoint
 from focusjax.focus import Blur as Blur
 from focusjax.focus import FocusPoint as FocusPoint
+from focusjax.focus import InDepthRange as InDepthRange
+from focusjax.focus import OfHeight as OfHeight
+from focusjax.focus import OnMask as OnMask
 from focusjax.focus import OnObject as OnObject
+from focusjax.focus import OnSensor as OnSensor
 from focusjax.focus import OnTriangle as OnTriangle
+from focusjax.focus import Prior as Prior
+from focusjax.focus import SameBlur as SameBlur
 from focusjax.focus import Sharp as Sharp
 from focusjax.focus import Solution as Solution
+from focusjax.focus import diagnose as diagnose
+from focusjax.focus import locate as locate
 from focusjax.focus import solve as solve
 from focusjax.focus import solve_focal_surface as solve_focal_surface
+from focusjax.focus import solve_many as solve_many
 from focusjax.geometry import Camera as Camera
 from focusjax.geometry import look_at as look_at
 from focusjax.geometry import make_camera as make_camera

@@ -17,6 +17,7 @@ from rich.table import Table
 
 from focusjax import bench, job
 from focusjax.config import ConfigError, load_config
+from focusjax.focus import Solution, SurfaceSolution, WishResult, diagnose
 from focusjax.io import staged_folder
 from focusjax.report import FILES, angle, depth_of_field, f_number, metres, movements, save_outcome
 
@@ -26,6 +27,7 @@ FAILED, BAD_INPUT, MISSED = 1, 2, 3
 _STAGES = {
     "load": "Loading meshes",
     "locate": "Finding focus points",
+    "locate_again": "Finding depths",
     "solve": "Solving",
     "solve_first": "Solving",
     "peel": "Peeling layers",
@@ -160,7 +162,9 @@ def _do(
     except Exception as error:
         _fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
     _tell_outcome(console, outcome, folder)
-    if outcome.solution is not None and not all(row.met for row in outcome.solution.table()):
+    if outcome.solution is not None and not all(
+        row.met or not row.counts for row in outcome.solution.table()
+    ):
         raise typer.Exit(MISSED)
 
 
@@ -185,11 +189,9 @@ def _tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
         console.print("In the middle of the picture; a focal surface sets it from place to place.")
     if outcome.solution is not None:
         console.print(_wishes(outcome.solution))
-    if isinstance(outcome.solution, job.Solution):
-        for bound in outcome.solution.active_bounds:
-            console.print(f"On the limit: {bound.replace('_', ' ')}.")
-        if outcome.solution.undetermined:
-            console.print(f"Left open by the wishes: {', '.join(outcome.solution.undetermined)}.")
+    if isinstance(outcome.solution, Solution):
+        for sentence in diagnose(outcome.solution).sentences:
+            console.print(sentence, highlight=False, markup=False)
     if outcome.picture is not None and not outcome.picture.complete:
         console.print("Some surfaces did not fit into the layers; raise render.max_layers.")
     stages = outcome.seconds | {"compile": sum(outcome.compile_seconds.values())}
@@ -198,21 +200,23 @@ def _tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     console.print(f"Report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
 
 
-def _wishes(solution: job.Solution | job.SurfaceSolution) -> Table:
+def _wishes(solution: Solution | SurfaceSolution) -> Table:
     table = Table(box=None, header_style="dim", pad_edge=False)
     for heading in ("wish", "wished", "got", "missed by", ""):
         table.add_column(heading, justify="left" if heading in ("wish", "") else "right")
     for row in solution.table():
-        wished = f"{row.wished:+g} px" if row.signed and row.wished else f"{row.wished:g} px"
-        verdict = "[green]met[/]" if row.met else "[red]missed[/]"
-        table.add_row(
-            row.name,
-            wished if row.wished else "sharp",
-            f"{row.got:+.2f} px",
-            f"{abs(row.residual):.2f} px",
-            verdict,
-        )
+        verdict = row.note if not row.counts else "[green]met[/]" if row.met else "[red]missed[/]"
+        table.add_row(row.name, _wished(row), f"{row.got:+.2f} px", f"{abs(row.residual):.2f} px", verdict)
     return table
+
+
+def _wished(row: WishResult) -> str:
+    """A wish in a few words."""
+    if row.relation == "same":
+        return "as another"
+    if row.relation != "equal":
+        return f"{row.relation} {row.wished:g} px"
+    return "sharp" if not row.wished else f"{row.wished:+g} px" if row.signed else f"{row.wished:g} px"
 
 
 def _comparison(found: bench.CaseResults) -> Table:

@@ -18,6 +18,7 @@ from focusjax.config import (
     build_focus_points,
     build_lens,
     build_scene,
+    build_solve_options,
 )
 from focusjax.focus import (
     FocusPoint,
@@ -129,7 +130,9 @@ def run(
         disparity = np.asarray(disparity_map(scene, camera))
         points = None
         if wishes:
-            points = find_points(wishes, scene, camera, disparity=disparity)
+            points = find_points(
+                wishes, scene, camera, disparity=disparity, favour_near=config.solve.favour_near
+            )
         surface = None
         if config.lens.focal_surface is not None:
             assert isinstance(lens, ThinLens)
@@ -147,9 +150,12 @@ def run(
         lens = focal_surface_lens(surface, camera, lens)
     elif solving:
         assert points is not None
-        assert isinstance(lens, ThinLens)
         solution = _solve(config, points, camera, lens, watch)
-        lens = solution.lens
+        lens, points = solution.lens, solution.points
+        if "focal_length" in config.solve.free:
+            camera = solution.camera
+            with watch.stage("locate_again"):
+                disparity = np.asarray(disparity_map(scene, camera))
     picture = _render(config, scene, camera, lens, watch, tell) if rendering else None
     return Outcome(
         config=config,
@@ -171,6 +177,7 @@ def find_points(
     camera: Camera,
     *,
     disparity: Float[np.ndarray, "h w"] | None = None,
+    favour_near: float = 0.0,
 ) -> ImagePoints:
     """Where each of the `wishes` is in the picture of `scene`, and how far away.
 
@@ -179,6 +186,7 @@ def find_points(
         scene: what they are about.
         camera: the pinhole that frames the picture.
         disparity: what `disparity_map` gives for them, when it is at hand already.
+        favour_near: how much more near wishes count (see `locate`).
 
     Raises:
         ValueError: as `locate`.
@@ -190,6 +198,7 @@ def find_points(
         faces=scene.faces,
         objects=scene.objects,
         disparity_map=disparity_map(scene, camera) if disparity is None else disparity,
+        favour_near=favour_near,
     )
 
 
@@ -205,16 +214,11 @@ def blur_map(lens: AbstractLens, camera: Camera, disparity: Float[Array, "h w"])
     return jax.vmap(across, in_axes=(None, 0, 0))(columns, rows, disparity)
 
 
-def _solve(config: Config, points: ImagePoints, camera: Camera, lens: ThinLens, watch: Stopwatch) -> Solution:
+def _solve(
+    config: Config, points: ImagePoints, camera: Camera, lens: ThinLens | TiltShiftLens, watch: Stopwatch
+) -> Solution:
     """Solve twice: the second time shows what a solve costs once it is compiled."""
-    table = config.solve
-    options = {
-        "free": table.free,
-        "max_focus_distance": table.max_focus_distance_m,
-        "f_number_range": (table.f_number_min, table.f_number_max),
-    }
-    if table.min_focus_distance_m is not None:
-        options["min_focus_distance"] = table.min_focus_distance_m
+    options = build_solve_options(config)
     for stage in ("solve_first", "solve"):
         with watch.stage(stage, compile_apart=False):
             solution = solve(points, camera, lens, **options)

@@ -1,7 +1,8 @@
 """How long a focus solve takes: compile, and warm including everything Python does.
 
 The same wishes are solved by both methods of focusjax and, as a yardstick, by scipy on the same
-residuals from one start. Run it on a quiet machine; it prints medians.
+residuals from one start. With `--many` that many random problems of eight wishes are solved in one call
+of `solve_many`, and by a loop over scipy. Run it on a quiet machine; it prints medians.
 """
 
 import argparse
@@ -13,7 +14,18 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.optimize
 
-from focusjax.focus import AtPoint, Blur, FocusPoint, Sharp, locate, solve
+from focusjax.focus import (
+    AtLeast,
+    AtMost,
+    AtPoint,
+    Blur,
+    FocusPoint,
+    ImagePoints,
+    Sharp,
+    locate,
+    solve,
+    solve_many,
+)
 from focusjax.geometry import make_camera
 from focusjax.lens import thin_lens
 
@@ -59,18 +71,69 @@ def report(count, free, method, run, repeats):
     first, median, best = timed(run, repeats)
     name = " + ".join(free)
     seconds = f"{first:8.2f} {1e3 * median:8.2f} {1e3 * best:8.2f}"
-    print(f"{count:6} {name:>18} {method:>11} {seconds} {float(run()):11.4g}")
+    print(f"{count:6} {name:>30} {method:>11} {seconds} {float(run()):11.4g}")
+
+
+def random_problems(count, wishes=8):
+    """Sets of sharp, signed and unsigned wishes with a leading axis."""
+    rng = np.random.default_rng(0)
+    shape = (count, wishes)
+    sharp, signed = rng.random(shape) < 0.3, rng.random(shape) < 0.5
+    target = np.where(sharp, 0.0, np.where(signed, rng.normal(0, 20, shape), rng.exponential(20, shape)))
+    return ImagePoints(
+        xy=jnp.full((*shape, 2), 300.0),
+        disparity=jnp.asarray(rng.uniform(0, 2, shape), dtype=float),
+        target=jnp.asarray(target, dtype=float),
+        signed=jnp.asarray(signed | sharp),
+        weight=jnp.asarray(10.0 ** rng.uniform(-2, 2, shape), dtype=float),
+        tolerance=jnp.ones(shape),
+        wish=jnp.tile(jnp.arange(wishes), (count, 1)),
+        names=(),
+    )
+
+
+def report_many(count, camera, lens):
+    """One call for all problems against scipy, one after the other from one start each."""
+    problems = random_problems(count)
+
+    def run():
+        return solve_many(problems, camera, lens, free=FREE, throw=False).cost
+
+    first, median, _ = timed(run, 3)
+    sample = min(count, 300)
+    each = [jax.tree.map(lambda leaf, i=i: leaf[i], problems) for i in range(sample)]
+    solvers = [scipy_solver(points, camera, lens) for points in each]
+    start = time.perf_counter()
+    costs = np.array([solver() for solver in solvers])
+    looped = (time.perf_counter() - start) / sample * count
+    ours = np.asarray(run())[:sample]
+    worse = [np.mean(a > b * (1 + 1e-3) + 1e-6) for a, b in ((costs, ours), (ours, costs))]
+    print(f"{count} problems of 8 wishes: {median:.2f} s in one call (first {first:.2f} s)")
+    print(f"a loop over scipy: {looped:.1f} s ({sample} timed), {looped / median:.0f} x")
+    print(f"scipy's answer is worse in {worse[0]:.0%}, ours in {worse[1]:.0%}")
+
+
+def report_general(camera, lens, repeats):
+    """Ten wishes of all kinds over focus, f-number, tilt and swing."""
+    kinds = [Sharp(), AtMost(3.0), AtLeast(6.0), Blur(-4.0, signed=True), Sharp()]
+    places = [AtPoint((0.1 * (i % 3 - 1) * i, 0.05 * (i % 4) * i, -(1 + i))) for i in range(10)]
+    wished = [FocusPoint(place, kinds[i % 5]) for i, place in enumerate(places)]
+    points = locate(wished, camera)
+    free = (*FREE, "tilt", "swing")
+    report(10, free, "optimistix", lambda: solve(points, camera, lens, free=free, throw=False).cost, repeats)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=50, help="warm solves to take the median of")
-    repeats = parser.parse_args().repeats
+    parser.add_argument("--many", type=int, default=10_000, help="problems to solve in one call")
+    arguments = parser.parse_args()
+    repeats = arguments.repeats
     camera = make_camera(jnp.eye(4), width=640, height=480, focal_length=0.05)
     lens = thin_lens(focus_distance=5.0, f_number=2.0, focal_length=0.05)
     columns = ("first s", "warm ms", "best ms")
     print(
-        f"{'wishes':>6} {'free':>18} {'method':>11}",
+        f"{'wishes':>6} {'free':>30} {'method':>11}",
         *(f"{name:>8}" for name in columns),
         f"{'cost px^2':>11}",
     )
@@ -84,6 +147,8 @@ def main():
 
                 report(count, free, method, run, repeats)
         report(count, FREE, "scipy", scipy_solver(points, camera, lens), repeats)
+    report_general(camera, lens, repeats)
+    report_many(arguments.many, camera, lens)
 
 
 if __name__ == "__main__":

@@ -38,7 +38,7 @@ ALLOWED = {
         "config",
         "job",
     },
-    "cli": {"io", "config", "job", "report", "bench"},
+    "cli": {"focus", "io", "config", "job", "report", "bench"},
 }
 # The public face re-exports from everywhere below the command line.
 ALLOWED["__init__"] = set(ALLOWED) - {

@@ -137,8 +137,8 @@ def _check_lens(config: Config) -> None:
     """Refuse what is more than a thin lens before the middle of the frame."""
     camera, lens = config.camera, config.lens
     settings = {
-        "lens.tilt_degrees": lens.tilt_degrees,
-        "lens.swing_degrees": lens.swing_degrees,
+        "lens.tilt_deg": lens.tilt_deg,
+        "lens.swing_deg": lens.swing_deg,
         "camera.rise_mm": camera.rise_mm,
         "camera.shift_mm": camera.shift_mm,
         "lens.focal_surface": lens.focal_surface is not None,

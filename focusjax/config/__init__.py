@@ -1,11 +1,12 @@
 """The config file: its tables, how it is read, and what it builds."""
 
 from focusjax.config._build import build_camera as build_camera
-from focusjax.config._build import build_control_points as build_control_points
-from focusjax.config._build import build_focal_surface as build_focal_surface
-from focusjax.config._build import build_focus_points as build_focus_points
 from focusjax.config._build import build_lens as build_lens
 from focusjax.config._build import build_scene as build_scene
+from focusjax.config._build_surface import build_control_points as build_control_points
+from focusjax.config._build_surface import build_focal_surface as build_focal_surface
+from focusjax.config._build_wishes import build_focus_points as build_focus_points
+from focusjax.config._build_wishes import build_solve_options as build_solve_options
 from focusjax.config._errors import ConfigError as ConfigError
 from focusjax.config._load import Config as Config
 from focusjax.config._load import load_config as load_config

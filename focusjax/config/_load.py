@@ -5,13 +5,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, PrivateAttr, Strict, ValidationError
+from pydantic import Field, PrivateAttr, Strict, ValidationError, model_validator
 
 from focusjax.config._errors import ConfigError, key_path, sentence_for
 from focusjax.config._scene import SceneTable
+from focusjax.config._solve import SolveTable
 from focusjax.config._values import Table
 from focusjax.config._view import CameraTable, LensTable
-from focusjax.config._wishes import FocusTable, RenderTable, SolveTable
+from focusjax.config._wishes import FocusTable, RenderTable
 
 
 class Config(Table):
@@ -27,6 +28,25 @@ class Config(Table):
     solve: SolveTable = Field(default=SolveTable(), description="a [solve] table")
     render: RenderTable = Field(default=RenderTable(), description="a [render] table")
     _source: Path = PrivateAttr(Path())
+
+    @model_validator(mode="after")
+    def _focal_surface_alone(self) -> "Config":
+        """A focal surface has control values to solve for, and nothing else."""
+        if self.lens.focal_surface is None:
+            return self
+        settings = self.solve.model_fields_set - {"favour_near"}
+        if settings:
+            raise ValueError(
+                f"has lens.focal_surface and solve.{min(settings)}, but of a focal surface only the focus of"
+                " its points is solved for; leave one of them out"
+            )
+        for number, wish in enumerate(self.focus):
+            if wish.limits_or_compares:
+                raise ValueError(
+                    f"has lens.focal_surface, but focus.{number} wishes for neither sharp nor a blur; a"
+                    " focal surface is solved for these two alone"
+                )
+        return self
 
     @property
     def source(self) -> Path:

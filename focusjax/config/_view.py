@@ -78,10 +78,10 @@ class LensTable(Table):
     focus_distance_m: Annotated[float, Field(gt=0)] | None = Field(
         default=None, description="the focus distance in metres, for example 2.5, or inf"
     )
-    tilt_degrees: Movement = Field(
+    tilt_deg: Movement = Field(
         default=0.0, description="the lens's tilt in degrees, positive forwards (its axis down), up to 45"
     )
-    swing_degrees: Movement = Field(
+    swing_deg: Movement = Field(
         default=0.0, description="the lens's swing in degrees, positive to the right, up to 45"
     )
     aperture: Annotated[DiskTable | PolygonTable, Field(discriminator="shape")] = Field(
@@ -98,7 +98,7 @@ class LensTable(Table):
             raise ValueError("needs exactly one of f_number and aperture_radius_mm")
         if self.focal_surface is not None and self.focus_distance_m is not None:
             raise ValueError("has focus_distance_m and a focal_surface; give one or the other")
-        turned = [key for key in ("tilt_degrees", "swing_degrees") if getattr(self, key)]
+        turned = [key for key in ("tilt_deg", "swing_deg") if getattr(self, key)]
         if self.focal_surface is not None and turned:
             raise ValueError(
                 f"has {turned[0]} and a focal_surface, which needs a lens that is not turned; give one or the"

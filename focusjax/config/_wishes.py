@@ -1,4 +1,4 @@
-"""The focus, solve and render tables of a config."""
+"""The focus and render tables of a config."""
 
 from typing import Annotated, Literal
 
@@ -26,75 +26,103 @@ class FocusTable(Table):
         default=None, description="three weights of the triangle's corners, for example [0.2, 0.3, 0.5]"
     )
     object: str | None = Field(default=None, description="the name of an object in the scene")
-    samples: Annotated[int, Field(ge=1, le=4096)] | None = Field(
-        default=None, description="how many points of the object to use, for example 64"
+    mask: str | None = Field(
+        default=None, description="an image file of the picture's size, white on what is meant"
     )
-    sharp: Literal[True] | None = Field(default=None, description="sharp = true, or blur_px")
+    depth_m: Annotated[tuple[Positive, Annotated[float, Field(gt=0)]], Strict(False)] | None = Field(
+        default=None, description="a depth range [near, far] in metres along the view axis; far may be inf"
+    )
+    samples: Annotated[int, Field(ge=2, le=4096)] | None = Field(
+        default=None, description="how many points of the object, mask or depth range to use, for example 64"
+    )
+    sharp: Literal[True] | None = Field(default=None, description="sharp = true, or a blur")
     blur_px: Number | None = Field(
         default=None,
         description="the blur's diameter in pixels; with signed = true, negative is in front of the focus",
     )
+    blur_mm: Number | None = Field(default=None, description="the same in mm on the sensor")
+    blur_height: Number | None = Field(default=None, description="the same as a share of the image's height")
+    at_most_px: NotNegative | None = Field(default=None, description="the largest blur allowed, in pixels")
+    at_most_mm: NotNegative | None = Field(default=None, description="the same in mm on the sensor")
+    at_most_height: NotNegative | None = Field(
+        default=None, description="the same as a share of the image's height"
+    )
+    at_least_px: NotNegative | None = Field(default=None, description="the least blur allowed, in pixels")
+    at_least_mm: NotNegative | None = Field(default=None, description="the same in mm on the sensor")
+    at_least_height: NotNegative | None = Field(
+        default=None, description="the same as a share of the image's height"
+    )
+    same_blur_as: str | None = Field(
+        default=None, description="the name of the focus point whose blur this one is to have"
+    )
     signed: bool = Field(
-        default=False, description="signed = true to choose the side of the focus by blur_px's sign"
+        default=False,
+        description="signed = true to choose the side of the focus: by the sign of blur_px, or that of"
+        " same_blur_as",
     )
     weight: NotNegative = Field(default=1.0, description="how much this wish counts, 0 or more")
-    tolerance_px: NotNegative = Field(
-        default=1.0, description="the largest miss in pixels that still counts as met"
+    tolerance_px: NotNegative | None = Field(
+        default=None, description="the largest miss in pixels that still counts as met; 1 when not given"
+    )
+    tolerance_mm: NotNegative | None = Field(default=None, description="the same in mm on the sensor")
+    tolerance_height: NotNegative | None = Field(
+        default=None, description="the same as a share of the image's height"
+    )
+    even_outside: bool = Field(default=False, description="true to let the wish count even outside the frame")
+    even_hidden: bool = Field(
+        default=False, description="true to let the wish count in full even when something hides it"
     )
 
     @model_validator(mode="after")
     def _one_place_one_wish(self) -> "FocusTable":
         by_object = self.object if self.triangle is None else None
-        places = (self.pixel, self.point, self.direction, self.triangle, by_object)
+        spread = (by_object, self.mask, self.depth_m)
+        places = (self.pixel, self.point, self.direction, self.triangle, *spread)
         if sum(place is not None for place in places) != 1:
-            raise ValueError("needs exactly one of pixel, point, direction, triangle and object to say where")
+            raise ValueError(
+                "needs exactly one of pixel, point, direction, triangle, object, mask and depth_m to say"
+                " where"
+            )
         if (self.triangle is None) != (self.barycentric is None):
             raise ValueError("needs triangle and barycentric together")
-        if self.samples is not None and by_object is None:
+        if self.samples is not None and all(place is None for place in spread):
             raise ValueError("has samples without an object to spread them on; remove samples")
-        if (self.sharp is None) == (self.blur_px is None):
-            raise ValueError("needs exactly one of sharp = true and blur_px to say what is wished")
-        if self.blur_px is None and self.signed:
-            raise ValueError("has signed without blur_px; remove signed, or give blur_px")
-        if self.blur_px is not None and self.blur_px < 0 and not self.signed:
-            raise ValueError(
-                f"has blur_px = {self.blur_px} without a sign's meaning; add signed = true, or give 0 or more"
-            )
+        if self.depth_m is not None and not self.depth_m[0] < self.depth_m[1]:
+            raise ValueError(f"has depth_m = {list(self.depth_m)}; give [near, far] with near below far")
         return self
-
-
-class SolveTable(Table):
-    """`[solve]`: which settings may change, and how far."""
-
-    free: Annotated[tuple[Literal["focus", "f_number"], ...], Strict(False)] = Field(
-        default=("focus",), description='["focus"] or ["focus", "f_number"]'
-    )
-    min_focus_distance_m: Positive | None = Field(
-        default=None, description="the closest focus distance in metres, for example 0.45"
-    )
-    max_focus_distance_m: Annotated[float, Field(gt=0)] = Field(
-        default=float("inf"), description="the farthest focus distance in metres, or inf"
-    )
-    f_number_min: Positive = Field(default=1.0, description="the lens's widest f-number, for example 1.4")
-    f_number_max: Positive = Field(
-        default=32.0, description="the lens's smallest opening as f-number, for example 22"
-    )
 
     @model_validator(mode="after")
-    def _bounds_in_order(self) -> "SolveTable":
-        if "focus" not in self.free or len(set(self.free)) != len(self.free):
-            raise ValueError('has an unusable free list; give free = ["focus"] or ["focus", "f_number"]')
-        if self.f_number_min >= self.f_number_max:
+    def _one_wish(self) -> "FocusTable":
+        wishes = ["sharp", "same_blur_as"] + [
+            f"{kind}_{unit}" for kind in ("blur", "at_most", "at_least") for unit in ("px", "mm", "height")
+        ]
+        given = [wish for wish in wishes if getattr(self, wish) is not None]
+        if len(given) != 1:
             raise ValueError(
-                f"has f_number_min = {self.f_number_min:g}, which is not below f_number_max ="
-                f" {self.f_number_max:g}; swap the two, or leave f_number out of free"
+                "needs exactly one of sharp = true, blur_px, at_most_px, at_least_px and same_blur_as to say"
+                " what is wished (blurs in _px, _mm or _height)"
+                + (f"; it has {' and '.join(given)}" if given else "")
             )
-        if self.min_focus_distance_m is not None and self.min_focus_distance_m >= self.max_focus_distance_m:
+        blur = given[0] if given[0].startswith("blur") else None
+        if self.signed and blur is None and self.same_blur_as is None:
+            raise ValueError("has signed without blur_px; remove signed, or give blur_px")
+        if blur is not None and getattr(self, blur) < 0 and not self.signed:
             raise ValueError(
-                f"has min_focus_distance_m = {self.min_focus_distance_m:g}, which is not below"
-                f" max_focus_distance_m = {self.max_focus_distance_m:g}; swap the two"
+                f"has {blur} = {getattr(self, blur)} without a sign's meaning; add signed = true, or give 0"
+                " or more"
+            )
+        tolerances = (self.tolerance_px, self.tolerance_mm, self.tolerance_height)
+        if sum(tolerance is not None for tolerance in tolerances) > 1:
+            raise ValueError(
+                "has several tolerances; give one of tolerance_px, tolerance_mm and tolerance_height"
             )
         return self
+
+    @property
+    def limits_or_compares(self) -> bool:
+        """Whether the wish is for less or more than a blur, or for that of another point."""
+        keys = [f"{kind}_{unit}" for kind in ("at_most", "at_least") for unit in ("px", "mm", "height")]
+        return any(getattr(self, key) is not None for key in [*keys, "same_blur_as"])
 
 
 class RenderTable(Table):

@@ -1,5 +1,7 @@
 """How far the solved parameters may go: what a photographer limits, and the box it makes."""
 
+from typing import TypeAlias
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -7,58 +9,79 @@ from jaxtyping import Array, ArrayLike, Float
 
 from focusjax.focus._checks import require
 from focusjax.geometry import Camera
+from focusjax.lens import MAX_TILT
 
-LOWER_NAMES = ("max_focus_distance", "max_f_number")
-"""What the lower ends of the box are called: its parameters are reciprocals of what is limited."""
+LOWER_NAMES = ("max_focus_distance", "max_f_number", "max_tilt", "min_swing", "min_focal_length")
+"""What the lower ends of the box are called: some parameters fall as what is limited grows."""
 
-UPPER_NAMES = ("min_focus_distance", "min_f_number")
+UPPER_NAMES = ("min_focus_distance", "min_f_number", "min_tilt", "max_swing", "max_focal_length")
 """What the upper ends of the box are called."""
 
 LIFE_SIZE = 2.0
 """Default minimum focus distance in focal lengths, where the image is as large as the subject."""
 
+Range: TypeAlias = tuple[ArrayLike, ArrayLike]
+Ends: TypeAlias = tuple[Float[Array, ""], Float[Array, ""]]
+
 
 class Box(eqx.Module):
-    """Bounds on (focus disparity in 1/m, aperture radius in m)."""
+    """Bounds on parameters of a solve (see `_parameters`)."""
 
-    lower: Float[Array, "2"]
-    upper: Float[Array, "2"]
+    lower: Float[Array, "k"]
+    upper: Float[Array, "k"]
+
+    def columns(self, chosen: tuple[int, ...]) -> "Box":
+        """The bounds on some of the parameters."""
+        pick = jnp.array(chosen)
+        return Box(self.lower[pick], self.upper[pick])
 
     def at_radius(self, radius: Float[Array, ""]) -> "Box":
-        """The box without room for the aperture radius to move."""
+        """The box of (focus, aperture radius) without room for the aperture radius to move."""
         return Box(self.lower.at[1].set(radius), self.upper.at[1].set(radius))
 
 
 class Limits(eqx.Module):
-    """Bounds as they are engraved on a lens.
+    """Bounds as they are engraved on a lens and camera.
 
     Attributes:
         near: minimum focus distance in metres.
         far: maximum focus distance in metres; may be infinite.
-        widest: smallest f-number.
-        narrowest: largest f-number.
+        f_number: smallest and largest f-number.
+        tilt: least and largest tilt in radians.
+        swing: least and largest swing in radians.
+        focal_length: shortest and longest focal length in metres.
     """
 
     near: Float[Array, ""]
     far: Float[Array, ""]
-    widest: Float[Array, ""]
-    narrowest: Float[Array, ""]
+    f_number: Ends
+    tilt: Ends
+    swing: Ends
+    focal_length: Ends
 
     def box(self, camera: Camera) -> Box:
-        """The same bounds on the parameters that are solved for."""
+        """The same bounds on the whole vector of parameters."""
         length = camera.focal_length
+        # n_y = -sin(tilt) / F and, without tilt, n_x = sin(swing) / F.
+        up = [-jnp.sin(angle) / length for angle in self.tilt]
+        right = [jnp.sin(angle) / length for angle in self.swing]
+        radius = [length / (2.0 * number) for number in self.f_number]
+        zoom = [end / length for end in self.focal_length]
         return Box(
-            lower=jnp.stack([1.0 / self.far, length / (2.0 * self.narrowest)]),
-            upper=jnp.stack([1.0 / self.near, length / (2.0 * self.widest)]),
+            lower=jnp.stack([1.0 / self.far, radius[1], up[1], right[0], zoom[0]]),
+            upper=jnp.stack([1.0 / self.near, radius[0], up[0], right[1], zoom[1]]),
         )
 
 
 def make_limits(
     camera: Camera,
     *,
-    min_focus_distance: ArrayLike | None,
-    max_focus_distance: ArrayLike,
-    f_number_range: tuple[ArrayLike, ArrayLike],
+    min_focus_distance: ArrayLike | None = None,
+    max_focus_distance: ArrayLike = jnp.inf,
+    f_number_range: Range = (1.0, 32.0),
+    tilt_range: Range | None = None,
+    swing_range: Range | None = None,
+    focal_length_range: Range | None = None,
 ) -> Limits:
     """Checked limits; arguments as for `solve`.
 
@@ -66,29 +89,63 @@ def make_limits(
         ValueError: limits that are out of range or reversed.
     """
     length = camera.focal_length
+    shortest, longest = (length, length) if focal_length_range is None else focal_length_range
+    shortest = require(
+        jnp.asarray(shortest, dtype=float),
+        lambda v: v > 0,
+        "the focal length range's start in metres",
+        "a positive length such as 0.024",
+    )
+    longest = require(
+        jnp.asarray(longest, dtype=float),
+        lambda v: (v >= shortest) & (v < np.inf),
+        "the focal length range's end in metres",
+        "a finite length, not below the range's start",
+    )
     if min_focus_distance is None:
-        min_focus_distance = LIFE_SIZE * length
+        min_focus_distance = LIFE_SIZE * longest
     near = jnp.asarray(min_focus_distance, dtype=float)
     far = jnp.asarray(max_focus_distance, dtype=float)
     widest = jnp.asarray(f_number_range[0], dtype=float)
     narrowest = jnp.asarray(f_number_range[1], dtype=float)
-    return Limits(
-        near=require(
-            near,
-            lambda v: (v > length) & (v < np.inf),
-            "minimum focus distance in metres",
-            "a finite distance beyond the focal length; raise it, or use a shorter focal length",
-        ),
-        far=require(
-            far, lambda v: v > near, "maximum focus distance in metres", "more than the minimum, or infinity"
-        ),
-        widest=require(
-            widest, lambda v: v > 0, "the f-number range's start", "a positive number such as 1.4"
-        ),
-        narrowest=require(
-            narrowest,
-            lambda v: (v > widest) & (v < np.inf),
-            "the f-number range's end",
-            "a finite number above the range's start",
-        ),
+    near = require(
+        near,
+        lambda v: (v > longest) & (v < np.inf),
+        "minimum focus distance in metres",
+        "a finite distance beyond the focal length; raise it, or use a shorter focal length",
     )
+    far = require(
+        far, lambda v: v > near, "maximum focus distance in metres", "more than the minimum, or infinity"
+    )
+    widest = require(widest, lambda v: v > 0, "the f-number range's start", "a positive number such as 1.4")
+    narrowest = require(
+        narrowest,
+        lambda v: (v > widest) & (v < np.inf),
+        "the f-number range's end",
+        "a finite number above the range's start",
+    )
+    return Limits(
+        near=near,
+        far=far,
+        f_number=(widest, narrowest),
+        tilt=_angles("tilt", tilt_range),
+        swing=_angles("swing", swing_range),
+        focal_length=(shortest, longest),
+    )
+
+
+def _angles(name: str, ends: Range | None) -> Ends:
+    least, most = (-MAX_TILT, MAX_TILT) if ends is None else ends
+    least = require(
+        jnp.asarray(least, dtype=float),
+        lambda v: abs(v) < np.pi / 2,
+        f"the {name} range's start in radians",
+        "an angle between -pi/2 and pi/2",
+    )
+    most = require(
+        jnp.asarray(most, dtype=float),
+        lambda v: (v >= least) & (v < np.pi / 2),
+        f"the {name} range's end in radians",
+        "an angle from the range's start to less than pi/2",
+    )
+    return least, most

@@ -1,18 +1,27 @@
 """Wishes after they have been found in the picture: all that the solve needs to know."""
 
+import dataclasses
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 
+EQUAL, AT_MOST, AT_LEAST, SAME = range(4)
+"""What a row of `ImagePoints` wishes of its blur: a value, a limit, or that of the row's reference."""
+
 
 class ImagePoints(eqx.Module):
     """One row per point; a wish about an object has several rows that share its weight.
 
-    A pytree: solutions can be differentiated with respect to the float fields.
+    A pytree: solutions can be differentiated with respect to the float fields. Many problems at once
+    (`stacked`) have a leading axis p.
 
     Attributes:
         xy: image positions in pixels.
@@ -23,16 +32,23 @@ class ImagePoints(eqx.Module):
         tolerance: error in pixels up to which the wish is met.
         wish: which wish the row belongs to, as an index into `names`.
         names: one name per wish (static).
+        relation: `EQUAL`, `AT_MOST`, `AT_LEAST` or `SAME` per row; all are `EQUAL` when None.
+        reference: for `SAME` rows, image position and disparity of the point whose blur is to be had;
+            None when there are no such rows.
+        notes: for every wish what limits its weight, such as "hidden", or nothing (static).
     """
 
-    xy: Float[Array, "n 2"]
-    disparity: Float[Array, "n"]
-    target: Float[Array, "n"]
-    signed: Bool[Array, "n"]
-    weight: Float[Array, "n"]
-    tolerance: Float[Array, "n"]
-    wish: Int[Array, "n"]
+    xy: Float[Array, "*p n 2"]
+    disparity: Float[Array, "*p n"]
+    target: Float[Array, "*p n"]
+    signed: Bool[Array, "*p n"]
+    weight: Float[Array, "*p n"]
+    tolerance: Float[Array, "*p n"]
+    wish: Int[Array, "*p n"]
     names: tuple[str, ...] = eqx.field(static=True)
+    relation: Int[Array, "*p n"] | None = None
+    reference: Float[Array, "*p n 3"] | None = None
+    notes: tuple[str, ...] = eqx.field(static=True, default=())
 
 
 def blurs(points: ImagePoints, camera: Camera, lens: AbstractLens) -> Float[Array, "n"]:
@@ -44,16 +60,31 @@ def errors(points: ImagePoints, camera: Camera, lens: AbstractLens) -> Float[Arr
     """How far each point's blur is from its wish, in pixels.
 
     The error is blur - target when the wish is signed and |blur| - target otherwise; positive means
-    too much blur for an unsigned wish. A sharp wish is signed with target 0, so it is smooth.
+    too much blur for an unsigned wish. A sharp wish is signed with target 0, so it is smooth. That
+    of an `AT_MOST` row is not negative, and that of an `AT_LEAST` row not positive: their good side
+    has no error. The target of a `SAME` row is the blur of its reference.
     """
     blur = blurs(points, camera, lens)
-    return jnp.where(points.signed, blur, jnp.abs(blur)) - points.target
+    excess = jnp.where(points.signed, blur, jnp.abs(blur)) - points.target
+    if points.reference is not None:
+        other = jax.vmap(lambda row: lens.blur(camera, row[:2], row[2]))(points.reference)
+        excess = excess - jnp.where(points.signed, other, jnp.abs(other)) * (points.relation == SAME)
+    return one_sided(excess, points.relation)
+
+
+def one_sided(excess: Float[Array, "n"], relation: Int[Array, "n"] | None) -> Float[Array, "n"]:
+    """`excess`, without the sign that a row's `relation` allows; its square has a slope everywhere."""
+    if relation is None:
+        return excess
+    allowed = ((relation == AT_MOST) & (excess <= 0)) | ((relation == AT_LEAST) & (excess >= 0))
+    return jnp.where(allowed, 0.0, excess)
 
 
 def residuals(points: ImagePoints, camera: Camera, lens: AbstractLens) -> Float[Array, "n"]:
     """sqrt(weight) x error in pixels: the solve minimises half the sum of their squares.
 
-    The slope of an unsigned wish at blur 0, where it has a peak, is taken as 0.
+    The slope of an unsigned wish at blur 0, where it has a peak, is taken as 0, and so is that of a
+    limit at the limit.
     """
     return root_weight(points.weight) * errors(points, camera, lens)
 
@@ -62,3 +93,58 @@ def root_weight(weight: Float[Array, "n"]) -> Float[Array, "n"]:
     """The square root; its slope is infinite at weight 0, where 0 is reported instead."""
     counts = weight > 0
     return jnp.where(counts, jnp.sqrt(jnp.where(counts, weight, 1.0)), 0.0)
+
+
+def padded(points: ImagePoints, size: int) -> ImagePoints:
+    """The points with their last row repeated, without weight, up to `size` rows."""
+    extra = size - points.disparity.shape[0]
+    if extra == 0:
+        return points
+
+    def longer(leaf: Array) -> Array:
+        if isinstance(leaf, Tracer):
+            return jnp.concatenate([leaf, jnp.repeat(leaf[-1:], extra, axis=0)])
+        # By numpy, which compiles nothing.
+        return jnp.asarray(np.concatenate([leaf, np.repeat(np.asarray(leaf)[-1:], extra, axis=0)]))
+
+    longest = jax.tree.map(longer, points)
+    weight = longest.weight
+    if isinstance(weight, Tracer):
+        weight = weight.at[-extra:].set(0.0)
+    else:
+        weight = jnp.asarray(np.where(np.arange(size) < size - extra, weight, 0))
+    return dataclasses.replace(longest, weight=weight)
+
+
+def stacked(problems: Sequence[ImagePoints]) -> ImagePoints:
+    """Several problems as one, with a leading axis on every array; the names are the first one's.
+
+    Problems with fewer rows are padded with rows without weight.
+
+    Raises:
+        ValueError: no problems.
+    """
+    if not problems:
+        raise ValueError("there are no problems to stack; give at least one")
+    size = max(each.disparity.shape[0] for each in problems)
+    related = any(each.relation is not None for each in problems)
+    referring = any(each.reference is not None for each in problems)
+    alike = [
+        dataclasses.replace(
+            padded(with_relations(each, related=related, referring=referring), size),
+            names=problems[0].names,
+            notes=(),
+        )
+        for each in problems
+    ]
+    return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *alike)
+
+
+def with_relations(points: ImagePoints, *, related: bool, referring: bool) -> ImagePoints:
+    """The points with `relation` and `reference` filled in, where they are wanted and None."""
+    if related and points.relation is None:
+        points = dataclasses.replace(points, relation=jnp.zeros(points.wish.shape, dtype=int))
+    if referring and points.reference is None:
+        own = jnp.concatenate([points.xy, points.disparity[..., None]], axis=-1)
+        points = dataclasses.replace(points, reference=own)
+    return points

@@ -1,35 +1,16 @@
-"""From places in the scene to image positions and disparities."""
+"""From wishes about places in the scene to rows of image positions, disparities and targets."""
 
-import dataclasses
-import difflib
 from collections.abc import Mapping, Sequence
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Integer
 
-from focusjax.focus._image_points import ImagePoints
-from focusjax.focus._points import (
-    AtInfinity,
-    AtPixel,
-    AtPoint,
-    Attachment,
-    Blur,
-    FocusPoint,
-    OnObject,
-    OnTriangle,
-    Vector,
-)
-from focusjax.focus._surface import surface_samples, thin_out
+from focusjax.focus._image_points import AT_LEAST, AT_MOST, EQUAL, SAME, ImagePoints
+from focusjax.focus._places import BEHIND, OUTSIDE, Finder, Place, did_you_mean
+from focusjax.focus._points import AtLeast, AtMost, Blur, FocusPoint, SameBlur, Wish
+from focusjax.focus._units import pixels
 from focusjax.geometry import Camera
-
-VISIBLE_WITHIN = 0.01
-"""A surface point is visible when its disparity is within this share of the first surface's."""
-
-# Surface points drawn per sample wanted: an object seen only in part still gets its samples.
-_CANDIDATES = 16
 
 
 def locate(
@@ -40,13 +21,17 @@ def locate(
     faces: Integer[np.ndarray, "t 3"] | None = None,
     objects: Mapping[str, range] | None = None,
     disparity_map: Float[np.ndarray, "h w"] | Float[Array, "h w"] | None = None,
+    favour_near: float = 0.0,
 ) -> ImagePoints:
-    """Where every wish is in the picture, and how far away.
+    """Where every wish is in the picture, and how far away (Lee10 §5).
 
-    A pixel takes the disparity of the first surface at the nearest pixel centre. World points,
-    triangles and directions count whether or not something hides them. Of an object, those sampled
-    surface points count that the camera sees: in the frame, and within `VISIBLE_WITHIN` of the
+    A pixel takes the disparity of the first surface at the nearest pixel centre. Of an object, those
+    sampled surface points count that the camera sees: in the frame, and within `VISIBLE_WITHIN` of the
     disparity of the first surface at the nearest pixel centre. They share the wish's weight.
+
+    A place outside the frame, or behind the camera, does not count unless the focus point says so; of one
+    that is hidden the weight fades to 0, for points and triangles softly (`visibility`). `notes` says
+    which wishes that happened to. Without a disparity map nothing is taken to be hidden.
 
     Args:
         points: the wishes, at least one.
@@ -55,14 +40,16 @@ def locate(
         faces: rows of `vertices`; needed for triangles and objects.
         objects: object names and their ranges of faces; needed for objects.
         disparity_map: disparity of the first surface at every pixel centre in 1/m, 0 where there is
-            only background; needed for pixels and objects.
+            only background; needed for pixels, masks and objects.
+        favour_near: how much more near wishes count, to settle ambiguities: the weight is multiplied by
+            1 + favour_near x disparity / (largest disparity of any wish).
 
     Raises:
-        ValueError: no points; a place that is off screen, behind the camera, not finite or not in
-            the scene; an object that is unknown or hidden; a missing argument.
+        ValueError: no points; none that counts; a pixel that is off screen; a place that is not finite or
+            not in the scene; a mask that is empty or of another size; an unknown name; a missing argument.
 
     Example:
-        >>> from focusjax.focus import Sharp
+        >>> from focusjax.focus import AtPoint, Sharp
         >>> from focusjax.geometry import make_camera
         >>> camera = make_camera(jnp.eye(4), width=64, height=48, focal_length=0.05)
         >>> found = locate([FocusPoint(AtPoint((0, 0, -2)), Sharp(), name="nose")], camera)
@@ -71,153 +58,110 @@ def locate(
     """
     if not points:
         raise ValueError("there are no focus points; give at least one wish")
-    finder = _Finder(camera, vertices, faces, objects or {}, _checked_map(disparity_map, camera))
+    if not 0 <= favour_near < np.inf:
+        raise ValueError(f"favour_near is {favour_near}; expected zero or a positive finite number")
     names = tuple(point.name or f"point {index + 1}" for index, point in enumerate(points))
+    finder = Finder(camera, vertices, faces, objects or {}, _checked_map(disparity_map, camera))
     places = [
         finder.find(point.where, f"focus point {name!r}") for point, name in zip(points, names, strict=True)
     ]
-    counts = np.array([len(place) for place in places])
-    blurs = [point.wish if isinstance(point.wish, Blur) else Blur(0.0, signed=True) for point in points]
-    weights = np.array([float(point.weight) for point in points]) / counts
-    rows = np.concatenate(places)
+    targets, relations, signed = zip(*(_meaning(point.wish, camera) for point in points), strict=True)
+    counts = np.array([len(place.rows) for place in places])
+    shares = np.array([_share(point, place) for point, place in zip(points, places, strict=True)])
+    rows = np.concatenate([place.rows for place in places])
     wish = np.repeat(np.arange(len(points)), counts)
+    others = [_other(point.wish, name, names, places) for point, name in zip(points, names, strict=True)]
+    shares = shares * [1.0 if other is None or other.trouble != BEHIND else 0.0 for other in others]
+    weight = np.array([float(point.weight) for point in points]) * shares
+    _check_some_count(points, names, places, weight)
+    nearness = rows[:, 2] / max(rows[:, 2].max(), np.finfo(float).tiny)
+    reference = None
+    if SAME in relations:
+        reference = np.concatenate(
+            [
+                place.rows if other is None else np.tile(other.rows.mean(axis=0), (len(place.rows), 1))
+                for place, other in zip(places, others, strict=True)
+            ]
+        )
     return ImagePoints(
         xy=jnp.asarray(rows[:, :2], dtype=float),
         disparity=jnp.asarray(rows[:, 2], dtype=float),
-        target=jnp.asarray(np.array([float(blur.pixels) for blur in blurs])[wish], dtype=float),
-        signed=jnp.asarray(np.array([blur.signed for blur in blurs])[wish]),
-        weight=jnp.asarray(weights[wish], dtype=float),
-        tolerance=jnp.asarray(np.array([float(point.tolerance) for point in points])[wish], dtype=float),
+        target=jnp.asarray(np.array(targets)[wish], dtype=float),
+        signed=jnp.asarray(np.array(signed)[wish]),
+        weight=jnp.asarray((weight / counts)[wish] * (1.0 + favour_near * nearness), dtype=float),
+        tolerance=jnp.asarray(
+            np.array([pixels(point.tolerance, camera) for point in points])[wish], dtype=float
+        ),
         wish=jnp.asarray(wish),
         names=names,
+        relation=jnp.asarray(np.array(relations)[wish]) if any(relations) else None,
+        reference=None if reference is None else jnp.asarray(reference, dtype=float),
+        notes=tuple(_note(place, share) for place, share in zip(places, shares, strict=True)),
     )
 
 
-@dataclasses.dataclass(frozen=True)
-class _Finder:
-    """The scene as `locate` was given it; finds one place at a time as rows of (x, y, disparity)."""
-
-    camera: Camera
-    vertices: Float[np.ndarray, "v 3"] | None
-    faces: Integer[np.ndarray, "t 3"] | None
-    objects: Mapping[str, range]
-    disparity_map: Float[np.ndarray, "h w"] | None
-
-    def find(self, where: Attachment, label: str) -> Float[np.ndarray, "n 3"]:
-        match where:
-            case AtPixel(x, y):
-                return self._pixel(np.array([float(x), float(y)]), label)
-            case AtPoint(position):
-                return self._point(_finite(position, f"{label}: position"), label)
-            case AtInfinity(direction):
-                return self._direction(_finite(direction, f"{label}: direction"), label)
-            case OnTriangle(face, barycentric):
-                return self._point(self._on_triangle(int(face), barycentric, label), label)
-            case OnObject(name, samples):
-                return self._object(name, samples, label)
-
-    def _pixel(self, xy: Float[np.ndarray, "2"], label: str) -> Float[np.ndarray, "1 3"]:
-        if self.disparity_map is None:
-            raise ValueError(f"{label} is given as a pixel; that needs the disparity map")
-        row = self._on_screen(np.append(xy, 0.0)[None], label)
-        return np.append(xy, self._seen(row)).reshape(1, 3)
-
-    def _point(self, position: Float[np.ndarray, "3"], label: str) -> Float[np.ndarray, "1 3"]:
-        rows = _project(self.camera, position[None])
-        if not rows[0, 2] > 0 or not np.all(np.isfinite(rows)):
-            raise ValueError(
-                f"{label} at {position.tolist()} m is behind the camera; move it, or turn the camera"
-            )
-        return self._on_screen(rows, label)
-
-    def _direction(self, direction: Float[np.ndarray, "3"], label: str) -> Float[np.ndarray, "1 3"]:
-        if not np.any(direction):
-            raise ValueError(f"{label} is in direction {direction.tolist()}; give one that is not zero")
-        x, y, z = np.asarray(self.camera.world_from_camera)[:3, :3].T.astype(float) @ direction
-        if not z < 0:
-            raise ValueError(
-                f"{label} in direction {direction.tolist()} is behind the camera; turn the camera"
-            )
-        offset = float(self.camera.focal_px) * np.array([x, -y]) / -z
-        xy = np.asarray(self.camera.principal_point).astype(float) + offset
-        return self._on_screen(np.append(xy, 0.0)[None], label)
-
-    def _on_triangle(self, face: int, barycentric: Vector, label: str) -> Float[np.ndarray, "3"]:
-        vertices, faces = self._mesh(label)
-        weights = _finite(barycentric, f"{label}: barycentric coordinates")
-        if not 0 <= face < len(faces):
-            raise ValueError(f"{label} is on face {face}; the scene has faces 0 to {len(faces) - 1}")
-        if weights.min() < -1e-6 or abs(weights.sum() - 1) > 1e-6:
-            raise ValueError(
-                f"{label} has barycentric coordinates {weights.tolist()}; expected three numbers that"
-                " are not negative and add up to 1"
-            )
-        return weights @ vertices[faces[face]].astype(float)
-
-    def _object(self, name: str, samples: int, label: str) -> Float[np.ndarray, "n 3"]:
-        if name not in self.objects:
-            near = difflib.get_close_matches(name, list(self.objects), n=1, cutoff=0.4)
-            hint = f"did you mean {near[0]!r}?" if near else f"the scene has {sorted(self.objects)}"
-            raise ValueError(f"{label} is on object {name!r}, which the scene does not have; {hint}")
-        if self.disparity_map is None:
-            raise ValueError(
-                f"{label} is on object {name!r}; to see which part shows, give the disparity map"
-            )
-        vertices, faces = self._mesh(label)
-        span = self.objects[name]
-        corners = vertices[faces[span.start : span.stop]].astype(float)
-        rows = _project(self.camera, surface_samples(corners, _CANDIDATES * samples))
-        rows = rows[self._in_frame(rows) & (rows[:, 2] > 0)]
-        rows = rows[np.abs(self._seen(rows) - rows[:, 2]) <= VISIBLE_WITHIN * rows[:, 2]]
-        if len(rows) == 0:
-            raise ValueError(
-                f"{label} is on object {name!r}, no part of which shows in the picture; move the camera,"
-                " or wish for something that shows"
-            )
-        return rows[thin_out(len(rows), samples)]
-
-    def _mesh(self, label: str) -> tuple[Float[np.ndarray, "v 3"], Integer[np.ndarray, "t 3"]]:
-        if self.vertices is None or self.faces is None:
-            raise ValueError(f"{label} is on a mesh; that needs the scene's vertices and faces")
-        return self.vertices, self.faces
-
-    def _in_frame(self, rows: Float[np.ndarray, "n 3"]) -> np.ndarray:
-        size = np.array([self.camera.width, self.camera.height])
-        return np.all((rows[:, :2] >= 0) & (rows[:, :2] <= size), axis=-1)
-
-    def _on_screen(self, rows: Float[np.ndarray, "1 3"], label: str) -> Float[np.ndarray, "1 3"]:
-        if not self._in_frame(rows).all():
-            x, y = rows[0, :2]
-            raise ValueError(
-                f"{label} is off screen at pixel ({x:.6g}, {y:.6g}); expected 0 to {self.camera.width}"
-                f" across and 0 to {self.camera.height} down"
-            )
-        return rows
-
-    def _seen(self, rows: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
-        """Disparity of the first surface at the pixel centres nearest to rows in the frame."""
-        assert self.disparity_map is not None
-        height, width = self.disparity_map.shape
-        column, line = np.floor(rows[:, :2]).astype(int).T
-        return self.disparity_map[np.minimum(line, height - 1), np.minimum(column, width - 1)]
+def _meaning(wish: Wish, camera: Camera) -> tuple[float, int, bool]:
+    """Target in pixels, relation, and whether the side of the focus matters."""
+    match wish:
+        case Blur(diameter, signed):
+            return pixels(diameter, camera), EQUAL, signed
+        case AtMost(diameter):
+            return pixels(diameter, camera), AT_MOST, False
+        case AtLeast(diameter):
+            return pixels(diameter, camera), AT_LEAST, False
+        case SameBlur(_, same_side):
+            return 0.0, SAME, same_side
+        case _:
+            return 0.0, EQUAL, True
 
 
-@eqx.filter_jit
-def _project_all(camera: Camera, positions: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
-    xy, disparity = jax.vmap(camera.project)(positions)
-    return jnp.concatenate([xy, disparity[:, None]], axis=-1)
+def _share(point: FocusPoint, place: Place) -> float:
+    """Factor of a wish's weight for what is to be seen of its place."""
+    if place.trouble == BEHIND:
+        return 0.0
+    if place.trouble == OUTSIDE:
+        return 1.0 if point.even_outside else 0.0
+    return 1.0 if point.even_hidden else place.shown
 
 
-def _project(camera: Camera, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """Image position and disparity of world points, in float64 rows."""
-    return np.asarray(_project_all(camera, jnp.asarray(positions, dtype=float))).astype(float)
+def _note(place: Place, share: float) -> str:
+    if share > 0 and place.trouble:
+        return f"counts although {place.trouble}"
+    return place.trouble if share == 0 else "" if share == 1 else f"{100 * (1 - share):.0f} % hidden"
 
 
-def _finite(values: Vector, what: str) -> Float[np.ndarray, "3"]:
-    array = np.asarray(values, dtype=float)
-    if array.shape != (3,) or not np.all(np.isfinite(array)):
-        raise ValueError(f"{what} is {array.tolist()}; expected three finite numbers")
-    return array
+def _other(wish: Wish, name: str, names: tuple[str, ...], places: Sequence[Place]) -> Place | None:
+    """The place of the point whose blur `wish` refers to."""
+    if not isinstance(wish, SameBlur):
+        return None
+    found = [index for index, known in enumerate(names) if known == wish.other]
+    if len(found) != 1:
+        hint = did_you_mean(wish.other, names, f"the focus points are {list(names)}")
+        problem = "does not exist" if not found else "is not the only one of that name"
+        raise ValueError(
+            f"focus point {name!r} is to be as blurred as {wish.other!r}, which {problem}; {hint}"
+        )
+    if wish.other == name:
+        raise ValueError(f"focus point {name!r} is to be as blurred as itself; name another focus point")
+    return places[found[0]]
+
+
+def _check_some_count(
+    points: Sequence[FocusPoint], names: tuple[str, ...], places: Sequence[Place], weight: np.ndarray
+) -> None:
+    """Refuses wishes that all have no say, in the words of the first that would have one."""
+    if weight.max() > 0:
+        return
+    for point, name, place in zip(points, names, places, strict=True):
+        if place.trouble and float(point.weight) > 0:
+            many = "" if len(points) == 1 else ", and no other focus point counts"
+            remedy = {
+                BEHIND: "move it, or turn the camera",
+                OUTSIDE: "move it or the camera, or let it count even_outside",
+            }.get(place.trouble, "move the camera, or let it count even_hidden")
+            x, y = place.rows.mean(axis=0)[:2]
+            where = f" around pixel ({x:.6g}, {y:.6g})" if place.trouble != BEHIND else ""
+            raise ValueError(f"focus point {name!r} is {place.trouble}{where}{many}; {remedy}")
 
 
 def _checked_map(

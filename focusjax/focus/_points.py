@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from typing import SupportsFloat, SupportsIndex, TypeAlias
 
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Bool
+
+from focusjax.focus._units import Diameter, amount
 
 Vector: TypeAlias = Sequence[SupportsFloat] | np.ndarray | Array
 
@@ -64,16 +66,56 @@ class OnObject:
     samples: int = 64
 
     def __post_init__(self) -> None:
-        if self.samples < 1:
-            raise ValueError(f"object {self.name!r} has {self.samples} samples; expected at least 1")
+        _check_samples(self.samples, f"object {self.name!r}")
 
 
-Attachment: TypeAlias = AtPixel | AtPoint | AtInfinity | OnTriangle | OnObject
+@dataclasses.dataclass(frozen=True, eq=False)
+class OnMask:
+    """The surface seen first under a part of the picture, as points spread evenly over that part.
+
+    Background counts only where a mask holds nothing else.
+
+    Attributes:
+        mask: which pixels [h, w] are meant.
+        samples: at most this many pixels carry the wish, and share its weight.
+    """
+
+    mask: Bool[np.ndarray, "h w"]
+    samples: int = 64
+
+    def __post_init__(self) -> None:
+        _check_samples(self.samples, "a mask")
+
+
+@dataclasses.dataclass(frozen=True)
+class InDepthRange:
+    """Everything between two distances along the view axis, in the middle of the picture.
+
+    Attributes:
+        near: metres along the view axis.
+        far: metres, more than `near`; may be infinite.
+        samples: number of points that carry the wish and share its weight, evenly spaced in disparity,
+            as blur is; `near` and `far` are the first and the last.
+    """
+
+    near: SupportsFloat
+    far: SupportsFloat
+    samples: int = 16
+
+    def __post_init__(self) -> None:
+        near, far = float(self.near), float(self.far)
+        if not 0 < near < far:
+            raise ValueError(f"the depth range is {near} m to {far} m; expected 0 < near < far")
+        if self.samples < 2:
+            raise ValueError(f"the depth range has {self.samples} samples; expected at least 2, for its ends")
+
+
+Attachment: TypeAlias = AtPixel | AtPoint | AtInfinity | OnTriangle | OnObject | OnMask | InDepthRange
 
 
 @dataclasses.dataclass(frozen=True)
 class Sharp:
-    """The point is in focus: its blur diameter is 0 px."""
+    """The point is in focus: its blur diameter is 0."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,40 +123,78 @@ class Blur:
     """The point is blurred to a circle-of-confusion diameter.
 
     Attributes:
-        pixels: diameter in output pixels.
-        signed: when true the sign of `pixels` says on which side: positive for a point behind
+        diameter: output pixels, or a length of another kind (`OnSensor`, `OfHeight`).
+        signed: when true the sign of `diameter` says on which side: positive for a point behind
             the focus, negative for one in front of it. Otherwise either side will do.
     """
 
-    pixels: SupportsFloat
+    diameter: Diameter
     signed: bool = False
 
     def __post_init__(self) -> None:
-        pixels = float(self.pixels)
-        if not math.isfinite(pixels):
-            raise ValueError(f"wished blur is {pixels} px; expected a finite diameter")
-        if pixels < 0 and not self.signed:
-            raise ValueError(
-                f"wished blur is {pixels} px; a diameter is not negative, unless the wish is signed to"
-                " ask for a point in front of the focus"
-            )
+        _check_diameter("wished blur", self.diameter, negative=self.signed)
 
 
-Wish: TypeAlias = Sharp | Blur
+@dataclasses.dataclass(frozen=True)
+class AtMost:
+    """The point is blurred to at most a diameter: within it, it makes no difference.
+
+    Attributes:
+        diameter: output pixels, or a length of another kind (`OnSensor`, `OfHeight`).
+    """
+
+    diameter: Diameter
+
+    def __post_init__(self) -> None:
+        _check_diameter("largest wished blur", self.diameter)
+
+
+@dataclasses.dataclass(frozen=True)
+class AtLeast:
+    """The point is blurred to at least a diameter, on either side of the focus: "keep it unreadable".
+
+    Attributes:
+        diameter: output pixels, or a length of another kind (`OnSensor`, `OfHeight`).
+    """
+
+    diameter: Diameter
+
+    def __post_init__(self) -> None:
+        _check_diameter("smallest wished blur", self.diameter)
+
+
+@dataclasses.dataclass(frozen=True)
+class SameBlur:
+    """The point is blurred as much as another one.
+
+    Attributes:
+        other: name of the other focus point; of an object or a mask, its mean blur counts.
+        same_side: whether both are to be on the same side of the focus; otherwise either will do.
+    """
+
+    other: str
+    same_side: bool = False
+
+
+Wish: TypeAlias = Sharp | Blur | AtMost | AtLeast | SameBlur
 
 
 @dataclasses.dataclass(frozen=True)
 class FocusPoint:
     """One wish about one place.
 
-    A wish adds weight x (error in pixels)^2 to what the solve minimises.
+    A wish adds weight x (error in pixels)^2 to what the solve minimises. `AtMost` and `AtLeast` have
+    no error on their good side.
 
     Attributes:
         where: the place.
-        wish: sharp, or a blur diameter.
+        wish: sharp, a blur diameter, a limit to it, or that of another point.
         weight: importance; 0 reports the point without letting it count.
-        tolerance: error in pixels up to which the wish is called met.
+        tolerance: error up to which the wish is called met, in pixels or a length of another kind.
         name: how reports call the wish; "point 1", "point 2", ... in order when empty.
+        even_outside: whether the wish counts even when its place is outside the frame (Lee10 §5).
+        even_hidden: whether the wish counts in full even when something hides its place; otherwise its
+            weight fades as that happens.
 
     Example:
         >>> FocusPoint(AtPixel(320, 200), Blur(30), name="lamp").weight
@@ -124,11 +204,30 @@ class FocusPoint:
     where: Attachment
     wish: Wish
     weight: SupportsFloat = 1.0
-    tolerance: SupportsFloat = 1.0
+    tolerance: Diameter = 1.0
     name: str = ""
+    even_outside: bool = False
+    even_hidden: bool = False
 
     def __post_init__(self) -> None:
         label = f"focus point {self.name!r}" if self.name else "a focus point"
-        for what, value in (("weight", float(self.weight)), ("tolerance", float(self.tolerance))):
+        for what, value in (("weight", float(self.weight)), ("tolerance", amount(self.tolerance))):
             if not 0 <= value < math.inf:
                 raise ValueError(f"{label} has {what} {value}; expected zero or a positive finite number")
+
+
+def _check_samples(samples: int, what: str) -> None:
+    if samples < 1:
+        raise ValueError(f"{what} has {samples} samples; expected at least 1")
+
+
+def _check_diameter(what: str, diameter: Diameter, *, negative: bool = False) -> None:
+    value = amount(diameter)
+    unit = "" if not isinstance(diameter, SupportsFloat) else " px"
+    if not math.isfinite(value):
+        raise ValueError(f"{what} is {value}{unit}; expected a finite diameter")
+    if value < 0 and not negative:
+        raise ValueError(
+            f"{what} is {value}{unit}; a diameter is not negative, unless the wish is signed to"
+            " ask for a point in front of the focus"
+        )

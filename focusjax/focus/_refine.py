@@ -1,7 +1,7 @@
-"""The two methods that solve the least-squares problem once every wish has chosen its side."""
+"""The methods that solve the smooth least-squares problem once sides and active bounds are known."""
 
 from collections.abc import Callable, Mapping
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import equinox as eqx
 import jax
@@ -10,92 +10,142 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._bounds import Box
-from focusjax.focus._global import Optimum
-from focusjax.focus._image_points import ImagePoints, blurs, root_weight
+from focusjax.focus._image_points import SAME, ImagePoints, blurs, root_weight
 from focusjax.focus._jaxopt import least_squares_in_box
+from focusjax.focus._parameters import Start
+from focusjax.focus._priors import PriorRows
+from focusjax.focus._search import Basin
 from focusjax.focus._solution import Result
-from focusjax.geometry import Camera
-from focusjax.lens import ThinLens
 
-Answer: TypeAlias = tuple[Float[Array, "2"], Int[Array, ""], Result]
+Answer: TypeAlias = tuple[Float[Array, "k"], Int[Array, ""], Result]
 
 # Levenberg-Marquardt damps relative to steps of 1. With variables that change the residuals by this
 # many pixels per unit, damping is negligible from the start and its steps are those of Gauss-Newton.
 _GAIN = 1e3
 
-# Levenberg-Marquardt ends when steps and changes of residuals are below this many roundings.
+# Both methods end when steps and changes of residuals are below this many roundings.
 _ROUNDINGS = 1e3
+
+# Rounding steps by which a computed cost may be off.
+_NOISE = 8.0
 
 
 class Problem(eqx.Module):
-    """Blur minus target at every point as a function of (focus disparity, aperture radius).
+    """Errors at every point as a function of the free parameters, by the lens itself.
 
     Attributes:
         points: the wishes.
-        camera: the pinhole that frames the picture.
-        lens: the lens of which two parameters are varied.
-        target: wished signed blur in pixels, with the side chosen for unsigned wishes.
+        start: the camera and lens of which some parameters are varied.
+        priors: expectations.
+        side: factor of every point's blur in its error.
+        on: points that hold the solution.
     """
 
     points: ImagePoints
-    camera: Camera
-    lens: ThinLens
-    target: Float[Array, "n"]
+    start: Start
+    priors: PriorRows
+    side: Float[Array, "n"]
+    on: Bool[Array, "n"]
 
-    def lens_at(self, value: Float[Array, "2"]) -> ThinLens:
-        """The lens with `value` for its focus disparity in 1/m and aperture radius in m."""
-        return eqx.tree_at(
-            lambda lens: (lens.focus_disparity, lens.aperture_radius), self.lens, (value[0], value[1])
-        )
+    def residuals(self, value: Float[Array, "k"]) -> Float[Array, "m"]:
+        """Square root of each row's share of the weight x error in pixels, points before expectations."""
+        camera, lens = self.start.camera_at(value), self.start.lens_at(value)
+        points = self.start.points_at(value, self.points)
+        miss = self.side * blurs(points, camera, lens) - self.points.target
+        if points.reference is not None:
+            other = jax.vmap(lambda row: lens.blur(camera, row[:2], row[2]))(points.reference)
+            miss = miss - jnp.where(points.relation == SAME, other, 0.0)
+        total = jnp.sum(self.points.weight)
+        rows = root_weight(self.points.weight / total) * jnp.where(self.on, miss, 0.0)
+        return jnp.concatenate([rows, self.priors(value) / jnp.sqrt(total)])
 
-    def residuals(self, value: Float[Array, "2"]) -> Float[Array, "n"]:
-        """Square root of each point's share of the weight x error in pixels."""
-        share = self.points.weight / jnp.sum(self.points.weight)
-        return root_weight(share) * (blurs(self.points, self.camera, self.lens_at(value)) - self.target)
-
-    def units(self, value: Float[Array, "2"]) -> Float[Array, "2"]:
+    def units(self, value: Float[Array, "k"]) -> Float[Array, "k"]:
         """How far each parameter must move from `value` to change the residuals by 1 px in all."""
         effect = jnp.linalg.norm(jax.jacfwd(self.residuals)(value), axis=0)
         return jax.lax.stop_gradient(1.0 / jnp.where(effect > 0.0, effect, 1.0))
 
 
+class _Forgiving(optx.AbstractSearch):
+    """A trust region that also accepts steps whose effect is lost in rounding.
+
+    At the optimum rounding decides whether the next step seems to help. One that is refused is no sign of
+    having arrived, so without this, solvers that start there may never stop.
+    """
+
+    inner: optx.ClassicalTrustRegion
+
+    def init(self, y: Array, f_info_struct: Any) -> Any:
+        return self.inner.init(y, f_info_struct)
+
+    def step(
+        self,
+        first_step: Bool[Array, ""],
+        y: Array,
+        y_eval: Array,
+        f_info: Any,
+        f_eval_info: Any,
+        state: Any,
+    ) -> tuple[Array, Bool[Array, ""], optx.RESULTS, Any]:
+        size, accept, result, state = self.inner.step(first_step, y, y_eval, f_info, f_eval_info, state)
+        cost = f_info.as_min()
+        noise = _NOISE * jnp.finfo(cost.dtype).eps * cost
+        lost = jnp.abs(self.inner.predict_reduction(y_eval - y, f_info)) <= noise
+        return size, accept | (lost & (f_eval_info.as_min() - cost <= noise)), result, state
+
+
+def _forgiving(solver: Any) -> Any:
+    """The same Gauss-Newton solver with that search."""
+    return eqx.tree_at(lambda each: each.search, solver, _Forgiving(solver.search))
+
+
 class _Face(eqx.Module):
     """The part of the box where some parameters are pinned, in variables of `unit` each.
 
-    The residuals have one more row per pinned variable, its distance from the pin: so the problem has
-    full rank, and the derivative with respect to the pins (the bounds) is right, too.
+    The residuals have one more row per parameter: for a pinned one its distance from the pin, for the
+    others that along directions which the wishes leave open. So the problem has full rank, and the
+    derivative with respect to the pins (the bounds, or the start) is right, too.
     """
 
     problem: Problem
-    unit: Float[Array, "2"]
-    pinned: Bool[Array, "2"]
-    pin: Float[Array, "2"]
+    unit: Float[Array, "k"]
+    pinned: Bool[Array, "k"]
+    pin: Float[Array, "k"]
+    open: Float[Array, "k k"]
+    range: Float[Array, "k"]
 
-    def value(self, variables: Float[Array, "2"]) -> Float[Array, "2"]:
+    def value(self, variables: Float[Array, "k"]) -> Float[Array, "k"]:
         return jnp.where(self.pinned, self.pin, variables * self.unit)
 
 
-def _residuals_on_face(variables: Float[Array, "2"], face: _Face) -> Float[Array, "m"]:
+def _residuals_on_face(variables: Float[Array, "k"], face: _Face) -> Float[Array, "m"]:
+    value = face.value(variables)
     off_pin = jnp.where(face.pinned, variables - face.pin / face.unit, 0.0)
-    return jnp.concatenate([face.problem.residuals(face.value(variables)), off_pin])
+    along_open = face.open @ ((value - face.pin) / face.range)
+    return jnp.concatenate([face.problem.residuals(value), off_pin + along_open])
 
 
-def _by_optimistix(
-    problem: Problem, optimum: Optimum, start: Float[Array, "2"], box: Box, max_steps: int
+def _on_face(
+    solver: Callable[[float], optx.AbstractLeastSquaresSolver],
+    problem: Problem,
+    basin: Basin,
+    first: Float[Array, "k"],
+    box: Box,
+    max_steps: int,
 ) -> Answer:
-    """Levenberg-Marquardt on the face of the active bounds, from the optimum of the linear problem.
+    """Least squares by Optimistix on the face of the active bounds, from the basin's bottom.
 
-    Differentiable by the implicit function theorem: parameters on the face move with the points, and
-    pinned ones with their bounds.
+    Differentiable by the implicit function theorem: parameters on the face move with the points, pinned
+    ones with their bounds, and what is left open with the starting lens.
     """
-    pin = jnp.where(optimum.at_lower, box.lower, jnp.where(optimum.at_upper, box.upper, start))
-    pinned = optimum.at_lower | optimum.at_upper | optimum.held | (box.lower == box.upper)
-    face = _Face(problem, _GAIN * problem.units(optimum.value), pinned, pin)
-    tolerance = _ROUNDINGS * float(jnp.finfo(start.dtype).eps)
+    kept = basin.value + (first - jax.lax.stop_gradient(first))
+    pin = jnp.where(basin.at_lower, box.lower, jnp.where(basin.at_upper, box.upper, kept))
+    width = jnp.where(box.upper > box.lower, box.upper - box.lower, 1.0)
+    pinned = basin.at_lower | basin.at_upper | basin.held | (box.lower == box.upper)
+    face = _Face(problem, _GAIN * problem.units(basin.value), pinned, pin, basin.open, width)
     found = optx.least_squares(
         _residuals_on_face,
-        optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance),
-        optimum.value / face.unit,
+        solver(_ROUNDINGS * float(jnp.finfo(first.dtype).eps)),
+        basin.value / face.unit,
         args=face,
         max_steps=max_steps,
         throw=False,
@@ -109,30 +159,52 @@ def _by_optimistix(
     )
 
 
-def _by_jaxopt(
-    problem: Problem, optimum: Optimum, start: Float[Array, "2"], box: Box, max_steps: int
+def _by_optimistix(
+    problem: Problem, basin: Basin, first: Float[Array, "k"], box: Box, max_steps: int
 ) -> Answer:
+    return _on_face(
+        lambda tol: _forgiving(optx.LevenbergMarquardt(rtol=tol, atol=tol)),
+        problem, basin, first, box, max_steps,
+    )  # fmt: skip
+
+
+def _by_dogleg(problem: Problem, basin: Basin, first: Float[Array, "k"], box: Box, max_steps: int) -> Answer:
+    return _on_face(
+        lambda tol: _forgiving(optx.Dogleg(rtol=tol, atol=tol)), problem, basin, first, box, max_steps
+    )
+
+
+def _by_jaxopt(problem: Problem, basin: Basin, first: Float[Array, "k"], box: Box, max_steps: int) -> Answer:
     """L-BFGS-B over the whole box from the starting lens; not differentiable.
 
-    It shares with the first method the sides that wishes have chosen, not the active bounds.
+    It shares with the other methods the sides that wishes have chosen and which limits hold, not the
+    active bounds. What the wishes leave open stays where the search has it.
     """
-    lower = jnp.where(optimum.held, start, box.lower)
-    upper = jnp.where(optimum.held, start, box.upper)
-    unit = problem.units(optimum.value)
+    lower = jnp.where(basin.held, basin.value, box.lower)
+    upper = jnp.where(basin.held, basin.value, box.upper)
+    unit = problem.units(basin.value)
+    width = jnp.where(box.upper > box.lower, box.upper - box.lower, 1.0)
+
+    def residuals(variables: Float[Array, "k"], args: tuple) -> Float[Array, "m"]:
+        problem, unit = args
+        value = variables * unit
+        return jnp.concatenate([problem.residuals(value), basin.open @ ((value - basin.value) / width)])
+
     variables, steps, converged = least_squares_in_box(
-        lambda variables, args: args[0].residuals(variables * args[1]),
-        start / unit,
+        residuals,
+        jnp.clip(first, lower, upper) / unit,
         (problem, unit),
         lower / unit,
         upper / unit,
-        tolerance=_ROUNDINGS * float(jnp.finfo(start.dtype).eps),
+        tolerance=_ROUNDINGS * float(jnp.finfo(first.dtype).eps),
         max_steps=max_steps,
     )
     value = jax.lax.stop_gradient(variables * unit)
     return value, jnp.asarray(steps), Result.where(converged, Result.solved, Result.max_steps_reached)
 
 
-METHODS: Mapping[str, Callable[[Problem, Optimum, Float[Array, "2"], Box, int], Answer]] = {
+METHODS: Mapping[str, Callable[[Problem, Basin, Float[Array, "k"], Box, int], Answer]] = {
     "optimistix": _by_optimistix,
+    "dogleg": _by_dogleg,
     "jaxopt": _by_jaxopt,
 }

@@ -6,13 +6,17 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
-from focusjax.focus._bounds import LOWER_NAMES, UPPER_NAMES
-from focusjax.focus._image_points import ImagePoints
-from focusjax.lens import ThinLens
+from focusjax.focus._bounds import LOWER_NAMES, UPPER_NAMES, Limits
+from focusjax.focus._image_points import AT_LEAST, AT_MOST, EQUAL, SAME, ImagePoints
+from focusjax.focus._parameters import PARAMETERS
+from focusjax.focus._priors import Numbers
+from focusjax.geometry import Camera
+from focusjax.lens import ThinLens, TiltShiftLens
 
-PARAMETER_NAMES = ("focus", "f_number")
+_RELATIONS = {EQUAL: "equal", AT_MOST: "at most", AT_LEAST: "at least", SAME: "same"}
 
 
 class Result(eqx.Enumeration):
@@ -33,19 +37,22 @@ class WishResult:
 
     Attributes:
         name: the focus point's name.
+        relation: "equal", "at most", "at least", or "same" (as another point's blur).
         wished: blur diameter in pixels, signed when `signed`.
         signed: whether the wish says on which side of the focus the point is to be.
         got: signed blur diameter in pixels.
-        residual: error in pixels: got (its size, when unsigned) - wished.
+        residual: error in pixels: got (its size, when unsigned) - wished, 0 where a limit is kept.
         tolerance: largest error in pixels that counts as met.
         met: whether all samples are within the tolerance.
-        weight: of the whole wish.
+        weight: of the whole wish, after fading.
+        note: what became of the wish, such as "hidden"; empty when it counts in full.
         xy: image position in pixels.
         distance: depth in metres along the view axis; infinite on the background.
         samples: number of points that carry the wish.
     """
 
     name: str
+    relation: str
     wished: float
     signed: bool
     got: float
@@ -53,38 +60,91 @@ class WishResult:
     tolerance: float
     met: bool
     weight: float
+    note: str
     xy: tuple[float, float]
     distance: float
     samples: int
 
+    @property
+    def counts(self) -> bool:
+        """Whether the place is in the picture, or counts although it is not."""
+        return not self.note or self.weight > 0
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """What of a solve is known before it runs, and is compiled in.
+
+    Attributes:
+        free: parameters to solve for, in the order of `PARAMETERS`.
+        keep_view: whether the sensor grows with the focal length.
+        exact: whether the optimum is found in closed form (`find_optimum`).
+        many: whether some wishes leave their side open, so that one start may not do.
+        method: a key of `METHODS`.
+        max_steps: steps allowed.
+    """
+
+    free: tuple[str, ...]
+    keep_view: bool
+    exact: bool
+    many: bool
+    method: str
+    max_steps: int
+
+
+class Asked(eqx.Module):
+    """One problem, its values checked.
+
+    Attributes:
+        points: located wishes.
+        camera: the pinhole that frames the picture.
+        lens: where to start.
+        limits: bounds.
+        numbers: priors by name.
+        plan: what is static.
+    """
+
+    points: ImagePoints
+    camera: Camera
+    lens: ThinLens | TiltShiftLens
+    limits: Limits
+    numbers: Numbers
+    plan: Plan = eqx.field(static=True)
+
 
 class Solution(eqx.Module):
-    """The solved lens and how it was found. A pytree; the lens carries gradients.
+    """The solved lens and how it was found. A pytree; the lens and camera carry gradients.
 
     Attributes:
         lens: the solved lens; its aperture's shape is that of the starting lens.
-        points: what was asked.
+        camera: the camera, with the solved focal length when that was free.
+        points: what was asked, where the camera sees it.
         blur: signed blur diameter in pixels at every point.
         error: difference from the wish in pixels at every point (see `errors`).
-        cost: half the sum of weight x error^2, in px^2.
+        cost: half the sum of weight x error^2 and of the squared priors, in px^2.
         result: how the solve ended.
         steps: steps the solver took.
-        at_lower: for focus disparity and aperture radius, whether the lower bound keeps the parameter
-            from a better value.
+        at_lower: for every free parameter, whether the lower bound keeps it from a better value.
         at_upper: the same for upper bounds.
-        held: whether the wishes leave the parameter open, so that it stayed as it was.
+        open: for every free parameter, whether the wishes leave it open, alone or together with others, so
+            that it stayed as near to the start as it could.
+        free: what was solved for, in the order of `PARAMETERS` (static).
+        asked: the problem; None where many were solved at once.
     """
 
-    lens: ThinLens
+    lens: ThinLens | TiltShiftLens
+    camera: Camera
     points: ImagePoints
-    blur: Float[Array, "n"]
-    error: Float[Array, "n"]
-    cost: Float[Array, ""]
+    blur: Float[Array, "*p n"]
+    error: Float[Array, "*p n"]
+    cost: Float[Array, "*p"]
     result: Result
-    steps: Int[Array, ""]
-    at_lower: Bool[Array, "2"]
-    at_upper: Bool[Array, "2"]
-    held: Bool[Array, "2"]
+    steps: Int[Array, "*p"]
+    at_lower: Bool[Array, "*p k"]
+    at_upper: Bool[Array, "*p k"]
+    open: Bool[Array, "*p k"]
+    free: tuple[str, ...] = eqx.field(static=True)
+    asked: Asked | None = None
 
     @property
     def met(self) -> Bool[Array, "n"]:
@@ -94,14 +154,15 @@ class Solution(eqx.Module):
     @property
     def active_bounds(self) -> tuple[str, ...]:
         """Bounds that keep a parameter from a better value, such as "min_focus_distance"."""
-        names = (*LOWER_NAMES, *UPPER_NAMES)
+        columns = [PARAMETERS.index(name) for name in self.free]
+        names = [*(LOWER_NAMES[column] for column in columns), *(UPPER_NAMES[column] for column in columns)]
         flags = np.concatenate([np.asarray(self.at_lower), np.asarray(self.at_upper)])
         return tuple(name for name, active in zip(names, flags, strict=True) if active)
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """Parameters that the wishes leave open, "focus" or "f_number"."""
-        return tuple(name for name, held in zip(PARAMETER_NAMES, np.asarray(self.held), strict=True) if held)
+        """Parameters that the wishes leave open, such as "f_number"."""
+        return tuple(name for name, is_open in zip(self.free, np.asarray(self.open), strict=True) if is_open)
 
     def table(self) -> tuple[WishResult, ...]:
         """One line per wish, in the order they were given."""
@@ -123,6 +184,7 @@ def wish_table(
         lines.append(
             WishResult(
                 name=name,
+                relation=_RELATIONS[EQUAL if points.relation is None else int(points.relation[worst])],
                 wished=float(points.target[worst]),
                 signed=bool(points.signed[worst]),
                 got=float(blur[worst]),
@@ -130,9 +192,17 @@ def wish_table(
                 tolerance=float(points.tolerance[worst]),
                 met=bool(met[rows].all()),
                 weight=float(points.weight[rows].sum()),
+                note=points.notes[index] if points.notes else "",
                 xy=(float(points.xy[worst, 0]), float(points.xy[worst, 1])),
                 distance=1.0 / disparity if disparity > 0 else float("inf"),
                 samples=len(rows),
             )
         )
     return tuple(lines)
+
+
+def first_rows(leaf: Array, count: int) -> Array:
+    """`leaf` without its padding; by numpy where it can be, which compiles nothing."""
+    if leaf.shape[0] == count:
+        return leaf
+    return leaf[:count] if isinstance(leaf, Tracer) else jnp.asarray(np.asarray(leaf)[:count])

@@ -1,6 +1,8 @@
-"""From wishes to a lens: weighted least squares in focus disparity and aperture radius."""
+"""From wishes to a lens: weighted least squares over the parameters that are free."""
 
 import dataclasses
+from collections.abc import Mapping
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -9,52 +11,72 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool
 
-from focusjax.focus._bounds import Limits, make_limits
-from focusjax.focus._checks import require
+from focusjax.focus._bounds import Box, Range, make_limits
 from focusjax.focus._global import find_optimum
-from focusjax.focus._image_points import ImagePoints, blurs, errors
+from focusjax.focus._image_points import ImagePoints, blurs, errors, padded
+from focusjax.focus._objective import make_objective
+from focusjax.focus._parameters import RADIUS, SWING, TILT, Start, blur_models, in_order, make_start
+from focusjax.focus._priors import Prior, checked_priors, prior_rows
 from focusjax.focus._refine import METHODS, Problem
-from focusjax.focus._solution import Result, Solution
+from focusjax.focus._refuse import check_start, checked_points
+from focusjax.focus._search import Basin, search
+from focusjax.focus._solution import Asked, Plan, Result, Solution, first_rows
 from focusjax.geometry import Camera
-from focusjax.lens import ThinLens
+from focusjax.lens import ThinLens, TiltShiftLens
 
 
 def solve(
     points: ImagePoints,
     camera: Camera,
-    lens: ThinLens,
+    lens: ThinLens | TiltShiftLens,
     *,
     free: tuple[str, ...] = ("focus",),
     min_focus_distance: ArrayLike | None = None,
     max_focus_distance: ArrayLike = jnp.inf,
-    f_number_range: tuple[ArrayLike, ArrayLike] = (1.0, 32.0),
+    f_number_range: Range = (1.0, 32.0),
+    tilt_range: Range | None = None,
+    swing_range: Range | None = None,
+    focal_length_range: Range | None = None,
+    keep_field_of_view: bool = False,
+    priors: Mapping[str, Prior] | None = None,
     method: str = "optimistix",
     max_steps: int = 256,
     throw: bool = True,
 ) -> Solution:
     """The lens that meets the wishes best.
 
-    Minimises the sum of weight x (error in pixels)^2 over the focus disparity, and over the aperture
-    radius too when the f-number is free, within bounds. The error is linear in the focus disparity,
-    and in (E, E w_f) jointly, so that the optimum over all sides that unsigned wishes can choose is
-    found exactly (`find_optimum`): no start leads to a worse one. Least squares on the face of the
-    bounds that are active then refine it, and make the solution differentiable, by the implicit
-    function theorem, in the points, the camera, the bounds and whatever of the lens is not solved for.
+    Minimises the sum of weight x (error in pixels)^2, and of squared priors, over the free parameters
+    within bounds. Where only the focus, or focus and f-number, are free and blurs are wished, the
+    optimum over all sides that unsigned wishes can choose is found exactly (`find_optimum`), so no start
+    leads to a worse one. All else is searched from a fixed list of starts (`search`), each of which is a
+    convex problem. Least squares on the face of the bounds that are active then refine it, and make the
+    solution differentiable, by the implicit function theorem, in the points, the camera, the bounds, the
+    priors and whatever of the lens is not solved for.
 
-    What the wishes leave open stays as the starting lens has it: the f-number when all wishes are at
-    one distance, the focus of a pinhole. `Solution.undetermined` names it. Where two solutions are
-    equally good, the nearer focus is taken.
+    What the wishes leave open stays as the starting lens has it, or as near as the rest allows: the
+    f-number when all wishes are at one distance, the tilt about a line that holds all points.
+    `Solution.undetermined` names it. Where two solutions are equally good, the nearer focus is taken.
 
     Args:
         points: located wishes; at least one has positive weight.
         camera: the pinhole that frames the picture.
-        lens: where to start, and the values of what is not free.
-        free: parameters to solve for: ("focus",) or ("focus", "f_number").
-        min_focus_distance: metres, more than the focal length; twice the focal length when not given.
+        lens: where to start, and the values of what is not free. With tilt or swing free, a thin lens
+            becomes a tilt-shift lens.
+        free: parameters to solve for, of "focus", "f_number", "tilt", "swing" and "focal_length". Shift and
+            rise change no blur, so that no wish about blur determines them.
+        min_focus_distance: metres along the view axis, more than the focal length; twice the (longest)
+            focal length when not given.
         max_focus_distance: metres, or infinity.
         f_number_range: smallest and largest f-number; used only when the f-number is free.
-        method: "optimistix" (Levenberg-Marquardt), or "jaxopt" (L-BFGS-B from the starting lens, as an
-            independent check: slower, less exact and not differentiable).
+        tilt_range: least and largest tilt in radians, within -pi/2 to pi/2; 45 degrees both ways by default.
+        swing_range: the same for the angle of the lens's axis to the right, which is the swing of a lens
+            without tilt.
+        focal_length_range: metres; needed when the focal length is free, which keeps the f-number.
+        keep_field_of_view: let the sensor grow with the focal length; the picture then stays as it is
+            framed. Otherwise the focal length is a zoom.
+        priors: expectations of free parameters, by name.
+        method: "optimistix" (Levenberg-Marquardt), "dogleg" (Optimistix, too), or "jaxopt" (L-BFGS-B from
+            the starting lens, as an independent check: slower, less exact and not differentiable).
         max_steps: steps allowed.
         throw: raise an error, rather than report it in `Solution.result`, when the solver fails.
 
@@ -72,105 +94,154 @@ def solve(
         >>> round(float(solve(points, camera, start).lens.focus_distance()), 6)
         2.0
     """
-    if set(free) not in ({"focus"}, {"focus", "f_number"}):
-        raise ValueError(f"free parameters are {list(free)}; expected ['focus'] or ['focus', 'f_number']")
-    if method not in METHODS:
-        raise ValueError(f"method is {method!r}; expected one of {list(METHODS)}")
-    limits = make_limits(
-        camera,
-        min_focus_distance=min_focus_distance,
-        max_focus_distance=max_focus_distance,
-        f_number_range=f_number_range,
-    )
-    points = checked_points(points)
-    free_aperture = "f_number" in free
-    if free_aperture:
-        _check_start(camera, lens, limits)
-    # Names are static: without them, other names do not compile the solver again.
-    anonymous = dataclasses.replace(points, names=())
-    solution, failed = _solve(anonymous, camera, lens, limits, free_aperture, method, max_steps)
-    solution = dataclasses.replace(solution, points=points)
+    asked = prepared(
+        points, camera, lens, free=free, method=method, max_steps=max_steps,
+        keep_field_of_view=keep_field_of_view, priors=priors, min_focus_distance=min_focus_distance,
+        max_focus_distance=max_focus_distance, f_number_range=f_number_range, tilt_range=tilt_range,
+        swing_range=swing_range, focal_length_range=focal_length_range,
+    )  # fmt: skip
+    solution, failed = solve_asked(asked)
     # A known success skips the machinery of errors inside compiled code.
     if throw and (isinstance(failed, Tracer) or bool(failed)):
         solution = solution.result.error_if(solution, failed)
     return solution
 
 
-@eqx.filter_jit
-def _solve(
+def solve_asked(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
+    """The solution of one checked problem, and whether the solver failed."""
+    points = asked.points
+    count = points.disparity.shape[0]
+    padded_ = dataclasses.replace(padded(points, room_for(count)), names=(), notes=())
+    solution, failed = _solve(dataclasses.replace(asked, points=padded_))
+    zooms = "focal_length" in asked.plan.free
+    xy = first_rows(solution.points.xy, count) if zooms else points.xy
+    solution = dataclasses.replace(
+        solution,
+        points=dataclasses.replace(points, xy=xy),
+        blur=first_rows(solution.blur, count),
+        error=first_rows(solution.error, count),
+        asked=asked,
+    )
+    return solution, failed
+
+
+def prepared(
     points: ImagePoints,
     camera: Camera,
-    lens: ThinLens,
-    limits: Limits,
-    free_aperture: bool,
-    method: str,
-    max_steps: int,
-) -> tuple[Solution, Bool[Array, ""]]:
-    """The compiled part: settle sides and active bounds, refine, report; and whether that failed."""
-    box = limits.box(camera) if free_aperture else limits.box(camera).at_radius(lens.aperture_radius)
-    start = jnp.stack([jnp.clip(lens.focus_disparity, box.lower[0], box.upper[0]), lens.aperture_radius])
-    optimum = jax.lax.stop_gradient(
-        find_optimum(points, 2.0 * camera.focal_px, start, box, free_aperture=free_aperture)
+    lens: ThinLens | TiltShiftLens,
+    *,
+    free: tuple[str, ...] = ("focus",),
+    method: str = "optimistix",
+    max_steps: int = 256,
+    keep_field_of_view: bool = False,
+    priors: Mapping[str, Prior] | None = None,
+    **ranges: Any,
+) -> Asked:
+    """The arguments of a solve, checked.
+
+    Raises:
+        ValueError: as `solve`.
+    """
+    free = in_order(free)
+    if method not in METHODS:
+        raise ValueError(f"method is {method!r}; expected one of {list(METHODS)}")
+    if "focal_length" in free and ranges.get("focal_length_range") is None:
+        raise ValueError("the focal length is free without a range; give focal_length_range in metres")
+    limits = make_limits(camera, **ranges)
+    numbers = checked_priors(priors or {}, free)
+    points = checked_points(points)
+    check_start(camera, lens, limits, free)
+    plan = Plan(
+        free=free,
+        keep_view=keep_field_of_view,
+        exact=points.relation is None and not numbers and free in (("focus",), ("focus", "f_number")),
+        many=isinstance(points.signed, Tracer) or not np.asarray(points.signed).all(),
+        method=method,
+        max_steps=max_steps,
     )
-    problem = Problem(points, camera, lens, optimum.side * points.target)
-    value, steps, result = METHODS[method](problem, optimum, start, box, max_steps)
+    return Asked(points, camera, lens, limits, numbers, plan)
+
+
+def room_for(count: int) -> int:
+    """The rows that are made of `count`: 8, 12, 16, 24, 32, 48, ..."""
+    power = max(8, 1 << (count - 1).bit_length())
+    return power * 3 // 4 if count <= power * 3 // 4 and power > 8 else power
+
+
+@eqx.filter_jit
+def _solve(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
+    """The compiled part."""
+    return solved(asked)
+
+
+def solved(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
+    """Settle sides and active bounds, refine, report; and whether that failed."""
+    points, camera, lens, limits, plan = asked.points, asked.camera, asked.lens, asked.limits, asked.plan
+    start = make_start(camera, lens, plan.free, keep_view=plan.keep_view)
+    priors = prior_rows(asked.numbers, plan.free, camera)
+    whole_box = limits.box(camera)
+    box = whole_box.columns(start.columns)
+    first = jnp.clip(start.vector()[jnp.array(start.columns)], box.lower, box.upper)
+    if plan.exact:
+        basin = _exact_basin(points, start, whole_box)
+    else:
+        objective = make_objective(points, start, priors)
+        basin = search(objective, first, box, many=plan.many, max_steps=plan.max_steps)
+    basin = jax.lax.stop_gradient(basin)
+    problem = Problem(points, start, priors, basin.side, basin.on)
+    value, steps, result = METHODS[plan.method](problem, basin, first, box, plan.max_steps)
     # Rounding may carry a free parameter past a bound that it reaches without being pushed.
     value = value + jax.lax.stop_gradient(jnp.clip(value, box.lower, box.upper) - value)
-    solved = problem.lens_at(value)
-    error = errors(points, camera, solved)
-    result = Result.where((result == Result.solved) & jnp.any(optimum.held), Result.undetermined, result)
+    camera, lens, points = start.camera_at(value), start.lens_at(value), start.points_at(value, points)
+    error = errors(points, camera, lens)
+    is_open = basin.held | (jnp.diag(basin.open) > _PARTLY_OPEN)
+    result = Result.where(basin.settled, result, Result.max_steps_reached)
+    result = Result.where((result == Result.solved) & jnp.any(is_open), Result.undetermined, result)
     result = Result.where(jnp.all(jnp.isfinite(error)), result, Result.not_finite)
     solution = Solution(
-        lens=solved,
+        lens=lens,
+        camera=camera,
         points=points,
-        blur=blurs(points, camera, solved),
+        blur=blurs(points, camera, lens),
         error=error,
-        cost=0.5 * jnp.sum(points.weight * error**2),
+        cost=0.5 * (jnp.sum(points.weight * error**2) + jnp.sum(priors(value) ** 2)),
         result=result,
-        steps=steps,
-        at_lower=optimum.at_lower,
-        at_upper=optimum.at_upper,
-        held=optimum.held,
+        steps=basin.steps + steps,
+        at_lower=basin.at_lower,
+        at_upper=basin.at_upper,
+        open=is_open,
+        free=plan.free,
     )
     return solution, (result == Result.max_steps_reached) | (result == Result.not_finite)
 
 
-def _check_start(camera: Camera, lens: ThinLens, limits: Limits) -> None:
-    """Refuses a starting f-number outside the range, which a silent clamp would hide."""
-    number = lens.f_number(camera)
-    # An end of the range must not be refused for the last bit of its reciprocal.
-    slack = 1.0 + 8.0 * float(jnp.finfo(number.dtype).eps)
-    require(
-        number,
-        lambda v: (v * slack >= limits.widest) & (v <= limits.narrowest * slack),
-        "the starting f-number",
-        "a value in the f-number range; change one of them",
-    )
+_PARTLY_OPEN = 0.01
+"""Squared cosine between a parameter's axis and what is open from which on the parameter is called open."""
 
 
-def checked_points(points: ImagePoints) -> ImagePoints:
-    """The points, with every value in range."""
-    if points.disparity.shape[0] == 0:
-        raise ValueError("there are no focus points; give at least one wish")
-    weight = require(
-        points.weight,
-        lambda v: (v >= 0) & (v < np.inf),
-        "a focus point's weight",
-        "zero or a positive finite number",
+def _exact_basin(points: ImagePoints, start: Start, whole_box: Box) -> Basin:
+    """What `find_optimum` says of focus and aperture radius, for the parameters that are free."""
+    count = len(start.free)
+    box = whole_box.columns((0, 1))
+    vector = start.vector()
+    radius = vector[RADIUS]
+    if count == 1:
+        box = box.at_radius(radius)
+    own, _ = blur_models(points, start)
+    if isinstance(start.lens, TiltShiftLens):
+        # A tilted lens blurs a point as an upright one blurs it elsewhere in depth.
+        shift = own.across @ vector[jnp.array([TILT, SWING])]
+        points = dataclasses.replace(points, disparity=points.disparity - shift)
+    first = jnp.stack([jnp.clip(vector[0], box.lower[0], box.upper[0]), radius])
+    found = jax.lax.stop_gradient(find_optimum(points, own.gain, first, box, free_aperture=count == 2))
+    return Basin(
+        value=found.value[:count],
+        side=found.side,
+        on=jnp.ones_like(points.signed),
+        at_lower=found.at_lower[:count],
+        at_upper=found.at_upper[:count],
+        held=found.held[:count],
+        open=jnp.zeros((count, count), dtype=radius.dtype),
+        settled=jnp.array(True),
+        steps=jnp.array(0),
     )
-    weight = require(
-        weight, lambda v: (v > 0).any(), "every focus point's weight", "at least one that is positive"
-    )
-    disparity = require(
-        points.disparity,
-        lambda v: (v >= 0) & (v < np.inf),
-        "a focus point's disparity",
-        "0 (infinity) or a positive finite number of dioptres",
-    )
-    target = require(
-        points.target,
-        lambda v: (abs(v) < np.inf) & (points.signed | (v >= 0)),
-        "a focus point's wished blur",
-        "a finite number of pixels, negative only when signed",
-    )
-    return dataclasses.replace(points, weight=weight, disparity=disparity, target=target)

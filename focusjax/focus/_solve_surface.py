@@ -6,12 +6,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from focusjax.focus._checks import require
-from focusjax.focus._image_points import ImagePoints, blurs, root_weight
+from focusjax.focus._image_points import EQUAL, ImagePoints, blurs, errors, root_weight
+from focusjax.focus._refuse import checked_points
 from focusjax.focus._solution import WishResult, wish_table
-from focusjax.focus._solve import checked_points
 from focusjax.geometry import Camera
 from focusjax.lens import FocalSurface, FocalSurfaceLens, ThinLens, focal_surface_lens
 
@@ -74,14 +76,15 @@ def solve_focal_surface(
     kernel and aperture scale; the sides are held.
 
     Args:
-        points: located wishes; at least one has positive weight.
+        points: located wishes to be sharp or blurred; at least one has positive weight.
         camera: the pinhole that frames the picture.
         surface: control points, and values to start from.
         lens: aperture radius and shape; its focus is not used.
         smoothness: weight of the smoothness term; 0 or more.
 
     Raises:
-        ValueError: an argument out of range, a pinhole, or no point with positive weight.
+        ValueError: an argument out of range, a pinhole, no point with positive weight, or a wish for a
+            limit (`AtMost`, `AtLeast`) or for another point's blur, which are not linear.
 
     Example:
         >>> from focusjax.focus import AtPixel, FocusPoint, Sharp, locate
@@ -96,7 +99,7 @@ def solve_focal_surface(
         >>> bool(jnp.abs(found.error).max() < 0.01)
         True
     """
-    points = checked_points(points)
+    points = _plain(checked_points(points))
     smoothness = require(
         jnp.asarray(smoothness, dtype=float),
         lambda v: (v >= 0) & (v < jnp.inf),
@@ -109,9 +112,23 @@ def solve_focal_surface(
         "the aperture radius in metres",
         "more than 0, since the focus of a pinhole cannot be seen",
     )
-    anonymous = dataclasses.replace(points, names=())
+    # Names are static: without them, other names do not compile the solver again.
+    anonymous = dataclasses.replace(points, names=(), notes=())
     solution = _solve(anonymous, camera, surface, lens, smoothness)
     return dataclasses.replace(solution, points=points)
+
+
+def _plain(points: ImagePoints) -> ImagePoints:
+    """The points without relations, when each wishes a blur of its own."""
+    if points.relation is None:
+        return points
+    others = points.relation != EQUAL
+    message = "a wish is a limit, or for the blur of another point; a focal surface takes sharpness and blurs"
+    if isinstance(others, Tracer):
+        points = eqx.error_if(points, jnp.any(others), message)
+    elif np.any(others):
+        raise ValueError(message)
+    return dataclasses.replace(points, relation=None, reference=None)
 
 
 class _Linear(eqx.Module):
@@ -158,7 +175,7 @@ def _solve(
         lens=made,
         points=points,
         blur=blur,
-        error=jnp.where(points.signed, blur, jnp.abs(blur)) - points.target,
+        error=errors(points, camera, made),
         roughness=jnp.sqrt(jnp.where(positive, rough @ rough, 1.0) / jnp.where(positive, smoothness, 1.0))
         * positive,
         cost=0.5 * miss @ miss,

@@ -15,18 +15,13 @@ _TEMPLATES = jinja2.Environment(
 _STAGES = {
     "load": "load the meshes",
     "locate": "find the focus points",
+    "locate_again": "depths through the solved lens",
     "solve_first": "solve, first time (with its compile)",
     "solve": "solve, once compiled",
     "peel": "peel layers",
     "render": "trace rays",
     "pinhole": "sharp view",
     "compile": "compile the other stages",
-}
-_BOUNDS = {
-    "min_focus_distance": "closest focus distance",
-    "max_focus_distance": "farthest focus distance",
-    "min_f_number": "widest aperture",
-    "max_f_number": "smallest aperture",
 }
 
 
@@ -51,7 +46,7 @@ def page(title: str, facts: dict[str, Any], pictures: dict[str, str]) -> str:
             for name, seconds in facts["seconds"].items()
         ],
         total=total,
-        bounds=_BOUNDS,
+        spread=_spread,
         metres=metres,
         f_number=f_number,
         angle=angle,
@@ -83,6 +78,21 @@ def f_number(value: float | str) -> str:
 def angle(degrees: float) -> str:
     """A tilt or swing with its sign."""
     return f"{0.0 if abs(degrees) < 0.005 else degrees:+.2f}°"
+
+
+def _spread(name: str, error: float | str) -> str:
+    """A standard error in words."""
+    error = float(error)
+    if math.isinf(error):
+        return "open"
+    if error == 0:
+        return "at its limit"
+    scale, unit = {
+        "focus": (1.0, " dioptres"),
+        "f_number": (1.0, " f-numbers"),
+        "focal_length": (1000.0, " mm"),
+    }.get(name, (180.0 / math.pi, "°"))
+    return f"± {scale * error:.2g}{unit}"
 
 
 def _pixels(value: float) -> str:

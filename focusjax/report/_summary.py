@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from focusjax.focus import Result, SurfaceSolution
+from focusjax.focus import Result, Solution, SurfaceSolution, diagnose
 from focusjax.job import Outcome
 from focusjax.lens import FocalSurfaceLens, as_tilt_shift
 from focusjax.report._depth_of_field import depth_of_field
@@ -29,6 +29,7 @@ def summary(outcome: Outcome) -> dict[str, Any]:
             "lens": _lens(outcome),
             "wishes": _wishes(outcome),
             "solver": _solver(outcome),
+            "diagnosis": _diagnosis(outcome.solution),
             "picture": _picture(outcome),
             "seconds": outcome.seconds | {"compile": sum(outcome.compile_seconds.values())},
             "compile_seconds": outcome.compile_seconds,
@@ -113,13 +114,16 @@ def _wishes(outcome: Outcome) -> list[dict[str, Any]]:
     return [
         {
             "name": row.name,
-            "sharp": row.wished == 0,
+            "sharp": row.relation == "equal" and row.wished == 0,
+            "relation": row.relation,
             "wished_px": row.wished,
             "signed": row.signed,
             "got_px": row.got,
             "residual_px": row.residual,
             "tolerance_px": row.tolerance,
             "met": row.met,
+            "counts": row.counts,
+            "note": row.note,
             "weight": row.weight,
             "pixel": row.xy,
             "distance_m": row.distance,
@@ -151,6 +155,28 @@ def _solver(outcome: Outcome) -> dict[str, Any] | None:
         "free": list(outcome.config.solve.free),
         "undetermined": list(solution.undetermined),
         "active_bounds": list(solution.active_bounds),
+    }
+
+
+def _diagnosis(solution: Solution | SurfaceSolution | None) -> dict[str, Any] | None:
+    if not isinstance(solution, Solution):
+        return None
+    found = diagnose(solution)
+    return {
+        "sentences": list(found.sentences),
+        "singular_values_px": list(found.singular_values),
+        "directions": list(found.directions),
+        "open_directions": list(found.open_directions),
+        "standard_errors": found.standard_errors,
+        "conflicts": [
+            {
+                "wishes": [each.first, each.second],
+                "gains_px": [each.first_gains, each.second_gains],
+            }
+            for each in found.conflicts
+        ],
+        "unreachable": [{"wish": each.name, "best_px": each.best} for each in found.unreachable],
+        "active_bounds": list(found.active_bounds),
     }
 
 

@@ -63,8 +63,8 @@ def test_everything_that_makes_the_picture_is_in_the_hash(case):
 @pytest.mark.parametrize(
     "setting",
     [
-        "lens.tilt_degrees=2",
-        "lens.swing_degrees=2",
+        "lens.tilt_deg=2",
+        "lens.swing_deg=2",
         "camera.rise_mm=2",
         "camera.shift_mm=2",
         "lens.focal_surface={points=[{object='ball'}]}",

@@ -31,4 +31,4 @@ def test_a_value_that_means_nothing_is_refused(make, message):
 
 
 def test_a_signed_blur_may_be_negative():
-    assert Blur(-3, signed=True).pixels == -3
+    assert Blur(-3, signed=True).diameter == -3

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from focusjax.focus import Result, solve
+from focusjax.focus import Prior, Result, solve
 
 BOTH = ("focus", "f_number")
 
@@ -32,7 +32,10 @@ class TestRefusals:
             ({"f_number_range": (8.0, 2.0)}, "the f-number range's end is 2; expected a finite number above"),
             ({"f_number_range": (2.0, np.inf)}, "the f-number range's end is inf; expected a finite number"),
             ({"free": BOTH, "f_number_range": (2.8, 8.0)}, "the starting f-number is 2; expected a value in"),
-            ({"free": ("tilt",)}, "free parameters are .'tilt'.; expected"),
+            ({"free": ("zoom",)}, "free parameters are .'zoom'.; expected"),
+            ({"free": ("focal_length",)}, "the focal length is free without a range; give"),
+            ({"free": ("tilt",), "tilt_range": (0.1, 0.2)}, "the starting tilt in radians is -?0; expected"),
+            ({"priors": {"tilt": Prior(0.0, 1.0)}}, "there is a prior for 'tilt', which is not free"),
             ({"method": "magic"}, "method is 'magic'; expected one of"),
         ],
     )

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from focusjax.focus import ImagePoints, solve_focal_surface
+from focusjax.focus import AT_MOST, EQUAL, ImagePoints, solve_focal_surface
 from focusjax.geometry import make_camera
 from focusjax.lens import FocalSurface, ThinLens, focal_surface, thin_lens
 
@@ -99,10 +99,22 @@ def test_derivative_is_that_of_solving_again():
     np.testing.assert_allclose(jax.jacrev(solved)(values), expected, atol=1e-7)
 
 
+def test_relations_that_say_nothing_change_nothing():
+    plain = wishes()
+    said = dataclasses.replace(plain, relation=jnp.full(4, EQUAL), notes=("", "hidden", "", ""))
+    first, second = (solve_focal_surface(points, CAMERA, controls(), lens()) for points in (plain, said))
+    np.testing.assert_array_equal(first.error, second.error)
+    assert [row.note for row in second.table()] == ["", "hidden", "", ""]
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ({"smoothness": -1.0}, "smoothness is -1; expected zero"),
+        (
+            {"points": dataclasses.replace(wishes(), relation=jnp.array([EQUAL, EQUAL, AT_MOST, EQUAL]))},
+            "a wish is a limit, or for the blur of another point; a focal surface takes sharpness",
+        ),
         ({"lens": thin_lens(focus_distance=2.0, aperture_radius=0.0)}, "focus of a pinhole cannot be seen"),
     ],
 )

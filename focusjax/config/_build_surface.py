@@ -1,0 +1,89 @@
+"""From a config's focal surface to its control points and what they make."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from focusjax.config._build import located
+from focusjax.config._errors import ConfigError
+from focusjax.config._focal_surface import ControlPointTable, GaussianTable, WendlandTable
+from focusjax.config._load import Config
+from focusjax.focus import AtPixel, AtPoint, Blur, FocusPoint, ImagePoints, OnObject
+from focusjax.geometry import Camera
+from focusjax.lens import (
+    AbstractKernel,
+    FocalSurface,
+    GaussianFade,
+    InverseDistance,
+    ThinLens,
+    WendlandFade,
+    focal_surface,
+)
+from focusjax.scene import Scene
+
+
+def build_control_points(config: Config, scene: Scene) -> tuple[FocusPoint, ...]:
+    """The places of `[[lens.focal_surface.points]]`, with the signed blur wished there.
+
+    Raises:
+        ConfigError: no focal surface, or an object that does not exist.
+    """
+    table = config.lens.focal_surface
+    if table is None:
+        raise ConfigError(f"{config.source}: there is no [lens.focal_surface] table; add one")
+    try:
+        return tuple(_control_point(point, number, scene) for number, point in enumerate(table.points))
+    except ValueError as error:
+        raise located(error, config) from error
+
+
+def build_focal_surface(config: Config, points: ImagePoints, camera: Camera, lens: ThinLens) -> FocalSurface:
+    """The surface through the control points, found in the picture as `points`.
+
+    A point of wished blur d and disparity w is passed at w + d / (2 f E s), where it has that blur.
+
+    Raises:
+        ConfigError: a control point that is not in the picture.
+    """
+    table = config.lens.focal_surface
+    assert table is not None
+    for name, note, weight in zip(points.names, points.notes, np.asarray(points.weight), strict=True):
+        if weight == 0:
+            raise ConfigError(f"{config.source}: control point {name!r} is {note}; move it, or the camera")
+    scale = np.array([point.aperture_scale for point in table.points])
+    slope = 2.0 * float(lens.parallax(camera)) * scale
+    return focal_surface(
+        points.xy,
+        np.asarray(points.disparity) + np.asarray(points.target) / slope,
+        aperture_scale=scale,
+        weight=np.array([point.weight for point in table.points]),
+        kernel=_kernel(config),
+        basis=table.basis,
+    )
+
+
+def _control_point(table: ControlPointTable, number: int, scene: Scene) -> FocusPoint:
+    if table.pixel is not None:
+        where = AtPixel(*table.pixel)
+    elif table.point is not None:
+        where = AtPoint(table.point)
+    else:
+        assert table.object is not None
+        scene.face_range(table.object)
+        where = OnObject(table.object, samples=1)
+    return FocusPoint(
+        where,
+        Blur(table.blur_px, signed=True),
+        name=table.name or f"lens.focal_surface.points.{number}",
+        even_hidden=table.point is not None,
+    )
+
+
+def _kernel(config: Config) -> AbstractKernel:
+    assert config.lens.focal_surface is not None
+    table = config.lens.focal_surface.kernel
+    exponent = jnp.asarray(table.exponent, dtype=float)
+    if isinstance(table, GaussianTable):
+        return GaussianFade(jnp.asarray(table.width_px, dtype=float), exponent)
+    if isinstance(table, WendlandTable):
+        return WendlandFade(jnp.asarray(table.radius_px, dtype=float), exponent)
+    return InverseDistance(exponent)

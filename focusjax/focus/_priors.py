@@ -1,0 +1,107 @@
+"""What the solved parameters are expected to be, besides the wishes."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from focusjax.focus._parameters import PARAMETERS
+from focusjax.geometry import Camera
+
+_STOP = math.log(2.0) / 2.0
+"""Relative change of the aperture radius per stop."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Prior:
+    """An expectation: adds ((parameter - value) / sigma)^2 to what the solve minimises.
+
+    One sigma costs as much as a wish of weight 1 that is missed by one pixel.
+
+    Attributes:
+        value: focus distance in metres, f-number, tilt or swing in radians, focal length in metres.
+        sigma: in dioptres for the focus, in stops for the f-number, else in the unit of `value`. Stops
+            and angles are taken as proportional to the aperture's radius and to the plane's slope, as
+            they are near `value`.
+
+    Example:
+        >>> Prior(2.8, sigma=1.0).sigma
+        1.0
+    """
+
+    value: float
+    sigma: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.sigma < math.inf:
+            raise ValueError(f"a prior's sigma is {self.sigma}; expected a positive finite number")
+        if math.isnan(self.value):
+            raise ValueError("a prior's value is nan; expected a number")
+
+
+class PriorRows(eqx.Module):
+    """Expectations as residuals (value - centre) / scale, of the free parameters.
+
+    Attributes:
+        centre: where each free parameter is expected.
+        inverse: 1 / scale, 0 where nothing is expected.
+    """
+
+    centre: Float[Array, "k"]
+    inverse: Float[Array, "k"]
+
+    def __call__(self, value: Float[Array, "k"]) -> Float[Array, "k"]:
+        """The residuals."""
+        return (value - self.centre) * self.inverse
+
+
+Numbers = Mapping[str, tuple[Float[Array, ""], Float[Array, ""]]]
+"""Value and sigma for names of parameters."""
+
+
+def checked_priors(priors: Mapping[str, Prior], free: tuple[str, ...]) -> Numbers:
+    """The priors as arrays, so that other numbers do not compile the solve again.
+
+    Raises:
+        ValueError: a prior of something that is not free, or one that no lens has.
+    """
+    for name, prior in priors.items():
+        if name not in free:
+            raise ValueError(
+                f"there is a prior for {name!r}, which is not free; expected one of {list(free)}"
+            )
+        if name in ("focus", "f_number", "focal_length") and not prior.value > 0:
+            raise ValueError(f"the prior of {name} is {prior.value}; expected a positive number")
+        if name != "focus" and not math.isfinite(prior.value):
+            raise ValueError(f"the prior of {name} is {prior.value}; expected a finite number")
+    return {
+        name: (jnp.asarray(prior.value, dtype=float), jnp.asarray(prior.sigma, dtype=float))
+        for name, prior in priors.items()
+    }
+
+
+def prior_rows(priors: Numbers, free: tuple[str, ...], camera: Camera) -> PriorRows:
+    """The expectations in the solve's own parameters (see `_parameters`)."""
+    length = camera.focal_length
+    rows = [_row(name, *priors[name], length) if name in priors else (0.0 * length,) * 2 for name in free]
+    centre, inverse = zip(*rows, strict=True)
+    return PriorRows(jnp.stack(centre), jnp.stack(inverse))
+
+
+def _row(
+    name: str, value: Float[Array, ""], sigma: Float[Array, ""], length: Float[Array, ""]
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Centre and 1 / scale of one parameter."""
+    assert name in PARAMETERS
+    if name == "focus":
+        return 1.0 / value, 1.0 / sigma
+    if name == "f_number":
+        radius = length / (2.0 * value)
+        return radius, 1.0 / (_STOP * radius * sigma)
+    if name == "focal_length":
+        return value / length, length / sigma
+    slope = jnp.sin(value) / length
+    return (-slope if name == "tilt" else slope), length / (jnp.cos(value) * sigma)

@@ -1,0 +1,83 @@
+"""What a solve refuses before it runs."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+
+from focusjax.focus._bounds import Limits
+from focusjax.focus._checks import require
+from focusjax.focus._image_points import ImagePoints
+from focusjax.geometry import Camera
+from focusjax.lens import ThinLens, TiltShiftLens
+
+
+def check_start(
+    camera: Camera, lens: ThinLens | TiltShiftLens, limits: Limits, free: tuple[str, ...]
+) -> None:
+    """Refuses a start outside the range of a free parameter, which a silent clamp would hide.
+
+    Raises:
+        ValueError: says what starts where.
+    """
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((camera, lens, limits))):
+        return
+    # An end of the range must not be refused for the last bits of its reciprocal or sine.
+    slack = 32.0 * float(jnp.finfo(lens.aperture_radius.dtype).eps)
+    length = float(camera.focal_length)
+    across = (
+        np.asarray(lens.plane[:2], dtype=float) * length if isinstance(lens, TiltShiftLens) else (0.0, 0.0)
+    )
+    with np.errstate(divide="ignore"):
+        number = float(length / (2.0 * np.asarray(lens.aperture_radius)))
+    starts = {
+        "f_number": ("the starting f-number", number, limits.f_number, "f-number"),
+        "tilt": ("the starting tilt in radians", -np.arcsin(across[1]), limits.tilt, "tilt"),
+        "swing": ("the starting swing in radians", np.arcsin(across[0]), limits.swing, "swing"),
+        "focal_length": ("the starting focal length in metres", length, limits.focal_length, "focal length"),
+    }
+    for name in free:
+        if name in starts:
+            what, value, (least, most), kind = starts[name]
+            room = slack * max(abs(value), 1e-3)
+            if not float(least) - room <= value <= float(most) + room:
+                raise ValueError(
+                    f"{what} is {value:.7g}; expected a value in the {kind} range, {float(least):.7g} to"
+                    f" {float(most):.7g}; change one of them"
+                )
+
+
+def checked_points(points: ImagePoints) -> ImagePoints:
+    """The points, with every value in range.
+
+    Raises:
+        ValueError: a value that is not, or no point.
+    """
+    if points.disparity.shape[-1] == 0:
+        raise ValueError("there are no focus points; give at least one wish")
+    weight = require(
+        points.weight,
+        lambda v: (v >= 0) & (v < np.inf),
+        "a focus point's weight",
+        "zero or a positive finite number",
+    )
+    weight = require(
+        weight, lambda v: (v > 0).any(axis=-1), "every focus point's weight", "at least one that is positive"
+    )
+    disparity = require(
+        points.disparity,
+        lambda v: (v >= 0) & (v < np.inf),
+        "a focus point's disparity",
+        "0 (infinity) or a positive finite number of dioptres",
+    )
+    # Known signs go to numpy, as known targets do in `require`: nothing is then compiled for them.
+    signed = points.signed if isinstance(points.signed, Tracer) else np.asarray(points.signed)
+    target = require(
+        points.target,
+        lambda v: (abs(v) < np.inf) & (signed | (v >= 0)),
+        "a focus point's wished blur",
+        "a finite number of pixels, negative only when signed",
+    )
+    return dataclasses.replace(points, weight=weight, disparity=disparity, target=target)

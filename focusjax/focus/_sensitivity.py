@@ -1,0 +1,166 @@
+"""How blur depends on the solved parameters, by numpy: nothing is compiled for it."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float
+
+from focusjax.focus._image_points import AT_LEAST, AT_MOST, SAME
+from focusjax.focus._parameters import PARAMETERS, RADIUS, SWING, TILT, ZOOM
+from focusjax.focus._priors import prior_rows
+from focusjax.focus._solution import Solution
+from focusjax.lens import TiltShiftLens
+
+_AT_LIMIT_PX = 1e-3
+"""A limit that is kept with less room than this holds the solution."""
+
+_IN_LINE = 1e-3
+"""Spread across a line, in view tangents, below which points are taken to be on it."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Sensitivity:
+    """See `Diagnosis` for the first four.
+
+    Attributes:
+        names: free parameters that no bound holds.
+        singular_values: pixels over the allowed ranges, largest first.
+        directions: principal directions as rows, in shares of the ranges.
+        standard_errors: by name of every free parameter.
+        points_in_line: whether all points that count lie on one line in the picture.
+        line: that line's angle from level in degrees, counterclockwise; None when there is but one point.
+        one_depth: whether all points that count are equally far.
+    """
+
+    names: tuple[str, ...]
+    singular_values: Float[np.ndarray, "m"]
+    directions: Float[np.ndarray, "m k"]
+    standard_errors: dict[str, float]
+    points_in_line: bool
+    line: float | None
+    one_depth: bool
+
+
+def sensitivity(solution: Solution) -> Sensitivity:
+    """What the Jacobian of the errors says at the solution."""
+    asked = solution.asked
+    assert asked is not None
+    columns = [PARAMETERS.index(name) for name in solution.free]
+    held = np.asarray(solution.at_lower) | np.asarray(solution.at_upper)
+    box = asked.limits.box(asked.camera)
+    span = (np.asarray(box.upper, dtype=float) - np.asarray(box.lower, dtype=float))[columns]
+    moves = ~held & (span > 0)
+    jacobian = _slopes(solution)[:, columns]
+    counted = np.asarray(solution.points.weight, dtype=float) > 0
+    priors = prior_rows(asked.numbers, solution.free, asked.camera)
+    inverse = np.asarray(priors.inverse, dtype=float)
+    scaled = np.concatenate([jacobian[counted], np.diag(inverse)]) * span
+    _, values, rows = np.linalg.svd(scaled[:, moves], full_matrices=False)
+    tangents = _tangents(solution, np.asarray(solution.points.xy, dtype=float))[counted]
+    in_line, angle = _line(tangents)
+    depths = np.asarray(solution.points.disparity, dtype=float)[counted]
+    return Sensitivity(
+        names=tuple(name for name, free in zip(solution.free, moves, strict=True) if free),
+        singular_values=values,
+        directions=rows,
+        standard_errors=_standard_errors(solution, jacobian, inverse, span, moves),
+        points_in_line=in_line,
+        line=angle,
+        one_depth=bool(np.ptp(depths) <= 1e-6 * max(depths.max(), 1e-12)),
+    )
+
+
+def _tangents(solution: Solution, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+    """Right and up per metre ahead."""
+    camera = solution.camera
+    middle = np.asarray(camera.principal_point, dtype=float)
+    return (xy - middle) / float(camera.focal_px) * np.array([1.0, -1.0])
+
+
+def _slopes(solution: Solution) -> Float[np.ndarray, "n 5"]:
+    """Change of every error in pixels with every parameter, in the units of the solve's vector."""
+    asked, points = solution.asked, solution.points
+    assert asked is not None
+    own = _blur_slopes(solution, np.asarray(points.xy, float), np.asarray(points.disparity, float))
+    signed, blur = np.asarray(points.signed), np.asarray(solution.blur)
+    side = np.where(signed, 1.0, np.where(blur >= 0, 1.0, -1.0))[:, None]
+    slopes = side * own
+    if points.relation is None:
+        return slopes
+    relation = np.asarray(points.relation)
+    if points.reference is not None:
+        reference = np.asarray(points.reference, dtype=float)
+        other = _blur_slopes(solution, reference[:, :2], reference[:, 2])
+        other_side = np.where(signed[:, None], 1.0, np.where(other[:, [RADIUS]] >= 0, 1.0, -1.0))
+        slopes = slopes - np.where((relation == SAME)[:, None], other_side * other, 0.0)
+    room = np.abs(np.where(signed, blur, np.abs(blur)) - np.asarray(points.target)) > _AT_LIMIT_PX
+    kept = np.isin(relation, (AT_MOST, AT_LEAST)) & room & (np.asarray(solution.error) == 0)
+    return np.where(kept[:, None], 0.0, slopes)
+
+
+def _blur_slopes(
+    solution: Solution, xy: Float[np.ndarray, "n 2"], disparity: Float[np.ndarray, "n"]
+) -> Float[np.ndarray, "n 5"]:
+    """The derivative of the formula in `_parameters`, about the solved camera and lens."""
+    asked, lens = solution.asked, solution.lens
+    assert asked is not None
+    tangents = _tangents(solution, xy)
+    radius, focus = float(lens.aperture_radius), float(lens.focus_disparity)
+    across = np.asarray(lens.plane, dtype=float)[:2] if isinstance(lens, TiltShiftLens) else np.zeros(2)
+    zoom = float(solution.camera.focal_length) / float(asked.camera.focal_length)
+    gain = 2.0 * float(solution.camera.focal_px)
+    defocus = focus + tangents @ across - disparity
+    slopes = np.zeros((len(xy), len(PARAMETERS)))
+    slopes[:, 0] = gain * radius
+    # The vector's radius and plane are those at the starting focal length.
+    slopes[:, RADIUS] = gain * zoom * defocus
+    slopes[:, TILT] = gain * radius * tangents[:, 1] / zoom
+    slopes[:, SWING] = gain * radius * tangents[:, 0] / zoom
+    power = 1 if asked.plan.keep_view else 2
+    slopes[:, ZOOM] = gain * radius * (power * defocus - tangents @ across) / zoom
+    return slopes
+
+
+def _standard_errors(
+    solution: Solution,
+    jacobian: Float[np.ndarray, "n k"],
+    inverse: Float[np.ndarray, "k"],
+    span: Float[np.ndarray, "k"],
+    moves: np.ndarray,
+) -> dict[str, float]:
+    """By how much each parameter follows the wishes' tolerances and the priors' sigmas, root of squares."""
+    points, open_ = solution.points, np.asarray(solution.open)
+    weight, wish = np.asarray(points.weight, dtype=float), np.asarray(points.wish)
+    scaled = jacobian * (span * moves)
+    prior = inverse * span * moves
+    normal = np.linalg.pinv(scaled.T @ (weight[:, None] * scaled) + np.diag(prior**2), hermitian=True)
+    pulls = [
+        (weight * np.asarray(points.tolerance, dtype=float) * (wish == index)) @ scaled
+        for index in range(len(points.names))
+    ]
+    changes = np.concatenate([np.stack(pulls), np.diag(prior)]) @ normal * span
+    spread = np.where(open_, np.inf, np.sqrt(np.sum(changes**2, axis=0)))
+    camera, lens = solution.camera, solution.lens
+    length = float(camera.focal_length)
+    across = np.asarray(lens.plane, dtype=float)[:2] if isinstance(lens, TiltShiftLens) else np.zeros(2)
+    cosines = np.sqrt(np.maximum(1.0 - (length * across) ** 2, 1e-12))
+    start = solution.asked.camera if solution.asked is not None else camera
+    started = float(start.focal_length)
+    units = {
+        "focus": 1.0,
+        "f_number": float(lens.f_number(camera)) * length / started / max(float(lens.aperture_radius), 1e-30),
+        "tilt": started / cosines[1],
+        "swing": started / cosines[0],
+        "focal_length": started,
+    }
+    return {name: float(spread[index] * units[name]) for index, name in enumerate(solution.free)}
+
+
+def _line(tangents: Float[np.ndarray, "n 2"]) -> tuple[bool, float | None]:
+    """Whether points lie on one line in the picture, and its angle from level in degrees."""
+    around = tangents - tangents.mean(axis=0)
+    _, spread, axes = np.linalg.svd(np.concatenate([around, np.zeros((2, 2))]), full_matrices=False)
+    if spread[0] < _IN_LINE:
+        return True, None
+    angle = float(np.degrees(np.arctan2(axes[0, 1], axes[0, 0]))) % 180.0
+    return bool(spread[1] < _IN_LINE), angle

@@ -1,0 +1,58 @@
+"""Diameters of blur in the units people think in: pixels, millimetres of film, shares of the picture."""
+
+import dataclasses
+from typing import SupportsFloat, TypeAlias
+
+from focusjax.geometry import Camera
+
+
+@dataclasses.dataclass(frozen=True)
+class OnSensor:
+    """A length on the sensor, such as the 0.03 mm of a customary circle of confusion.
+
+    Attributes:
+        millimetres: of the sensor whose width the camera has.
+    """
+
+    millimetres: SupportsFloat
+
+
+@dataclasses.dataclass(frozen=True)
+class OfHeight:
+    """A share of the picture's height: the same look at every resolution.
+
+    Attributes:
+        fraction: 1 is the whole height.
+    """
+
+    fraction: SupportsFloat
+
+
+Diameter: TypeAlias = SupportsFloat | OnSensor | OfHeight
+"""Output pixels when a plain number."""
+
+
+def amount(diameter: Diameter) -> float:
+    """The number in `diameter`, in its own unit."""
+    if isinstance(diameter, OnSensor):
+        return float(diameter.millimetres)
+    if isinstance(diameter, OfHeight):
+        return float(diameter.fraction)
+    return float(diameter)
+
+
+def pixels(diameter: Diameter, camera: Camera) -> float:
+    """`diameter` in output pixels of `camera`.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> from focusjax.geometry import make_camera
+        >>> camera = make_camera(jnp.eye(4), width=360, height=240, focal_length=0.05)
+        >>> round(pixels(OnSensor(0.2), camera), 6), pixels(OfHeight(0.01), camera)
+        (2.0, 2.4)
+    """
+    if isinstance(diameter, OnSensor):
+        return float(diameter.millimetres) / 1000 / float(camera.sensor_width) * camera.width
+    if isinstance(diameter, OfHeight):
+        return float(diameter.fraction) * camera.height
+    return float(diameter)

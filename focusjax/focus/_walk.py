@@ -1,0 +1,127 @@
+"""Bounded least squares for given sides: Gauss-Newton steps with as little damping as will do.
+
+Parameters at a bound that the gradient pushes against stay there during a step; the others take the
+step and are cut off at their bounds. With enough damping that is a step of projected gradient descent, so
+it helps in the end (Bertsekas 1982). Blur is linear in (E, E n) for aperture radius E and plane n, so a
+step in these is tried first where both are free: inside the bounds it ends at the optimum for the sides.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from focusjax.focus._bounds import Box
+from focusjax.focus._objective import Objective
+from focusjax.focus._parameters import FOCUS, RADIUS, SWING, TILT
+
+_GENTLE = 1e-3
+"""Damping after a step that did not help, relative to the diagonal."""
+
+_HOPELESS = 1e8
+"""Damping at which no step is left to take."""
+
+
+class Walk(eqx.Module):
+    """Where a walk is.
+
+    Attributes:
+        value: free parameters.
+        cost: see `Objective.cost`.
+        damping: of the next step, relative to the diagonal of the normal equations.
+        product: whether the next step is one in (E, E n).
+        settled: whether the last step was within rounding.
+        steps: steps taken.
+    """
+
+    value: Float[Array, "k"]
+    cost: Float[Array, ""]
+    damping: Float[Array, ""]
+    product: Bool[Array, ""]
+    settled: Bool[Array, ""]
+    steps: Int[Array, ""]
+
+
+def walk(
+    objective: Objective,
+    side: Float[Array, "n"],
+    first: Float[Array, "k"],
+    box: Box,
+    max_steps: int,
+) -> Walk:
+    """The best parameters in the box for given sides, downhill from `first`."""
+    least = 1e3 * jnp.finfo(first.dtype).eps
+
+    def more(state: Walk) -> Bool[Array, ""]:
+        return ~state.settled & (state.steps < max_steps)
+
+    def step(state: Walk) -> Walk:
+        error, slopes = objective.slopes(state.value, side)
+        moved = _moved(objective, state, error, slopes, box)
+        cost = objective.cost(moved, side)
+        change = jnp.abs(objective.excess(moved, side) - objective.excess(state.value, side))
+        inside_noise = jnp.all(~objective.counted | (change <= 4.0 * objective.noise(moved)))
+        inside_noise &= jnp.all(jnp.abs((moved - state.value) * objective.priors.inverse) <= least)
+        better = cost < state.cost
+        calmer = jnp.maximum(state.damping * 16.0, _GENTLE)
+        # A step in (E, E n) may be cut off at a bound so that it does not help; one in (E, n) then will.
+        damping = jnp.where(state.product, state.damping, calmer)
+        damping = jnp.where(better, jnp.maximum(state.damping / 32.0, least), damping)
+        return Walk(
+            value=jnp.where(better, moved, state.value),
+            cost=jnp.where(better, cost, state.cost),
+            damping=damping,
+            product=better & ~inside_noise,
+            settled=~state.product & (inside_noise | (damping > _HOPELESS)),
+            steps=state.steps + 1,
+        )
+
+    start = Walk(
+        value=first,
+        cost=objective.cost(first, side),
+        damping=jnp.full_like(first[0], least),
+        product=jnp.array(True),
+        settled=jnp.array(False),
+        steps=jnp.array(0),
+    )
+    return jax.lax.while_loop(more, step, start)
+
+
+def _moved(
+    objective: Objective, state: Walk, error: Float[Array, "n"], slopes: Float[Array, "n k"], box: Box
+) -> Float[Array, "k"]:
+    """The damped Gauss-Newton step from `state`, inside the box."""
+    value, columns = state.value, objective.columns
+    root = jnp.sqrt(objective.share)
+    prior_root = jnp.sqrt(objective.prior_share)
+    jacobian = jnp.concatenate([root[:, None] * slopes, prior_root * jnp.diag(objective.priors.inverse)])
+    residual = jnp.concatenate([root * error, prior_root * objective.priors(value)])
+    gradient = residual @ jacobian
+    stuck = ((value <= box.lower) & (gradient > 0)) | ((value >= box.upper) & (gradient < 0))
+    moves = ~stuck
+    products = np.isin(columns, (FOCUS, TILT, SWING)) & (RADIUS in columns)
+    if products.any():
+        which = columns.index(RADIUS)
+        radius = value[which]
+        product = moves & jnp.array(products) & state.product
+        with_product = jacobian[:, which] - jacobian @ jnp.where(product, value, 0.0) / radius
+        jacobian = jnp.where(product[None], jacobian / radius, jacobian).at[:, which].set(with_product)
+    change = _damped(jnp.where(moves[None], jacobian, 0.0), residual, state.damping)
+    moved = value + change
+    if products.any():
+        wider = jnp.clip(moved[which], box.lower[which], box.upper[which])
+        moved = jnp.where(product, (radius * value + change) / wider, moved).at[which].set(wider)
+    return jnp.clip(jnp.where(moves, moved, value), box.lower, box.upper)
+
+
+def _damped(
+    jacobian: Float[Array, "m k"], residual: Float[Array, "m"], damping: Float[Array, ""]
+) -> Float[Array, "k"]:
+    """The least-squares change, with damping relative to each column's size; 0 for columns of zeros."""
+    size = jnp.linalg.norm(jacobian, axis=0)
+    unit = 1.0 / jnp.where(size > 0.0, size, 1.0)
+    scaled = jacobian * unit[None]
+    normal = scaled.T @ scaled
+    some = jnp.where(size > 0.0, damping, 1.0)
+    return -unit * jnp.linalg.solve(normal + jnp.diag(some), residual @ scaled)

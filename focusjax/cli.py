@@ -31,7 +31,9 @@ _STAGES = {
     "solve": "Solving",
     "solve_first": "Solving",
     "peel": "Peeling layers",
+    "plan": "Planning rays",
     "render": "Tracing rays",
+    "examine": "Examining the picture",
     "pinhole": "Sharp view",
     "save": "Writing files",
 }

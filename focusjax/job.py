@@ -40,7 +40,7 @@ from focusjax.lens import (
     focal_surface_lens,
 )
 from focusjax.scene import Scene
-from focusjax.trace import render, render_pinhole
+from focusjax.trace import RayPlan, plan_rays, quality_of, render, render_pinhole
 
 Progress = Callable[[str, float | None], None]
 """Told the stage that runs and, where that is known, the share of it that is done."""
@@ -58,6 +58,9 @@ class Picture:
         layer_bytes: memory of the layers with their N-buffers.
         margin: pixels that the layers reach beyond the frame.
         complete: whether no surface was left out for want of layers.
+        rays: rays per pixel on the average.
+        plan: what was expected of them, when a quality was asked for.
+        decibels: PSNR of the rays then, told from a sample of the pixels.
     """
 
     image: Float[Array, "h w 3"]
@@ -67,6 +70,9 @@ class Picture:
     layer_bytes: int
     margin: float
     complete: bool
+    rays: int
+    plan: RayPlan | None = None
+    decibels: float | None = None
 
 
 @dataclass(frozen=True)
@@ -258,11 +264,17 @@ def _render(
             view_dependent=table.view_dependent,
         )
         jax.block_until_ready(eqx.filter(layers, eqx.is_array))
+    rays, plan, decibels = table.rays, None, None
+    if table.quality is not None:
+        with watch.stage("plan"):
+            plan = plan_rays(layers, lens, table.quality, seed=table.seed)
+            rays = plan.rays
     with watch.stage("render"):
-        image = render(
-            layers, lens, rays=table.rays, seed=table.seed, progress=lambda share: tell("render", share)
-        )
+        image = render(layers, lens, rays=rays, seed=table.seed, progress=lambda share: tell("render", share))
         image.block_until_ready()
+    if plan is not None:
+        with watch.stage("examine"):
+            decibels = quality_of(layers, lens, np.asarray(image), rays=rays, seed=table.seed)
     with watch.stage("pinhole"):
         pinhole = render_pinhole(layers)
         pinhole.block_until_ready()
@@ -274,4 +286,7 @@ def _render(
         layer_bytes=layers.nbytes,
         margin=layers.grid.margin / layers.grid.supersampling,
         complete=layers.complete,
+        rays=rays,
+        plan=plan,
+        decibels=decibels,
     )

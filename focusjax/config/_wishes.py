@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, Strict, model_validator
 
 from focusjax.config._values import NotNegative, Number, Positive, Table, Vector
+from focusjax.trace import decibels_of
 
 
 class FocusTable(Table):
@@ -129,7 +130,10 @@ class RenderTable(Table):
     """`[render]`: how carefully the picture is made, and how it is shown."""
 
     rays: Annotated[int, Field(ge=1, le=65536)] = Field(
-        default=64, description="lens rays per pixel, for example 64"
+        default=64, description="lens rays per pixel on the average, for example 64"
+    )
+    quality: str | Number | None = Field(
+        default=None, description="'draft', 'good', 'reference' or decibels such as '40 dB', instead of rays"
     )
     supersampling: Annotated[int, Field(ge=1, le=8)] = Field(
         default=2, description="layer samples along each side of a pixel, 1 to 8"
@@ -145,3 +149,11 @@ class RenderTable(Table):
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = Field(
         default=0, description="a whole number that fixes the jitter"
     )
+
+    @model_validator(mode="after")
+    def _rays_or_quality(self) -> "RenderTable":
+        if self.quality is not None:
+            if "rays" in self.model_fields_set:
+                raise ValueError("has rays, and a quality that finds its own number; leave one of them out")
+            decibels_of(self.quality)
+        return self

@@ -19,7 +19,9 @@ _STAGES = {
     "solve_first": "solve, first time (with its compile)",
     "solve": "solve, once compiled",
     "peel": "peel layers",
+    "plan": "plan rays",
     "render": "trace rays",
+    "examine": "examine the picture",
     "pinhole": "sharp view",
     "compile": "compile the other stages",
 }

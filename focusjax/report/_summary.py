@@ -190,7 +190,15 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
         "layer_samples": picture.samples_kept,
         "layers_mib": picture.layer_bytes / 2**20,
         "margin_px": picture.margin,
-        "rays_per_pixel": outcome.config.render.rays,
+        "rays_per_pixel": picture.rays,
+        "quality": None
+        if picture.plan is None
+        else {
+            "wanted": outcome.config.render.quality,
+            "expected_db": picture.plan.decibels,
+            "expected_seconds": picture.plan.seconds,
+            "reached_db": picture.decibels,
+        },
         "largest_blur_px": float(np.abs(outcome.blur).max()),
     }
 

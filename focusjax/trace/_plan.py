@@ -135,16 +135,17 @@ def _next_trial(tried: dict[int, float], wanted: float) -> int:
 def quality_of(
     layers: Layers, lens: AbstractLens, picture: Float[np.ndarray, "h w 3"], *, rays: int, seed: int = 0
 ) -> float:
-    """PSNR in dB, for a peak of 1, of the rays of a `picture` that `render` made with `rays` and `seed`.
+    """PSNR in dB of the rays of a `picture` that `render` made with `rays` and `seed`.
 
-    A sample of its pixels is traced again with other rays, as many.
+    The peak is 1; what is brighter counts relative to itself. A sample of the pixels is traced again with
+    other rays, as many.
     """
     tracer = Tracer(layers, lens)
-    counts = _some(allot(contrast(layers, lens, tracer.least, tracer.largest), rays), seed)
-    again = tracer.means(counts, counts_for(rays), seed + 1)
+    # Neither the pixels nor the rays of a plan's trials, so that this is another word on it.
+    counts = _some(allot(contrast(layers, lens, tracer.least, tracer.largest), rays), seed + 2)
+    again = tracer.means(counts, counts_for(rays), seed + 2)
     traced = counts > 0
-    difference = np.asarray(picture, dtype=np.float64).reshape(-1, 3)[traced] - again[traced]
-    return float(-10.0 * np.log10(max(0.5 * np.mean(difference**2), 1e-12)))
+    return _decibels(np.asarray(picture).reshape(-1, 3)[traced], again[traced])
 
 
 def _trial(tracer: Tracer, variance: Float[np.ndarray, " p"], rays: int, seed: int) -> tuple[float, float]:
@@ -156,8 +157,14 @@ def _trial(tracer: Tracer, variance: Float[np.ndarray, " p"], rays: int, seed: i
     second = tracer.means(counts, counts_for(rays), seed + 1)
     seconds = (time.perf_counter() - start) * float(whole.sum()) / float(counts.sum())
     traced = counts > 0
-    error = float(0.5 * np.mean((first[traced] - second[traced]) ** 2, dtype=np.float64))
-    return -10.0 * float(np.log10(max(error, 1e-12))), seconds
+    return _decibels(first[traced], second[traced]), seconds
+
+
+def _decibels(first: Float[np.ndarray, "n 3"], second: Float[np.ndarray, "n 3"]) -> float:
+    """PSNR of either of two pictures of one thing; what is brighter than 1 counts relative to itself."""
+    difference = (first - second) / np.maximum(0.5 * (first + second), 1.0)
+    error = 0.5 * float(np.mean(difference**2, dtype=np.float64))
+    return -10.0 * float(np.log10(max(error, 1e-12)))
 
 
 def _some(counts: np.ndarray, seed: int) -> np.ndarray:

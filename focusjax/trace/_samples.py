@@ -2,8 +2,9 @@
 
 Rays of one pixel share one scrambled Sobol block in four dimensions, so that they are spread evenly over
 pixel and lens together; of few rays the lens has the first two, in which few points are spread best (3 dB at
-eight rays; from sixteen on the pixel's place has them, for 0.2 to 1 dB). Pixels of a square tile take consecutive blocks of one sequence along a Z-order curve: any 2^k pixels that are neighbours on it
-are well spread together too, which moves the error to high frequencies (Ahmed and Wonka 2020).
+eight rays; from sixteen on the pixel's place has them, for 0.2 to 1 dB). Pixels of a square tile take
+consecutive blocks of one sequence along a Z-order curve: any 2^k pixels that are neighbours on it are well
+spread together too, which moves the error to high frequencies (Ahmed and Wonka 2020).
 """
 
 import functools

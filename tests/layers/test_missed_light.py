@@ -36,6 +36,9 @@ class HalfOpen(AbstractLens):
     def footprint(self, camera, film_point, disparity):
         return self.lens.footprint(camera, film_point, disparity)
 
+    def reach(self, camera, disparity):
+        return self.lens.reach(camera, disparity)
+
     def parallax(self, camera):
         return self.lens.parallax(camera)
 

@@ -35,9 +35,10 @@ from rich.table import Table
 
 from focusjax.geometry import Camera, make_camera
 from focusjax.layers import Layers
-from focusjax.layers._assemble import assemble, rasterised
+from focusjax.layers._assemble import assemble
 from focusjax.layers._frame import frame
 from focusjax.layers._peel import peel_fragments
+from focusjax.layers._picture import rasterised
 from focusjax.lens import ThinLens, thin_lens
 from focusjax.scene import Scene, make_object, make_scene
 

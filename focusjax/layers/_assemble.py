@@ -11,61 +11,20 @@ from jaxtyping import Array, Int
 from focusjax.geometry import Camera
 from focusjax.layers._attributes import surface_samples
 from focusjax.layers._cells import WHOLE, in_steps, pack_cells
-from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._gloss import GlossSamples
 from focusjax.layers._grid import Grid
 from focusjax.layers._joins import Joins, Planes, join
 from focusjax.layers._layers import Layers, Samples
-from focusjax.layers._opacity import with_opacity
+from focusjax.layers._picture import Rasterised
 from focusjax.layers._places import make_places
-from focusjax.layers._pyramid import build_ranges
-from focusjax.layers._raster import Fragments, rasterise
-from focusjax.layers._shading import background, shaded
+from focusjax.layers._pyramid import RangePyramid, build_ranges
+from focusjax.layers._shading import ShadedSamples, background, shaded
 from focusjax.layers._silhouettes import Silhouettes, find_silhouettes
-from focusjax.layers._stamps import Stamps, dice
 from focusjax.layers._store import on_device, scattered
 from focusjax.lens import AbstractLens
-from focusjax.scene import Scene
+from focusjax.scene import Gloss, Scene
 
 _LEAST_ROOM = 1 << 10
-
-
-@dataclasses.dataclass(frozen=True)
-class Rasterised:
-    """Triangles on a grid, all that they cover there, and how much of it is there (None: all of it)."""
-
-    triangles: ScreenTriangles
-    grid: Grid
-    stamps: Stamps
-    fragments: Fragments
-    opacity: np.ndarray | None
-
-
-def rasterised(scene: Scene, camera: Camera, triangles: ScreenTriangles, grid: Grid) -> Rasterised:
-    """Everything that `triangles` of `scene` cover on `grid`."""
-    stamps = dice(triangles, grid)
-    covered = rasterise(stamps, grid)
-    return Rasterised(triangles, grid, stamps, *with_opacity(scene, camera, triangles, grid, stamps, covered))
-
-
-def margin_like(like: Layers | None, camera: Camera, supersampling: int) -> int:
-    """The margin in samples of layers to be like, 0 if there are none.
-
-    Raises:
-        ValueError: they are of another frame.
-    """
-    if like is None:
-        return 0
-    theirs, ours = (
-        (grid.width, grid.height, grid.supersampling)
-        for grid in (like.grid, Grid(camera.width, camera.height, supersampling, 0))
-    )
-    if theirs != ours:
-        raise ValueError(
-            f"the layers to be like are of {theirs[0]} x {theirs[1]} pixels at a supersampling of"
-            f" {theirs[2]}; expected {ours[0]} x {ours[1]} at {ours[2]}, so leave `like` out"
-        )
-    return like.grid.margin
 
 
 def assemble(
@@ -83,17 +42,18 @@ def assemble(
     """Layers of the fragments `chosen` for each, in the order of their samples."""
     gloss = scene.gloss() if view_dependent else None
     triangles, grid, fragments = picture.triangles, picture.grid, picture.fragments
-    supersampling, parallax = grid.supersampling, float(lens.parallax(camera)) * grid.supersampling
+    parallax = float(lens.parallax(camera)) * grid.supersampling
     fragment = np.concatenate([np.zeros(0, dtype=np.intp), *chosen])
     sample = fragments.sample[fragment]
     layer = np.repeat(np.arange(len(chosen)), [len(some) for some in chosen])
     surface = surface_samples(picture.stamps, triangles, sample, fragments.stamp[fragment], grid)
     real = np.zeros(0, dtype=jnp.zeros(()).dtype).dtype
     disparity = fragments.disparity[fragment].astype(real)
+    opacity = None if picture.opacity is None else picture.opacity[fragment].astype(real)
 
     # Shading and the geometry need nothing of each other: while one compiles or waits, the other works.
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
-        extent_m = 1.0 / (disparity * float(camera.focal_px) * supersampling)
+        extent_m = 1.0 / (disparity * float(camera.focal_px) * grid.supersampling)
         shading = pool.submit(
             shaded,
             scene.shader(camera.position),
@@ -108,53 +68,25 @@ def assemble(
         joins = join(planes, parallax)
         fringe = find_silhouettes(triangles, grid, planes, joins, parallax)
         outline = _with_fringe(planes, grid.size, joins, fringe, max_layers)
-        least, most, scale = in_steps(outline.low, outline.high)
-        ranges = build_ranges(
-            outline.index % grid.size,
-            least,
-            most,
-            scale,
-            shape=(grid.rows, grid.columns),
-            block=supersampling,
-            widest=2.0 * grid.margin + 4 * supersampling,
-            real=real,
-        )
         count = max(outline.layers, 1 if like is None else min(like.count, max_layers))
-        shape = (count, grid.rows, grid.columns)
-        cells = scattered(shape, outline.index, pack_cells(least, most, outline.line))
+        cells, scale, ranges = _walked(outline, count, grid, real)
         places, number = make_places(count * grid.size, outline.index)
         far = background(scene, camera, grid)
         look = shading.result()
 
-    room = _room(len(number))
-    if like is not None:
-        room = max(room, len(like.samples.disparity))
-    source = fringe.source[outline.added]
-
-    def stored(held: np.ndarray, added: np.ndarray | None = None) -> Array:
-        """Values of the samples held and of the fringe: by default those of the surface it continues."""
-        added = np.take(held, source, axis=0) if added is None else added
-        return on_device(scattered((room,), number, np.concatenate([held, added])))
-
-    gloss_samples = None
-    if gloss is not None and look.normal is not None:
-        smallest = np.min_scalar_type(len(scene.materials) - 1)
-        material = scene.face_material[surface.face].astype(smallest)
-        gloss_samples = GlossSamples(stored(look.normal), stored(material), gloss)
-    triangle = np.full(room, -1, dtype=np.int32)
-    triangle[number[: len(surface.face)]] = surface.face
-    samples = Samples(
-        disparity=stored(disparity, fringe.disparity[outline.added]),
-        radiance=stored(look.radiance),
-        triangle=on_device(triangle),
-        links=stored(joins.links, np.zeros(len(source), dtype=np.uint32)),
-        opacity=None if picture.opacity is None else stored(picture.opacity[fragment].astype(real)),
-        gloss=gloss_samples,
-    )
+    room = max(_room(len(number)), 0 if like is None else len(like.samples.disparity))
+    slots = _Slots(number, fringe.source[outline.added], room)
     return Layers(
         cells=on_device(cells),
         places=places,
-        samples=samples,
+        samples=Samples(
+            disparity=slots.stored(disparity, fringe.disparity[outline.added]),
+            radiance=slots.stored(look.radiance),
+            triangle=slots.stored_where_held(surface.face, -1),
+            links=slots.stored_where_held(joins.links, 0),
+            opacity=None if opacity is None else slots.stored(opacity),
+            gloss=_gloss_samples(slots, scene, gloss, look, surface.face),
+        ),
         background=far,
         ranges=ranges,
         disparity_scale=jnp.asarray(scale, dtype=real),
@@ -163,6 +95,61 @@ def assemble(
         grid=grid,
         complete=complete,
     )
+
+
+def _walked(
+    outline: "_Outline", count: int, grid: Grid, real: np.dtype
+) -> tuple[np.ndarray, float, RangePyramid]:
+    """What rays walk through: cells of `count` layers, the disparity of one of their steps, and ranges."""
+    least, most, scale = in_steps(outline.low, outline.high)
+    ranges = build_ranges(
+        outline.index % grid.size,
+        least,
+        most,
+        scale,
+        shape=(grid.rows, grid.columns),
+        block=grid.supersampling,
+        widest=2.0 * grid.margin + 4 * grid.supersampling,
+        real=real,
+    )
+    shape = (count, grid.rows, grid.columns)
+    return scattered(shape, outline.index, pack_cells(least, most, outline.line)), scale, ranges
+
+
+@dataclasses.dataclass(frozen=True)
+class _Slots:
+    """Where values of samples are stored.
+
+    Attributes:
+        number: slot [n] of each sample held and, after them, of the fringe samples.
+        source: which of the samples held each fringe sample continues.
+        room: number of slots.
+    """
+
+    number: np.ndarray
+    source: np.ndarray
+    room: int
+
+    def stored(self, held: np.ndarray, fringe: np.ndarray | None = None) -> Array:
+        """Values of the samples held and of the fringe: by default those of the surface it continues."""
+        fringe = np.take(held, self.source, axis=0) if fringe is None else fringe
+        return on_device(scattered((self.room,), self.number, np.concatenate([held, fringe])))
+
+    def stored_where_held(self, held: np.ndarray, otherwise: int) -> Array:
+        """Values of the samples held, and the same one everywhere else."""
+        out = np.full(self.room, otherwise, dtype=held.dtype)
+        out[self.number[: len(held)]] = held
+        return on_device(out)
+
+
+def _gloss_samples(
+    slots: _Slots, scene: Scene, gloss: Gloss | None, look: ShadedSamples, face: np.ndarray
+) -> GlossSamples | None:
+    """Normals and materials of samples of the triangles `face`, if anything is glossy."""
+    if gloss is None or look.normal is None:
+        return None
+    material = scene.face_material[face].astype(np.min_scalar_type(len(scene.materials) - 1))
+    return GlossSamples(slots.stored(look.normal), slots.stored(material), gloss)
 
 
 def _room(count: int) -> int:

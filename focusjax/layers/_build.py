@@ -4,11 +4,11 @@ import numpy as np
 
 from focusjax._counts import require_counts
 from focusjax.geometry import Camera
-from focusjax.layers._assemble import assemble, margin_like, rasterised
+from focusjax.layers._assemble import assemble
 from focusjax.layers._frame import frame
 from focusjax.layers._layers import Layers
-from focusjax.layers._memory import check_memory
 from focusjax.layers._peel import peel_fragments
+from focusjax.layers._picture import rasterised, rasterised_for
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
 
@@ -55,13 +55,12 @@ def peel(
         >>> frames.append(peel(moved, camera, lens, like=frames[-1]))  # doctest: +SKIP
     """
     require_counts(supersampling=supersampling, max_layers=max_layers)
-    least_margin = margin_like(like, camera, supersampling)
+    picture = rasterised_for(
+        scene, camera, lens, supersampling=supersampling, near=near, layers=max_layers, like=like
+    )
     parallax = float(lens.parallax(camera)) * supersampling
-    triangles, grid = frame(scene, camera, lens, supersampling, near, least_margin=least_margin)
-    check_memory(grid, max_layers)
-    picture = rasterised(scene, camera, triangles, grid)
     chosen, complete = peel_fragments(
-        picture.fragments, grid, parallax, max_layers, umbra=umbra, opacity=picture.opacity
+        picture.fragments, picture.grid, parallax, max_layers, umbra=umbra, opacity=picture.opacity
     )
     return assemble(
         scene,

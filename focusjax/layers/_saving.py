@@ -6,10 +6,8 @@ import numpy as np
 
 from focusjax._counts import require_counts
 from focusjax.geometry import Camera
-from focusjax.layers._assemble import rasterised
-from focusjax.layers._frame import frame
-from focusjax.layers._memory import check_memory
 from focusjax.layers._peel import SEPARATION, peel_fragments
+from focusjax.layers._picture import rasterised_for
 from focusjax.layers._raster import Fragments
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
@@ -78,9 +76,7 @@ def umbra_saving(
     """
     require_counts(supersampling=supersampling)
     parallax = float(lens.parallax(camera)) * supersampling
-    triangles, grid = frame(scene, camera, lens, supersampling, near)
-    check_memory(grid, 1)
-    picture = rasterised(scene, camera, triangles, grid)
+    picture = rasterised_for(scene, camera, lens, supersampling=supersampling, near=near)
     kept, _ = peel_fragments(picture.fragments, picture.grid, parallax, _MOST_LAYERS, opacity=picture.opacity)
     counts = tuple(len(layer) for layer in kept)
     return UmbraSaving(counts, _surfaces_by_depth(picture.fragments))

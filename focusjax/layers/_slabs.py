@@ -27,12 +27,12 @@ from jaxtyping import Bool, Float, Int
 
 from focusjax._counts import require_counts
 from focusjax.geometry import Camera
-from focusjax.layers._assemble import assemble, margin_like, rasterised
-from focusjax.layers._frame import frame
+from focusjax.layers._assemble import assemble
 from focusjax.layers._grid import Grid
 from focusjax.layers._layers import Layers
 from focusjax.layers._memory import check_memory
 from focusjax.layers._peel import SEPARATION, hidden_below, windows_within
+from focusjax.layers._picture import rasterised_for
 from focusjax.layers._raster import Fragments
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
@@ -86,10 +86,8 @@ def decompose(
     require_counts(supersampling=supersampling, count=count)
     if blur_step is not None and not 0 < blur_step < math.inf:
         raise ValueError(f"blur_step is {blur_step} px; expected a positive number such as 4")
-    least_margin = margin_like(like, camera, supersampling)
-    triangles, grid = frame(scene, camera, lens, supersampling, near, least_margin=least_margin)
-    check_memory(grid, 1)
-    picture = rasterised(scene, camera, triangles, grid)
+    picture = rasterised_for(scene, camera, lens, supersampling=supersampling, near=near, like=like)
+    grid = picture.grid
     disparity = picture.fragments.disparity
     nearest = float(disparity.max(initial=0.0))
     extent = nearest - float(disparity.min(initial=nearest))

@@ -15,7 +15,7 @@ def test_the_message_names_the_number_that_would_fit(monkeypatch: pytest.MonkeyP
         rf"6 layers of {grid.columns} x {grid.rows} samples need about 0\.\d+ GB and this machine has"
         r" 0\.\d+ GB; lower max_layers to 5, or the supersampling or the picture's size"
     )
-    monkeypatch.setattr("focusjax.layers._build.rasterised", None)
+    monkeypatch.setattr("focusjax.layers._picture.rasterised", None)
     with pytest.raises(ValueError, match=expected):
         peel(varied_scene(), camera, wide_lens(camera), max_layers=6)
     monkeypatch.undo()

@@ -1,0 +1,76 @@
+"""What a scene covers on the grid that its layers need: the common start of peeling and of cutting slabs."""
+
+import dataclasses
+
+import numpy as np
+
+from focusjax.geometry import Camera
+from focusjax.layers._clip import ScreenTriangles
+from focusjax.layers._frame import frame
+from focusjax.layers._grid import Grid
+from focusjax.layers._layers import Layers
+from focusjax.layers._memory import check_memory
+from focusjax.layers._opacity import with_opacity
+from focusjax.layers._raster import Fragments, rasterise
+from focusjax.layers._stamps import Stamps, dice
+from focusjax.lens import AbstractLens
+from focusjax.scene import Scene
+
+
+@dataclasses.dataclass(frozen=True)
+class Rasterised:
+    """Triangles on a grid, all that they cover there, and how much of it is there (None: all of it)."""
+
+    triangles: ScreenTriangles
+    grid: Grid
+    stamps: Stamps
+    fragments: Fragments
+    opacity: np.ndarray | None
+
+
+def rasterised(scene: Scene, camera: Camera, triangles: ScreenTriangles, grid: Grid) -> Rasterised:
+    """Everything that `triangles` of `scene` cover on `grid`."""
+    stamps = dice(triangles, grid)
+    covered = rasterise(stamps, grid)
+    return Rasterised(triangles, grid, stamps, *with_opacity(scene, camera, triangles, grid, stamps, covered))
+
+
+def rasterised_for(
+    scene: Scene,
+    camera: Camera,
+    lens: AbstractLens,
+    *,
+    supersampling: int,
+    near: float | None,
+    layers: int = 1,
+    like: Layers | None = None,
+) -> Rasterised:
+    """Everything that rays of `lens` can reach, on a grid of which so many `layers` fit in memory.
+
+    Raises:
+        ValueError: a grid or layers that do not fit, or layers to be like that are of another frame.
+    """
+    margin = _margin_like(like, camera, supersampling)
+    triangles, grid = frame(scene, camera, lens, supersampling, near, least_margin=margin)
+    check_memory(grid, layers)
+    return rasterised(scene, camera, triangles, grid)
+
+
+def _margin_like(like: Layers | None, camera: Camera, supersampling: int) -> int:
+    """The margin in samples of layers to be like, 0 if there are none.
+
+    Raises:
+        ValueError: they are of another frame.
+    """
+    if like is None:
+        return 0
+    theirs, ours = (
+        (grid.width, grid.height, grid.supersampling)
+        for grid in (like.grid, Grid(camera.width, camera.height, supersampling, 0))
+    )
+    if theirs != ours:
+        raise ValueError(
+            f"the layers to be like are of {theirs[0]} x {theirs[1]} pixels at a supersampling of"
+            f" {theirs[2]}; expected {ours[0]} x {ours[1]} at {ours[2]}, so leave `like` out"
+        )
+    return like.grid.margin

@@ -17,6 +17,10 @@ class AbstractAperture(eqx.Module):
     def point(self, sample: Float[Array, "2"]) -> Float[Array, "2"]:
         """The point of the opening for a uniform `sample` of the unit square (x right, y down)."""
 
+    @abc.abstractmethod
+    def rim(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
+        """The point of the rim at `turn`, 0 to 1 once around. Equal turns sweep equal areas."""
+
 
 class Disk(AbstractAperture):
     """The full unit disk, by the concentric map of Shirley and Chiu.
@@ -31,6 +35,10 @@ class Disk(AbstractAperture):
         safe = jnp.where(radius == 0.0, 1.0, radius)
         angle = jnp.where(wide, jnp.pi / 4 * y / safe, jnp.pi / 2 - jnp.pi / 4 * x / safe)
         return radius * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+
+    def rim(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
+        angle = 2.0 * jnp.pi * turn
+        return jnp.stack([jnp.cos(angle), jnp.sin(angle)])
 
 
 class Polygon(AbstractAperture):
@@ -55,9 +63,12 @@ class Polygon(AbstractAperture):
     blades: int = eqx.field(static=True)
 
     def point(self, sample: Float[Array, "2"]) -> Float[Array, "2"]:
+        return jnp.sqrt(sample[1]) * self.rim(sample[0])
+
+    def rim(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
         half = jnp.pi / self.blades
         straight = (1.0 - self.roundness) * jnp.cos(half) ** 2
-        position = sample[0] * self.blades
+        position = turn * self.blades
         sector = jnp.floor(position)
         share = 2.0 * (position - sector) - 1.0
         target = share * (straight * jnp.tan(half) + self.roundness * half)
@@ -69,9 +80,8 @@ class Polygon(AbstractAperture):
 
         t = jax.lax.fori_loop(0, 6, newton, share * half)
         edge = jnp.sqrt(straight / jnp.cos(t) ** 2 + self.roundness)
-        radius = edge * jnp.sqrt(sample[1])
         angle = self.rotation + (2.0 * sector + 1.0) * half + t
-        return radius * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+        return edge * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
 
 
 def polygon(blades: int, *, rotation: SupportsFloat = 0.0, roundness: SupportsFloat = 0.0) -> Polygon:

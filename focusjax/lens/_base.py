@@ -20,6 +20,14 @@ class AbstractLens(eqx.Module):
         """
 
     @abc.abstractmethod
+    def rim_point(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
+        """The point of the opening's rim at `turn`, 0 to 1 once around, in the units of `pupil_point`.
+
+        Sectors of equal turns about the middle have equal areas, so that sqrt(s) `rim_point(t)` is uniform
+        by area over the unit square of (s, t).
+        """
+
+    @abc.abstractmethod
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         """The ray that carries light from the scene through `pupil_point` to `film_point`.
 

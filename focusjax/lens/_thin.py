@@ -39,6 +39,9 @@ class ThinLens(AbstractLens):
     def pupil_point(self, sample: Float[Array, "2"]) -> Float[Array, "2"]:
         return self.aperture.point(sample)
 
+    def rim_point(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
+        return self.aperture.rim(turn)
+
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         b = self.parallax(camera) * pupil_point
         return LensRay(a=film_point - b * self.focus_disparity, b=b, weight=jnp.ones_like(b[0]))

@@ -1,5 +1,6 @@
 """Tracing lens rays through layers."""
 
+from focusjax.trace._differentiable import render_differentiable as render_differentiable
 from focusjax.trace._nearest import nearest_in_layers as nearest_in_layers
 from focusjax.trace._pinhole import render_pinhole as render_pinhole
 from focusjax.trace._plan import RayPlan as RayPlan

@@ -4,30 +4,47 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from focusjax.geometry import Camera
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 
-_RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 23}
+_ROUNDING = 1e-5
+_SLACK = 1e-3
+"""Pixels."""
+_LOOKS = 9
+"""Disparities over the layers' range at which rays are looked at."""
 
 
 def check_reach(layers: Layers, lens: AbstractLens) -> None:
     """Refuse a lens whose rays may pass surfaces that were left out as out of reach when peeling."""
     camera = layers.camera
     moves, peeled = float(lens.parallax(camera)), float(layers.lens.parallax(camera))
-    if moves > peeled * (1 + 1e-5):
+    if moves > peeled * (1 + _ROUNDING):
         raise ValueError(
             f"the lens moves rays by {moves:.4g} pixels per dioptre but the layers were peeled for"
             f" {peeled:.4g}; peel again with this lens"
         )
     leaves, margin = _strays(layers, lens), layers.grid.margin / layers.grid.supersampling
-    if np.any(leaves > np.maximum(_strays(layers, layers.lens), margin) + 1e-3):
+    if np.any(leaves > np.maximum(_strays(layers, layers.lens), margin) + _SLACK):
         raise ValueError(
             f"rays of the lens leave the frame by up to {leaves.max():.4g} pixels but the layers, peeled for"
             f" another focus, hold a margin of {margin:.4g}; peel again with this lens"
         )
+
+
+def out_of_reach(layers: Layers, lens: AbstractLens) -> Bool[Array, ""]:
+    """Whether `check_reach` would refuse the lens, for compiled functions."""
+    camera = layers.camera
+    moves, peeled = lens.parallax(camera), layers.lens.parallax(camera)
+    least, largest = layers.ranges.overall
+    share = jnp.linspace(0.0, 1.0, _LOOKS).astype(least.dtype)
+    at = least + share * (largest - least)
+    margin = layers.grid.margin / layers.grid.supersampling
+    held = jnp.maximum(_strays_at(layers.lens, camera, at), margin) + _SLACK
+    strays = (largest > 0) & (_strays_at(lens, camera, at) > held).any()
+    return (moves > peeled * (1 + _ROUNDING)) | strays
 
 
 def _strays(layers: Layers, lens: AbstractLens) -> np.ndarray:
@@ -35,7 +52,7 @@ def _strays(layers: Layers, lens: AbstractLens) -> np.ndarray:
     least, largest = (float(w) for w in layers.ranges.overall)
     if not largest > 0:
         return np.zeros(1)
-    disparities = jnp.asarray(np.linspace(least, largest, 9).astype(layers.background.dtype))
+    disparities = jnp.asarray(np.linspace(least, largest, _LOOKS).astype(layers.background.dtype))
     return np.asarray(_strays_at(lens, layers.camera, disparities))
 
 

@@ -13,8 +13,6 @@ from focusjax.trace._allot import FEWEST, allot, contrast, counts_for
 from focusjax.trace._reach import check_reach
 from focusjax.trace._tracer import Tracer
 
-_RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 23}
-
 
 def render(
     layers: Layers,

@@ -58,20 +58,18 @@ class RaySamples(eqx.Module):
         )
 
 
-def ray_samples(lens: AbstractLens, counts: Sequence[int], seed: int, *, chances: bool = False) -> RaySamples:
+def ray_samples(
+    lens: AbstractLens, counts: Sequence[int], seed: int, *, with_chances: bool = False
+) -> RaySamples:
     """Samples through `lens` for pixels with each of the increasing `counts` of rays, fixed by `seed`.
 
-    `chances` says whether there is anything that lets rays through.
+    `with_chances` says whether there is anything that lets rays through.
     """
-    edge = 32
-    while edge > 1 and counts[-1] * edge**2 > _MOST_SAMPLES:
-        edge //= 2
-    rows, columns = np.divmod(np.arange(edge**2), edge)
-    place = z_order(columns, rows)
-    points = np.concatenate([_points(edge**2, count, seed)[place] for count in counts], axis=1)
+    edge = tile_edge(counts[-1])
+    points = np.concatenate([_starts(edge, count, seed) for count in counts], axis=1)
     chance = None
-    if chances:
-        chance = jnp.asarray(np.concatenate([_chances(place, count, seed) for count in counts], axis=1))
+    if with_chances:
+        chance = jnp.asarray(np.concatenate([chances(edge, count, seed) for count in counts], axis=1))
     starts = jnp.asarray(points, dtype=jnp.zeros(()).dtype)
     return RaySamples(
         offset=starts[..., :2],
@@ -81,23 +79,41 @@ def ray_samples(lens: AbstractLens, counts: Sequence[int], seed: int, *, chances
     )
 
 
+def tile_edge(rays: int) -> int:
+    """Edge in pixels of the tile that repeats over the picture, for so many rays a pixel."""
+    edge = 32
+    while edge > 1 and rays * edge**2 > _MOST_SAMPLES:
+        edge //= 2
+    return edge
+
+
 @functools.lru_cache(maxsize=12)
-def _points(pixels: int, rays: int, seed: int) -> Float[np.ndarray, "t s 4"]:
-    length = pixels * rays
-    sequence = qmc.Sobol(4, scramble=True, rng=np.random.default_rng(seed))
+def spread_points(dimensions: int, edge: int, rays: int, seed: int) -> Float[np.ndarray, "t s d"]:
+    """Points of the unit cube, some for each pixel of a tile, below 1 also in single precision."""
+    length = edge**2 * rays
+    sequence = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(seed))
     points = sequence.random_base2(max(length - 1, 0).bit_length())[:length]
-    if rays < _ENOUGH_FOR_FOUR:
-        points = points[:, [2, 3, 0, 1]]
-    # Below 1 also in single precision.
-    return np.minimum(points, 1.0 - 2.0**-24).astype(np.float32).reshape(pixels, rays, 4)
+    points = np.minimum(points, 1.0 - 2.0**-24).astype(np.float32)
+    return points.reshape(edge**2, rays, dimensions)[_places(edge)]
 
 
-def _chances(place: np.ndarray, rays: int, seed: int) -> UInt[np.ndarray, "t s"]:
-    """32 bits [t, s] that lie evenly for the rays of each pixel, given its `place` on the Z-order curve."""
+def chances(edge: int, rays: int, seed: int) -> UInt[np.ndarray, "t s"]:
+    """32 bits [t, s] that lie evenly for the rays of each pixel of a tile."""
     leap = next(k for k in range(round(_GOLDEN * rays), 2 * rays + 2) if math.gcd(k, rays) == 1)
     of_ray = np.arange(rays) * leap % rays / rays
-    of_pixel = (place * _GOLDEN + np.random.default_rng(seed).random())[:, None]
+    of_pixel = (_places(edge) * _GOLDEN + np.random.default_rng(seed).random())[:, None]
     return ((of_ray + of_pixel) % 1.0 * 2.0**32).astype(np.uint32)
+
+
+def _starts(edge: int, rays: int, seed: int) -> Float[np.ndarray, "t s 4"]:
+    points = spread_points(4, edge, rays, seed)
+    return points[..., [2, 3, 0, 1]] if rays < _ENOUGH_FOR_FOUR else points
+
+
+def _places(edge: int) -> Int[np.ndarray, " t"]:
+    """Position of each pixel of a tile along the Z-order curve, row-major."""
+    rows, columns = np.divmod(np.arange(edge**2), edge)
+    return z_order(columns, rows)
 
 
 def _pupil_points(lens: AbstractLens, square: Float[Array, "t s 2"]) -> Float[Array, "t s 2"]:

@@ -7,19 +7,15 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, UInt
+from jaxtyping import Array, Float, Int
 
 from focusjax._parallel import CORES
-from focusjax.geometry import Camera, LensRay
-from focusjax.layers import Grid, Layers
+from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._allot import FEWEST
 from focusjax.trace._blocks import Block, make_blocks
-from focusjax.trace._colour import Surface, radiance_at, surface_of
-from focusjax.trace._march import first_hits
-from focusjax.trace._ranges import disparity_range
+from focusjax.trace._radiances import TracedScene, disparity_ranges, radiances, traced_scene
 from focusjax.trace._samples import RaySamples, ray_samples
-from focusjax.trace._walk import Path, Volume, make_volume, path_of
 
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 23}
 
@@ -36,14 +32,9 @@ class Tracer:
 
     def __init__(self, layers: Layers, lens: AbstractLens) -> None:
         self.layers, self.lens = layers, lens
-        self.least, self.largest, depth = _ranges(layers, lens)
+        self.least, self.largest, depth = disparity_ranges(layers, lens)
         self._depth = np.asarray(depth)
-        self._scene = _Scene(
-            volume=make_volume(layers.cells, layers.disparity_scale, layers.opacity),
-            surface=surface_of(layers),
-            camera=layers.camera,
-            grid=layers.grid,
-        )
+        self._scene = traced_scene(layers)
 
     def means(
         self,
@@ -57,8 +48,8 @@ class Tracer:
         Levels increase from one to the next by a factor of two. `progress` is told the share done.
         """
         camera, fewest = self.layers.camera, levels[0]
-        chances = self.layers.samples.opacity is not None
-        samples = ray_samples(self.lens, levels, seed, chances=chances)
+        seen_through = self.layers.samples.opacity is not None
+        samples = ray_samples(self.lens, levels, seed, with_chances=seen_through)
         together = max(k for k in range(1, FEWEST + 1) if fewest % k == 0)
         at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together)
         blocks = make_blocks(counts // together, self._depth, self.layers.count, camera.width, at_once)
@@ -68,7 +59,7 @@ class Tracer:
             # The rays of the smaller counts come before those of a pixel's own.
             first = jnp.asarray(counts[block.pixels] - fewest + together * block.part)
             chosen = samples, jnp.asarray(block.pixels), first, self.least, self.largest
-            traced = _trace_block(self._scene, self.lens, *chosen, together=together, depth=block.depth)
+            traced = trace_block(self._scene, self.lens, *chosen, together=together, depth=block.depth)
             return np.asarray(traced)
 
         # XLA runs one block on about one core, so a CPU is given a block per core at a time.
@@ -82,32 +73,9 @@ class Tracer:
         return sums * (together / np.maximum(counts, 1))[:, None].astype(sums.dtype)
 
 
-class _Scene(eqx.Module):
-    """What one pixel needs to know."""
-
-    volume: Volume
-    surface: Surface
-    camera: Camera
-    grid: Grid = eqx.field(static=True)
-
-
 @eqx.filter_jit
-def _ranges(
-    layers: Layers, lens: AbstractLens
-) -> tuple[Float[Array, " p"], Float[Array, " p"], Int[Array, " p"]]:
-    """Disparity range and layer count of every pixel, row-major."""
-    camera = layers.camera
-
-    def one(index: Int[Array, ""]) -> tuple[Array, Array, Array]:
-        film = jnp.stack([index % camera.width, index // camera.width]) + 0.5
-        return disparity_range(layers, lens, film)
-
-    return jax.vmap(one)(jnp.arange(camera.width * camera.height))
-
-
-@eqx.filter_jit
-def _trace_block(
-    scene: _Scene,
+def trace_block(
+    scene: TracedScene,
     lens: AbstractLens,
     samples: RaySamples,
     pixels: Int[Array, " p"],
@@ -119,33 +87,10 @@ def _trace_block(
     depth: int,
 ) -> Float[Array, "p 3"]:
     """Mean radiance of `together` rays of each of some `pixels`, those from `first` on."""
-    grid = scene.grid
-    column, row = pixels % grid.width, pixels // grid.width
-
-    def of_pixel(
-        column: Int[Array, ""],
-        row: Int[Array, ""],
-        first: Int[Array, ""],
-        low: Float[Array, ""],
-        high: Float[Array, ""],
-    ) -> tuple[LensRay, Path, UInt[Array, " s"] | None]:
-        corner = jnp.stack([column, row]).astype(low.dtype)
-        offsets, pupils, chance = samples.of_pixel(column, row, first, together)
-
-        def one(offset: Float[Array, "2"], pupil: Float[Array, "2"]) -> tuple[LensRay, Path]:
-            ray = lens.ray(scene.camera, corner + offset, pupil)
-            on_grid = LensRay(
-                ray.a * grid.supersampling + grid.margin, ray.b * grid.supersampling, ray.weight
-            )
-            return on_grid, path_of(on_grid, low, high)
-
-        return *jax.vmap(one)(offsets, pupils), chance
-
-    rays, paths, chance = jax.vmap(of_pixel)(column, row, first, least[pixels], largest[pixels])
-    paths, chance = jax.tree.map(lambda a: a.reshape(-1), (paths, chance))
-    hits = first_hits(scene.volume, paths, chance, depth=depth).reshape(rays.weight.shape)
-
-    def brought(ray: LensRay, hit: Int[Array, ""]) -> Float[Array, "3"]:
-        return ray.weight * radiance_at(scene.surface, ray, hit)
-
-    return jax.vmap(lambda ray, hit: jax.vmap(brought)(ray, hit).mean(axis=0))(rays, hits)
+    width = scene.camera.width
+    column, row = pixels % width, pixels // width
+    offsets, pupil, chance = jax.vmap(samples.of_pixel, in_axes=(0, 0, 0, None))(column, row, first, together)
+    film = jnp.stack([column, row], axis=-1).astype(offsets.dtype)[:, None] + offsets
+    return radiances(scene, lens, film, pupil, chance, least[pixels], largest[pixels], depth=depth).mean(
+        axis=1
+    )

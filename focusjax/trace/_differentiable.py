@@ -1,0 +1,136 @@
+"""The picture as a function that JAX differentiates, silhouettes included."""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from focusjax._counts import require_counts
+from focusjax.layers import Layers
+from focusjax.lens import AbstractLens
+from focusjax.trace._flux import Rays, in_blocks, picture_flow
+from focusjax.trace._radiances import disparity_ranges, traced_scene
+from focusjax.trace._reach import check_reach, out_of_reach
+from focusjax.trace._samples import ray_samples
+from focusjax.trace._tracer import trace_block
+
+_RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
+
+
+def render_differentiable(
+    layers: Layers,
+    lens: AbstractLens,
+    *,
+    rays: int = 64,
+    derivative_rays: int | None = None,
+    seed: int = 0,
+) -> Float[Array, "h w 3"]:
+    """The picture of `render(..., even=True)`, as a JAX function of the lens and of the layers' radiance.
+
+    Its derivatives are those of the converged picture: what is hidden and what shows may change. They hold
+    for every array of the lens (focus, aperture, plane in focus, focal surface, shape of the opening), and
+    for `layers.samples.radiance` and `layers.background`; all else of the layers is taken as fixed.
+    Forward (`jax.jvp`, `jax.jacfwd`) and reverse (`jax.vjp`, `jax.grad`) modes work, in memory that does
+    not grow with the number of rays. See `_motion` for the mathematics.
+
+    Args:
+        layers: peeled for this lens or for one whose rays go farther.
+        lens: any lens.
+        rays: rays per pixel of the picture.
+        derivative_rays: rays per border between pixels, per rim of the opening and per opening, of which
+            derivatives by the lens are made; half of `rays` if not given.
+        seed: chooses the rays. The same seed gives the same picture and the same derivatives.
+
+    Raises:
+        ValueError: no rays, or a lens whose rays leave what the layers were peeled for. Within compiled
+            functions the latter is an `equinox.EquinoxRuntimeError`.
+
+    Example:
+        >>> def contrast(focus):  # doctest: +SKIP
+        ...     lens = eqx.tree_at(lambda lens: lens.focus_disparity, start, focus)
+        ...     return render_differentiable(layers, lens).var()
+        >>> jax.grad(contrast)(0.5)  # doctest: +SKIP
+    """
+    derivative_rays = max(1, rays // 2) if derivative_rays is None else derivative_rays
+    require_counts(rays=rays, derivative_rays=derivative_rays)
+    if any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves((layers, lens))):
+        lens = eqx.error_if(
+            lens,
+            out_of_reach(layers, lens),
+            "rays of the lens leave what the layers were peeled for; keep its focus and aperture within"
+            " bounds, or peel with the lens whose rays go farthest",
+        )
+    else:
+        check_reach(layers, lens)
+    at_once = _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20)
+    picture, derivative = Rays(rays, seed, at_once), Rays(derivative_rays, seed, at_once)
+    return _differentiable(layers, lens, picture=picture, derivative=derivative)
+
+
+@eqx.filter_jit
+def _differentiable(
+    layers: Layers, lens: AbstractLens, *, picture: Rays, derivative: Rays
+) -> Float[Array, "h w 3"]:
+    fixed = jax.tree.map(jax.lax.stop_gradient, eqx.filter(layers, eqx.is_array))
+    fixed = eqx.combine(fixed, layers)
+    look = layers.samples.radiance, layers.background
+    return _picture(look, lens, fixed, picture=picture, derivative=derivative)
+
+
+@eqx.filter_custom_jvp
+def _picture(
+    look: tuple[Array, Array], lens: AbstractLens, layers: Layers, *, picture: Rays, derivative: Rays
+) -> Float[Array, "h w 3"]:
+    del derivative
+    return _traced(look, lens, layers, picture)
+
+
+@_picture.def_jvp
+def _picture_jvp(primals: Any, tangents: Any, *, picture: Rays, derivative: Rays) -> tuple[Array, Array]:
+    look, lens, layers = primals
+    look_moves, lens_moves, _ = tangents
+    value = _picture(look, lens, layers, picture=picture, derivative=derivative)
+    change = jnp.zeros_like(value)
+    if jax.tree.leaves(look_moves):
+        change += eqx.filter_jvp(lambda new: _traced(new, lens, layers, picture), (look,), (look_moves,))[1]
+    if jax.tree.leaves(lens_moves):
+        least, largest, _ = disparity_ranges(layers, lens)
+        scene = traced_scene(layers)
+
+        def moved(new: AbstractLens) -> Float[Array, "h w 3"]:
+            return picture_flow(scene, lens, new, least, largest, derivative)
+
+        change += eqx.filter_jvp(moved, (lens,), (lens_moves,))[1]
+    return value, change
+
+
+def _traced(
+    look: tuple[Array, Array], lens: AbstractLens, layers: Layers, rays: Rays
+) -> Float[Array, "h w 3"]:
+    """The picture of layers of a given radiance."""
+    camera = layers.camera
+    least, largest, _ = disparity_ranges(layers, lens)
+    samples = dataclasses.replace(layers.samples, radiance=look[0])
+    scene = traced_scene(dataclasses.replace(layers, samples=samples, background=look[1]))
+    starts = ray_samples(lens, [rays.number], rays.seed, with_chances=layers.samples.opacity is not None)
+
+    def block(pixels: Int[Array, " b"]) -> Float[Array, "b 3"]:
+        return trace_block(
+            scene,
+            lens,
+            starts,
+            pixels,
+            jnp.zeros_like(pixels),
+            least,
+            largest,
+            together=rays.number,
+            depth=layers.count,
+        )
+
+    row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
+    means = in_blocks(block, column, row, max(1, rays.at_once // rays.number))
+    return means.reshape(camera.height, camera.width, 3)

@@ -1,0 +1,87 @@
+"""What given lens rays bring back from prepared layers."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, UInt
+
+from focusjax.geometry import Camera, LensRay
+from focusjax.layers import Grid, Layers
+from focusjax.lens import AbstractLens
+from focusjax.trace._colour import Surface, radiance_at, surface_of
+from focusjax.trace._march import first_hits
+from focusjax.trace._ranges import disparity_range
+from focusjax.trace._walk import Path, Volume, make_volume, path_of
+
+
+class TracedScene(eqx.Module):
+    """Layers in the form that rays read them."""
+
+    volume: Volume
+    surface: Surface
+    camera: Camera
+    grid: Grid = eqx.field(static=True)
+
+
+def traced_scene(layers: Layers) -> TracedScene:
+    """The layers as rays read them."""
+    return TracedScene(
+        volume=make_volume(layers.cells, layers.disparity_scale, layers.opacity),
+        surface=surface_of(layers),
+        camera=layers.camera,
+        grid=layers.grid,
+    )
+
+
+@eqx.filter_jit
+def disparity_ranges(
+    layers: Layers, lens: AbstractLens
+) -> tuple[Float[Array, " p"], Float[Array, " p"], Int[Array, " p"]]:
+    """Least and largest disparity that rays of each pixel can meet, and layer count, row-major."""
+    camera = layers.camera
+
+    def one(index: Int[Array, ""]) -> tuple[Array, Array, Array]:
+        film = jnp.stack([index % camera.width, index // camera.width]) + 0.5
+        return disparity_range(layers, lens, film)
+
+    return jax.vmap(one)(jnp.arange(camera.width * camera.height))
+
+
+def radiances(
+    scene: TracedScene,
+    lens: AbstractLens,
+    film: Float[Array, "p s 2"],
+    pupil: Float[Array, "p s 2"],
+    chance: UInt[Array, "p s"] | None,
+    least: Float[Array, " p"],
+    largest: Float[Array, " p"],
+    *,
+    depth: int,
+) -> Float[Array, "p s 3"]:
+    """What s rays of each of p places in the picture bring, by the share of light that travels along them.
+
+    Args:
+        scene: what rays go through.
+        lens: where they come from.
+        film: film points in pixels.
+        pupil: points of the opening.
+        chance: decides where rays stop among surfaces that are there in part only; None where all are whole.
+        least: least disparity that the rays of each place can meet.
+        largest: largest one.
+        depth: most layers that any of them can meet.
+    """
+    grid = scene.grid
+
+    def start(film: Array, pupil: Array, low: Array, high: Array) -> tuple[LensRay, Path]:
+        ray = lens.ray(scene.camera, film, pupil)
+        on_grid = LensRay(ray.a * grid.supersampling + grid.margin, ray.b * grid.supersampling, ray.weight)
+        return on_grid, path_of(on_grid, low, high)
+
+    rays, paths = jax.vmap(jax.vmap(start, in_axes=(0, 0, None, None)))(film, pupil, least, largest)
+    paths, chance = jax.tree.map(lambda a: a.reshape(-1), (paths, chance))
+    hits = first_hits(scene.volume, paths, chance, depth=depth).reshape(rays.weight.shape)
+
+    def brought(ray: LensRay, hit: Int[Array, ""]) -> Float[Array, "3"]:
+        return ray.weight * radiance_at(scene.surface, ray, hit)
+
+    return jax.vmap(jax.vmap(brought))(rays, hits)

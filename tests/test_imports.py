@@ -35,6 +35,7 @@ ALLOWED = {
         "film",
         "metrics",
         "baselines",
+        "io",
         "config",
         "job",
     },

@@ -18,7 +18,7 @@ ALLOWED = {
     "film": {"geometry", "lens", "scene", "layers"},
     "metrics": set(),
     # Slow or simple twins share no code with what they are compared with.
-    "baselines": {"geometry", "lens", "scene", "_parallel"},
+    "baselines": {"geometry", "lens", "scene", "_counts", "_parallel"},
     "io": {"film"},
     "config": {"geometry", "lens", "scene", "focus"},
     "_counts": set(),

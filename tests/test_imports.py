@@ -20,7 +20,7 @@ ALLOWED = {
     # Slow or simple twins share no code with what they are compared with.
     "baselines": {"geometry", "lens", "scene", "_counts", "_parallel"},
     "io": {"film"},
-    "config": {"geometry", "lens", "scene", "focus"},
+    "config": {"geometry", "lens", "scene", "focus", "trace"},
     "_counts": set(),
     "_parallel": set(),
     "_stopwatch": set(),

@@ -26,6 +26,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from focusjax.focus._bounds import LIFE_SIZE
 from focusjax.focus._checks import require
 from focusjax.focus._disk import least_in_disk
+from focusjax.focus._refuse import opened
 from focusjax.geometry import Camera
 from focusjax.lens import MAX_TILT, ThinLens, TiltShiftLens, as_tilt_shift, view_tangents
 
@@ -122,7 +123,7 @@ def fit_focal_plane(
         raise ValueError("there are no points to fit a plane to; give at least one")
     points = _checked_points(xy, disparity, weight, blur)
     limits = _checked_limits(camera, max_tilt, min_focus_distance, disparity.dtype)
-    return _fit(*points, camera, _opened(as_tilt_shift(lens)), *limits)
+    return _fit(*points, camera, opened(as_tilt_shift(lens)), *limits)
 
 
 def _checked_points(
@@ -177,21 +178,6 @@ def _checked_limits(
             "a finite distance beyond the focal length over the cosine of the tilt limit; raise it",
         ),
     )
-
-
-def _opened(lens: TiltShiftLens) -> TiltShiftLens:
-    """The lens, when it is no pinhole.
-
-    Raises:
-        ValueError: it is one.
-    """
-    radius = require(
-        lens.aperture_radius,
-        lambda v: (v > 0) & (v < np.inf),
-        "the aperture radius in metres",
-        "a positive length; a pinhole is sharp everywhere, so open the lens",
-    )
-    return eqx.tree_at(lambda lens: lens.aperture_radius, lens, radius)
 
 
 @eqx.filter_jit

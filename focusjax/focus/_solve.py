@@ -116,11 +116,12 @@ def solve_asked(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
     count = points.disparity.shape[0]
     padded_ = dataclasses.replace(padded(points, room_for(count)), names=(), notes=())
     solution, failed = _solve(dataclasses.replace(asked, points=padded_))
-    zooms = "focal_length" in asked.plan.free
-    xy = first_rows(solution.points.xy, count) if zooms else points.xy
+    if "focal_length" in asked.plan.free:
+        seen = jax.tree.map(lambda leaf: first_rows(leaf, count), solution.points)
+        points = dataclasses.replace(seen, names=points.names, notes=points.notes)
     solution = dataclasses.replace(
         solution,
-        points=dataclasses.replace(points, xy=xy),
+        points=points,
         blur=first_rows(solution.blur, count),
         error=first_rows(solution.error, count),
         asked=asked,

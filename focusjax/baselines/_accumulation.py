@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from focusjax._counts import require_counts
 from focusjax._parallel import in_parallel
 from focusjax.baselines._through_lens import STEPS, RayScene, blocks, pixel_corners, radiance
 from focusjax.geometry import Camera
@@ -25,8 +26,7 @@ def accumulate(scene: Scene | RayScene, camera: Camera, lens: AbstractLens, *, v
     Raises:
         ValueError: fewer than one view, or Embree is not installed.
     """
-    if views < 1:
-        raise ValueError(f"views is {views}; expected at least 1 pinhole view")
+    require_counts(views=views)
     ready = scene if isinstance(scene, RayScene) else RayScene(scene)
     pixel = pixel_corners(camera)
     squares = (0.5 + np.arange(views)[:, None] * STEPS) % 1.0

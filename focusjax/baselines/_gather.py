@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._counts import require_counts
 from focusjax.baselines._view import checked_view
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
@@ -47,8 +48,7 @@ def gather(
         >>> image, disparity = pinhole_view(scene, camera)  # doctest: +SKIP
         >>> soft = gather(image, disparity, camera, lens, taps=64)  # doctest: +SKIP
     """
-    if taps < 1:
-        raise ValueError(f"taps is {taps}; expected at least 1 per pixel")
+    require_counts(taps=taps)
     picture, depth = checked_view(np.asarray(image), np.asarray(disparity), camera)
     real = jnp.zeros(()).dtype
     return _gathered(jnp.asarray(picture, real), jnp.asarray(depth, real), camera, lens, jnp.asarray(taps))

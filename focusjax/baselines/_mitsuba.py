@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from focusjax._counts import require_counts
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens
 from focusjax.scene import ConstantBackground, Scene
@@ -104,8 +105,7 @@ def mitsuba_picture(
     Raises:
         ValueError: fewer than one sample, a camera with rise or shift, or Mitsuba cannot be used.
     """
-    if samples < 1:
-        raise ValueError(f"samples is {samples}; expected at least 1 per pixel")
+    require_counts(samples=samples)
     x, y = (float(value) for value in camera.principal_point)
     if max(abs(x - camera.width / 2), abs(y - camera.height / 2)) > 1e-3:
         raise ValueError(

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from focusjax._counts import require_counts
 from focusjax._parallel import CORES, in_parallel, parts
 from focusjax.baselines._raycast import RayCaster, world_rays
 from focusjax.geometry import Camera
@@ -61,8 +62,7 @@ def lens_picture(
     Raises:
         ValueError: fewer than one ray, or Embree is not installed.
     """
-    if rays < 1:
-        raise ValueError(f"rays is {rays}; expected at least 1 per pixel")
+    require_counts(rays=rays)
     ready = scene if isinstance(scene, RayScene) else RayScene(scene)
     pixel = pixel_corners(camera)
     shifts = np.random.default_rng(seed).uniform(size=(len(pixel), 4))

@@ -11,6 +11,7 @@ import jinja2
 
 from focusjax.bench._pictures import ERROR_PEAK, error_url, file_url, picture_url, save_pareto
 from focusjax.bench._run import CaseResults, EqualError, Results, Row
+from focusjax.io import for_json
 
 FILES = ("report.html", "results.json", "results.csv", "pareto.png")
 """Every file that a comparison leaves in its folder."""
@@ -36,7 +37,7 @@ def save_results(folder: Path, results: Results) -> None:
         writer.writeheader()
         for found in results.cases:
             writer.writerows(dataclasses.asdict(row) for row in found.rows)
-    facts = _plain({"machine": results.machine, "repeats": results.repeats, "scenes": _scenes(results)})
+    facts = for_json({"machine": results.machine, "repeats": results.repeats, "scenes": _scenes(results)})
     text = json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False)
     (folder / "results.json").write_text(text + "\n", encoding="utf-8")
     save_pareto(folder / "pareto.png", results)
@@ -83,17 +84,6 @@ def _scene(found: CaseResults) -> dict[str, Any]:
         "equal_error": [dataclasses.asdict(line) for line in found.equal_error()],
         "failures": found.failures,
     }
-
-
-def _plain(value: Any) -> Any:
-    """Infinite numbers as text, since JSON has no word for them."""
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    return value
 
 
 def _seconds(value: float) -> str:

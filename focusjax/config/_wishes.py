@@ -1,13 +1,11 @@
 """The focus and render tables of a config."""
 
-import re
 from typing import Annotated, Literal
 
 from pydantic import Field, Strict, model_validator
 
 from focusjax.config._values import NotNegative, Number, Positive, Table, Vector
-
-_QUALITY = re.compile(r"draft|good|reference|([1-7][0-9](\.[0-9]*)?|80(\.0*)?) *(dB)?")
+from focusjax.trace import decibels_of
 
 
 class FocusTable(Table):
@@ -157,9 +155,6 @@ class RenderTable(Table):
         if self.quality is not None:
             if "rays" in self.model_fields_set:
                 raise ValueError("has rays, and a quality that finds its own number; leave one of them out")
-            if not _QUALITY.fullmatch(str(self.quality)):
-                raise ValueError(
-                    f"has quality = {self.quality!r}; expected 10 to 80 dB, such as '40 dB', or one of draft,"
-                    " good and reference"
-                )
+            # Only asked to refuse what is no quality.
+            decibels_of(self.quality)
         return self

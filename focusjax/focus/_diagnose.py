@@ -115,7 +115,7 @@ def diagnose(solution: Solution) -> Diagnosis:
     if solution.asked is None:
         raise ValueError("the solution is one of many; solve it by itself to diagnose it")
     table = solution.table()
-    sensed = sensitivity(solution)
+    sensed = sensitivity(solution, solution.asked)
     conflicts = _conflicts(solution.asked, table)
     unreachable = _unreachable(solution.asked, table)
     weak = sensed.singular_values < UNDETERMINED_PX
@@ -152,7 +152,7 @@ def _conflicts(asked: Asked, table: tuple[WishResult, ...]) -> tuple[Conflict, .
     gains = {}
     for dropped in chosen:
         rest = np.where(np.asarray(asked.points.wish) == dropped, 0.0, np.asarray(asked.points.weight))
-        gains[dropped] = now - _worst(asked, rest)
+        gains[dropped] = now - _worst_errors(asked, rest)
     found = [
         Conflict(table[i].name, table[j].name, float(gains[j][i]), float(gains[i][j]))
         for i in chosen
@@ -169,13 +169,13 @@ def _unreachable(asked: Asked, table: tuple[WishResult, ...]) -> tuple[Unreachab
         if row.met or not row.weight > 0:
             continue
         mine = np.asarray(asked.points.wish) == index
-        best = float(_worst(asked, np.where(mine, np.asarray(asked.points.weight), 0.0))[index])
+        best = float(_worst_errors(asked, np.where(mine, np.asarray(asked.points.weight), 0.0))[index])
         if best > row.tolerance:
             found.append(Unreachable(row.name, best))
     return tuple(found)
 
 
-def _worst(asked: Asked, weight: Float[np.ndarray, "n"]) -> Float[np.ndarray, "m"]:
+def _worst_errors(asked: Asked, weight: Float[np.ndarray, "n"]) -> Float[np.ndarray, "m"]:
     """The largest error in pixels of every wish, when solved with other weights."""
     points: ImagePoints = asked.points
     changed = dataclasses.replace(points, weight=jnp.asarray(weight, dtype=points.weight.dtype))

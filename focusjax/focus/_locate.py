@@ -75,14 +75,7 @@ def locate(
     weight = np.array([float(point.weight) for point in points]) * shares
     _check_some_count(points, names, places, weight)
     nearness = rows[:, 2] / max(rows[:, 2].max(), np.finfo(float).tiny)
-    reference = None
-    if SAME in relations:
-        reference = np.concatenate(
-            [
-                place.rows if other is None else np.tile(other.rows.mean(axis=0), (len(place.rows), 1))
-                for place, other in zip(places, others, strict=True)
-            ]
-        )
+    reference = _references(places, others)
     return ImagePoints(
         xy=jnp.asarray(rows[:, :2], dtype=float),
         disparity=jnp.asarray(rows[:, 2], dtype=float),
@@ -144,6 +137,20 @@ def _other(wish: Wish, name: str, names: tuple[str, ...], places: Sequence[Place
     if wish.other == name:
         raise ValueError(f"focus point {name!r} is to be as blurred as itself; name another focus point")
     return places[found[0]]
+
+
+def _references(places: Sequence[Place], others: Sequence[Place | None]) -> Float[np.ndarray, "n 3"] | None:
+    """For every row the middle of the place whose blur it is to have; its own where it is to have none's.
+
+    None when no wish refers to another point.
+    """
+    if all(other is None for other in others):
+        return None
+    rows = [
+        place.rows if other is None else np.tile(other.rows.mean(axis=0), (len(place.rows), 1))
+        for place, other in zip(places, others, strict=True)
+    ]
+    return np.concatenate(rows)
 
 
 def _check_some_count(

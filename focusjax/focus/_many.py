@@ -52,7 +52,8 @@ def solve_many(
             f"the solver failed for {count} of {failed.size} problems, of which {int(failed.argmax())} is the"
             " first; `throw=False` and `Solution.result` say why"
         )
-    return dataclasses.replace(solutions, points=points)
+    seen = dataclasses.replace(solutions.points, names=points.names, notes=points.notes)
+    return dataclasses.replace(solutions, points=seen)
 
 
 @eqx.filter_jit

@@ -120,16 +120,13 @@ class BlurModel(eqx.Module):
 
     Attributes:
         gain: 2 f in pixels.
-        across: factors of (n_y, n_x): view tangents up and to the right of the point, less those of the
-            reference, or plus them (see `sided`).
-        ahead: factor of u: 1 for a point by itself.
-        disparity: in 1/m, less that of the reference.
+        across: factors of (n_y, n_x): view tangents of every point, up and to the right.
+        disparity: of every point, in 1/m.
         power: exponent of the zoom (static).
     """
 
     gain: Float[Array, ""]
     across: Float[Array, "n 2"]
-    ahead: Float[Array, "n"]
     disparity: Float[Array, "n"]
     power: int = eqx.field(static=True)
 
@@ -138,14 +135,14 @@ class BlurModel(eqx.Module):
         focus, radius, up, right, zoom = parameters
         tilted = self.across @ (jnp.stack([up, right]) / zoom)
         scale = self.gain * radius * zoom**self.power
-        return scale * (self.ahead * focus + tilted - self.disparity)
+        return scale * (focus + tilted - self.disparity)
 
     def size(self, parameters: Float[Array, "5"]) -> Float[Array, "n"]:
         """Sum of the sizes of the terms of `blur`, of which rounding is a share."""
         focus, radius, up, right, zoom = jnp.abs(parameters)
         tilted = jnp.abs(self.across) @ (jnp.stack([up, right]) / zoom)
         scale = self.gain * radius * zoom**self.power
-        return scale * (jnp.abs(self.ahead) * focus + tilted + jnp.abs(self.disparity))
+        return scale * (focus + tilted + jnp.abs(self.disparity))
 
 
 def blur_models(points: ImagePoints, start: Start) -> tuple[BlurModel, BlurModel | None]:
@@ -156,7 +153,6 @@ def blur_models(points: ImagePoints, start: Start) -> tuple[BlurModel, BlurModel
         return BlurModel(
             gain=2.0 * start.camera.focal_px,
             across=tangents[:, ::-1],
-            ahead=jnp.ones_like(disparity),
             disparity=disparity,
             power=1 if start.keep_view else 2,
         )

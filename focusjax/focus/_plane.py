@@ -15,6 +15,7 @@ of the change of focal disparity over the frame.
 """
 
 import math
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -25,6 +26,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from focusjax.focus._bounds import LIFE_SIZE
 from focusjax.focus._checks import require
 from focusjax.focus._disk import least_in_disk
+from focusjax.focus._refuse import opened
 from focusjax.geometry import Camera
 from focusjax.lens import MAX_TILT, ThinLens, TiltShiftLens, as_tilt_shift, view_tangents
 
@@ -119,45 +121,58 @@ def fit_focal_plane(
     """
     if disparity.shape[0] == 0:
         raise ValueError("there are no points to fit a plane to; give at least one")
-    nearest = (
-        LIFE_SIZE * camera.focal_length if min_focus_distance is None else jnp.asarray(min_focus_distance)
-    )
-    start = as_tilt_shift(lens)
-    ones = jnp.ones_like(disparity)
-    finite = lambda v: abs(v) < np.inf  # noqa: E731
-    return _fit(
+    points = _checked_points(xy, disparity, weight, blur)
+    limits = _checked_limits(camera, max_tilt, min_focus_distance, disparity.dtype)
+    return _fit(*points, camera, opened(as_tilt_shift(lens)), *limits)
+
+
+def _checked_points(
+    xy: Float[Array, "n 2"],
+    disparity: Float[Array, "n"],
+    weight: Float[Array, "n"] | None,
+    blur: Float[Array, "n"] | None,
+) -> tuple[Float[Array, "n 2"], Float[Array, "n"], Float[Array, "n"], Float[Array, "n"]]:
+    """Positions, disparities, weights and wanted blurs, with what is not given filled in.
+
+    Raises:
+        ValueError: a value out of range.
+    """
+
+    def finite(v: Any) -> Any:
+        return abs(v) < np.inf
+
+    def not_negative(v: Any) -> Any:
+        return (v >= 0) & (v < np.inf)
+
+    weight = jnp.ones_like(disparity) if weight is None else weight
+    blur = jnp.zeros_like(disparity) if blur is None else blur
+    return (
         require(xy, finite, "a point's image position", "finite pixels"),
+        require(disparity, not_negative, "a point's disparity", "0 (infinity) or more dioptres"),
+        require(weight, not_negative, "a point's weight", "zero or a positive number"),
+        require(blur, finite, "a wanted blur", "a finite number of pixels"),
+    )
+
+
+def _checked_limits(
+    camera: Camera, max_tilt: ArrayLike, min_focus_distance: ArrayLike | None, dtype: np.dtype
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """The tilt limit in radians and the closest focus distance in metres.
+
+    Raises:
+        ValueError: a limit out of range.
+    """
+    if min_focus_distance is None:
+        min_focus_distance = LIFE_SIZE * camera.focal_length
+    return (
         require(
-            disparity,
-            lambda v: (v >= 0) & (v < np.inf),
-            "a point's disparity",
-            "0 (infinity) or more dioptres",
-        ),
-        camera,
-        eqx.tree_at(
-            lambda lens: lens.aperture_radius,
-            start,
-            require(
-                start.aperture_radius,
-                lambda v: (v > 0) & (v < np.inf),
-                "the aperture radius in metres",
-                "a positive length; a pinhole is sharp everywhere, so open the lens",
-            ),
-        ),
-        ones
-        if weight is None
-        else require(
-            weight, lambda v: (v >= 0) & (v < np.inf), "a point's weight", "zero or a positive number"
-        ),
-        0.0 * ones if blur is None else require(blur, finite, "a wanted blur", "a finite number of pixels"),
-        require(
-            jnp.asarray(max_tilt, dtype=disparity.dtype),
+            jnp.asarray(max_tilt, dtype=dtype),
             lambda v: (v >= 0) & (v < np.pi / 2),
             "the tilt limit in radians",
             "0 up to less than pi/2",
         ),
         require(
-            nearest.astype(disparity.dtype),
+            jnp.asarray(min_focus_distance, dtype=dtype),
             lambda v: (v * jnp.cos(jnp.asarray(max_tilt)) > camera.focal_length) & (v < np.inf),
             "minimum focus distance in metres",
             "a finite distance beyond the focal length over the cosine of the tilt limit; raise it",
@@ -169,10 +184,10 @@ def fit_focal_plane(
 def _fit(
     xy: Float[Array, "n 2"],
     disparity: Float[Array, "n"],
-    camera: Camera,
-    lens: TiltShiftLens,
     weight: Float[Array, "n"],
     blur: Float[Array, "n"],
+    camera: Camera,
+    lens: TiltShiftLens,
     max_tilt: Float[Array, ""],
     nearest: Float[Array, ""],
 ) -> PlaneFit:

@@ -1,7 +1,9 @@
 """What a solve refuses before it runs."""
 
 import dataclasses
+from typing import TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +14,8 @@ from focusjax.focus._checks import require
 from focusjax.focus._image_points import ImagePoints
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens
+
+Lens = TypeVar("Lens", ThinLens, TiltShiftLens)
 
 
 def check_start(
@@ -81,3 +85,18 @@ def checked_points(points: ImagePoints) -> ImagePoints:
         "a finite number of pixels, negative only when signed",
     )
     return dataclasses.replace(points, weight=weight, disparity=disparity, target=target)
+
+
+def opened(lens: Lens) -> Lens:
+    """The lens, when it is no pinhole, of which no focus can be seen.
+
+    Raises:
+        ValueError: it is one.
+    """
+    radius = require(
+        lens.aperture_radius,
+        lambda v: (v > 0) & (v < np.inf),
+        "the aperture radius in metres",
+        "a positive length; a pinhole is sharp everywhere, so open the lens",
+    )
+    return eqx.tree_at(lambda lens: lens.aperture_radius, lens, radius)

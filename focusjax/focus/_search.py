@@ -108,12 +108,12 @@ def _starts(
 ) -> tuple[Float[Array, "s k"], Float[Array, "s n"]]:
     """Values to start from, and the sides to assume for each."""
     columns = objective.columns
-    shares = (0.0, 1.0) if FOCUS in columns else np.linspace(0.0, 1.0, MOST_TILTED_CUTS)
+    turns = (0.0, 1.0) if FOCUS in columns else np.linspace(0.0, 1.0, MOST_TILTED_CUTS)
     bases = [first]
     for tilt in (TILT, SWING):
         if tilt in columns:
             which = columns.index(tilt)
-            ends = [box.lower[which] + share * (box.upper[which] - box.lower[which]) for share in shares]
+            ends = [box.lower[which] + share * (box.upper[which] - box.lower[which]) for share in turns]
             bases += [
                 first.at[which].set((first[which] + end) / 2.0 if FOCUS in columns else end) for end in ends
             ]

@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from focusjax.focus._image_points import AT_LEAST, AT_MOST, SAME
-from focusjax.focus._parameters import PARAMETERS, RADIUS, SWING, TILT, ZOOM
+from focusjax.focus._parameters import FOCUS, PARAMETERS, RADIUS, SWING, TILT, ZOOM
 from focusjax.focus._priors import prior_rows
-from focusjax.focus._solution import Solution
+from focusjax.focus._solution import Asked, Solution
 from focusjax.lens import TiltShiftLens
 
 _AT_LIMIT_PX = 1e-3
@@ -41,16 +41,14 @@ class Sensitivity:
     one_depth: bool
 
 
-def sensitivity(solution: Solution) -> Sensitivity:
-    """What the Jacobian of the errors says at the solution."""
-    asked = solution.asked
-    assert asked is not None
+def sensitivity(solution: Solution, asked: Asked) -> Sensitivity:
+    """What the Jacobian of the errors says at the solution of the problem `asked`."""
     columns = [PARAMETERS.index(name) for name in solution.free]
     held = np.asarray(solution.at_lower) | np.asarray(solution.at_upper)
     box = asked.limits.box(asked.camera)
     span = (np.asarray(box.upper, dtype=float) - np.asarray(box.lower, dtype=float))[columns]
     moves = ~held & (span > 0)
-    jacobian = _slopes(solution)[:, columns]
+    jacobian = _slopes(solution, asked)[:, columns]
     counted = np.asarray(solution.points.weight, dtype=float) > 0
     priors = prior_rows(asked.numbers, solution.free, asked.camera)
     inverse = np.asarray(priors.inverse, dtype=float)
@@ -63,7 +61,7 @@ def sensitivity(solution: Solution) -> Sensitivity:
         names=tuple(name for name, free in zip(solution.free, moves, strict=True) if free),
         singular_values=values,
         directions=rows,
-        standard_errors=_standard_errors(solution, jacobian, inverse, span, moves),
+        standard_errors=_standard_errors(solution, asked, jacobian, inverse, span, moves),
         points_in_line=in_line,
         line=angle,
         one_depth=bool(np.ptp(depths) <= 1e-6 * max(depths.max(), 1e-12)),
@@ -77,11 +75,10 @@ def _tangents(solution: Solution, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndar
     return (xy - middle) / float(camera.focal_px) * np.array([1.0, -1.0])
 
 
-def _slopes(solution: Solution) -> Float[np.ndarray, "n 5"]:
+def _slopes(solution: Solution, asked: Asked) -> Float[np.ndarray, "n 5"]:
     """Change of every error in pixels with every parameter, in the units of the solve's vector."""
-    asked, points = solution.asked, solution.points
-    assert asked is not None
-    own = _blur_slopes(solution, np.asarray(points.xy, float), np.asarray(points.disparity, float))
+    points = solution.points
+    own = _blur_slopes(solution, asked, np.asarray(points.xy, float), np.asarray(points.disparity, float))
     signed, blur = np.asarray(points.signed), np.asarray(solution.blur)
     side = np.where(signed, 1.0, np.where(blur >= 0, 1.0, -1.0))[:, None]
     slopes = side * own
@@ -90,7 +87,7 @@ def _slopes(solution: Solution) -> Float[np.ndarray, "n 5"]:
     relation = np.asarray(points.relation)
     if points.reference is not None:
         reference = np.asarray(points.reference, dtype=float)
-        other = _blur_slopes(solution, reference[:, :2], reference[:, 2])
+        other = _blur_slopes(solution, asked, reference[:, :2], reference[:, 2])
         other_side = np.where(signed[:, None], 1.0, np.where(other[:, [RADIUS]] >= 0, 1.0, -1.0))
         slopes = slopes - np.where((relation == SAME)[:, None], other_side * other, 0.0)
     room = np.abs(np.where(signed, blur, np.abs(blur)) - np.asarray(points.target)) > _AT_LIMIT_PX
@@ -99,11 +96,10 @@ def _slopes(solution: Solution) -> Float[np.ndarray, "n 5"]:
 
 
 def _blur_slopes(
-    solution: Solution, xy: Float[np.ndarray, "n 2"], disparity: Float[np.ndarray, "n"]
+    solution: Solution, asked: Asked, xy: Float[np.ndarray, "n 2"], disparity: Float[np.ndarray, "n"]
 ) -> Float[np.ndarray, "n 5"]:
     """The derivative of the formula in `_parameters`, about the solved camera and lens."""
-    asked, lens = solution.asked, solution.lens
-    assert asked is not None
+    lens = solution.lens
     tangents = _tangents(solution, xy)
     radius, focus = float(lens.aperture_radius), float(lens.focus_disparity)
     across = np.asarray(lens.plane, dtype=float)[:2] if isinstance(lens, TiltShiftLens) else np.zeros(2)
@@ -111,7 +107,7 @@ def _blur_slopes(
     gain = 2.0 * float(solution.camera.focal_px)
     defocus = focus + tangents @ across - disparity
     slopes = np.zeros((len(xy), len(PARAMETERS)))
-    slopes[:, 0] = gain * radius
+    slopes[:, FOCUS] = gain * radius
     # The vector's radius and plane are those at the starting focal length.
     slopes[:, RADIUS] = gain * zoom * defocus
     slopes[:, TILT] = gain * radius * tangents[:, 1] / zoom
@@ -123,6 +119,7 @@ def _blur_slopes(
 
 def _standard_errors(
     solution: Solution,
+    asked: Asked,
     jacobian: Float[np.ndarray, "n k"],
     inverse: Float[np.ndarray, "k"],
     span: Float[np.ndarray, "k"],
@@ -144,8 +141,7 @@ def _standard_errors(
     length = float(camera.focal_length)
     across = np.asarray(lens.plane, dtype=float)[:2] if isinstance(lens, TiltShiftLens) else np.zeros(2)
     cosines = np.sqrt(np.maximum(1.0 - (length * across) ** 2, 1e-12))
-    start = solution.asked.camera if solution.asked is not None else camera
-    started = float(start.focal_length)
+    started = float(asked.camera.focal_length)
     units = {
         "focus": 1.0,
         "f_number": float(lens.f_number(camera)) * length / started / max(float(lens.aperture_radius), 1e-30),

@@ -15,7 +15,7 @@ from focusjax.focus._bounds import Box, Range, make_limits
 from focusjax.focus._global import find_optimum
 from focusjax.focus._image_points import ImagePoints, blurs, errors, padded
 from focusjax.focus._objective import make_objective
-from focusjax.focus._parameters import RADIUS, SWING, TILT, Start, blur_models, in_order, make_start
+from focusjax.focus._parameters import FOCUS, RADIUS, SWING, TILT, Start, blur_models, in_order, make_start
 from focusjax.focus._priors import Prior, checked_priors, prior_rows
 from focusjax.focus._refine import METHODS, Problem
 from focusjax.focus._refuse import check_start, checked_points
@@ -23,6 +23,9 @@ from focusjax.focus._search import Basin, search
 from focusjax.focus._solution import Asked, Plan, Result, Solution, first_rows
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens
+
+_PARTLY_OPEN = 0.01
+"""Squared cosine between a parameter's axis and what is open from which on the parameter is called open."""
 
 
 def solve(
@@ -113,11 +116,12 @@ def solve_asked(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
     count = points.disparity.shape[0]
     padded_ = dataclasses.replace(padded(points, room_for(count)), names=(), notes=())
     solution, failed = _solve(dataclasses.replace(asked, points=padded_))
-    zooms = "focal_length" in asked.plan.free
-    xy = first_rows(solution.points.xy, count) if zooms else points.xy
+    if "focal_length" in asked.plan.free:
+        seen = jax.tree.map(lambda leaf: first_rows(leaf, count), solution.points)
+        points = dataclasses.replace(seen, names=points.names, notes=points.notes)
     solution = dataclasses.replace(
         solution,
-        points=dataclasses.replace(points, xy=xy),
+        points=points,
         blur=first_rows(solution.blur, count),
         error=first_rows(solution.error, count),
         asked=asked,
@@ -215,14 +219,10 @@ def solved(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
     return solution, (result == Result.max_steps_reached) | (result == Result.not_finite)
 
 
-_PARTLY_OPEN = 0.01
-"""Squared cosine between a parameter's axis and what is open from which on the parameter is called open."""
-
-
 def _exact_basin(points: ImagePoints, start: Start, whole_box: Box) -> Basin:
     """What `find_optimum` says of focus and aperture radius, for the parameters that are free."""
     count = len(start.free)
-    box = whole_box.columns((0, 1))
+    box = whole_box.columns((FOCUS, RADIUS))
     vector = start.vector()
     radius = vector[RADIUS]
     if count == 1:
@@ -232,7 +232,7 @@ def _exact_basin(points: ImagePoints, start: Start, whole_box: Box) -> Basin:
         # A tilted lens blurs a point as an upright one blurs it elsewhere in depth.
         shift = own.across @ vector[jnp.array([TILT, SWING])]
         points = dataclasses.replace(points, disparity=points.disparity - shift)
-    first = jnp.stack([jnp.clip(vector[0], box.lower[0], box.upper[0]), radius])
+    first = jnp.stack([jnp.clip(vector[FOCUS], box.lower[0], box.upper[0]), radius])
     found = jax.lax.stop_gradient(find_optimum(points, own.gain, first, box, free_aperture=count == 2))
     return Basin(
         value=found.value[:count],

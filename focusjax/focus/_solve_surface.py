@@ -12,14 +12,19 @@ from jaxtyping import Array, ArrayLike, Float
 
 from focusjax.focus._checks import require
 from focusjax.focus._image_points import EQUAL, ImagePoints, blurs, errors, root_weight
-from focusjax.focus._refuse import checked_points
+from focusjax.focus._refuse import checked_points, opened
 from focusjax.focus._solution import WishResult, wish_table
 from focusjax.geometry import Camera
 from focusjax.lens import FocalSurface, FocalSurfaceLens, ThinLens, focal_surface_lens
 
 _GRID = (16, 12)
+"""Columns and rows of places in the picture at which roughness is taken."""
+
 _ROUNDS = 8
+"""Turns in which unsigned wishes choose sides and the surface follows."""
+
 _STEP_PX = 100.0
+"""Distance in the picture over which roughness tells the change of blur."""
 
 
 class SurfaceSolution(eqx.Module):
@@ -99,26 +104,20 @@ def solve_focal_surface(
         >>> bool(jnp.abs(found.error).max() < 0.01)
         True
     """
-    points = _plain(checked_points(points))
+    points = _without_relations(checked_points(points))
     smoothness = require(
         jnp.asarray(smoothness, dtype=float),
         lambda v: (v >= 0) & (v < jnp.inf),
         "smoothness",
         "zero or a positive finite number",
     )
-    require(
-        lens.aperture_radius,
-        lambda v: v > 0,
-        "the aperture radius in metres",
-        "more than 0, since the focus of a pinhole cannot be seen",
-    )
     # Names are static: without them, other names do not compile the solver again.
     anonymous = dataclasses.replace(points, names=(), notes=())
-    solution = _solve(anonymous, camera, surface, lens, smoothness)
+    solution = _solve(anonymous, camera, surface, opened(lens), smoothness)
     return dataclasses.replace(solution, points=points)
 
 
-def _plain(points: ImagePoints) -> ImagePoints:
+def _without_relations(points: ImagePoints) -> ImagePoints:
     """The points without relations, when each wishes a blur of its own."""
     if points.relation is None:
         return points

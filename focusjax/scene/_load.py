@@ -16,7 +16,7 @@ from trimesh.exchange.load import mesh_formats
 from trimesh.resolvers import FilePathResolver
 
 from focusjax.scene._images import decode_srgb
-from focusjax.scene._material import UNTEXTURED, Material, opacity_of, shininess_of, triple
+from focusjax.scene._material import UNTEXTURED, opacity_of, shininess_of, triple
 from focusjax.scene._object import DEFAULT_SMOOTH_ANGLE, Part, SceneObject, assemble, check_part
 from focusjax.scene._placement import placement
 from focusjax.scene._visual import TextureTable, part_of
@@ -73,28 +73,11 @@ def load_mesh(
             (the material's colour is used instead); a material nobody will see.
     """
     path = Path(path)
-    assets = _Assets(str(path))
-    geometries = _read(path, assets)
     what = f"mesh file {path}"
-    textures = TextureTable(source=what, find=assets.get)
-    linear_colours = path.suffix.lower() in (".glb", ".gltf")
-    parts = []
-    for mesh, matrix in geometries:
-        part = part_of(mesh, textures, linear_colours=linear_colours)
-        check_part(part, what)
-        parts.append(_moved(part, matrix))
-    parts = [
-        dataclasses.replace(
-            part,
-            material=_overridden(part.material, colour, emission, specular, shininess, reflectance, opacity),
-            colours=None if colour is not None else part.colours,
-            opacity=None if opacity is not None else part.opacity,
-        )
-        for part in parts
-    ]
+    parts, textures = _parts(path, what)
     loaded = assemble(
         path.stem if name is None else name,
-        parts,
+        [_overridden(part, colour, emission, specular, shininess, reflectance, opacity) for part in parts],
         tuple(textures.pictures),
         tuple(textures.opacities),
         placement(translate, rotate, scale),
@@ -107,6 +90,20 @@ def load_mesh(
             " mesh, or its scale"
         )
     return loaded
+
+
+def _parts(path: Path, what: str) -> tuple[list[Part], TextureTable]:
+    """The checked pieces of a mesh file, where its scene graph has them, and the pictures they refer to."""
+    assets = _Assets(str(path))
+    geometries = _read(path, assets)
+    textures = TextureTable(source=what, find=assets.get)
+    linear_colours = path.suffix.lower() in (".glb", ".gltf")
+    parts = []
+    for mesh, matrix in geometries:
+        part = part_of(mesh, textures, linear_colours=linear_colours)
+        check_part(part, what)
+        parts.append(_moved(part, matrix))
+    return parts, textures
 
 
 def _has_area(item: SceneObject) -> bool:
@@ -208,17 +205,17 @@ def _read(path: Path, assets: _Assets) -> list[tuple[trimesh.Trimesh, Float[np.n
         )
     for remark in remarks:
         if "unable to load image" not in remark and not remark.startswith(_UNREADABLE):
-            warnings.warn(f"mesh file {path}: {remark}", stacklevel=3)
+            warnings.warn(f"mesh file {path}: {remark}", stacklevel=4)
     if any(remark.startswith(_UNREADABLE) for remark in remarks) and not assets.missing:
         warnings.warn(
             f"mesh file {path} holds a picture of a format that cannot be read (png and jpg always can);"
             " using the material colour instead",
-            stacklevel=3,
+            stacklevel=4,
         )
     for name, trouble in assets.missing.items():
         warnings.warn(
             f"mesh file {path} refers to {name}, which {trouble}; using the material colour instead",
-            stacklevel=3,
+            stacklevel=4,
         )
     found = [(mesh, matrix) for mesh, matrix in found if len(mesh.faces)]
     if not found:
@@ -245,15 +242,15 @@ def _moved(part: Part, matrix: Float[np.ndarray, "4 4"]) -> Part:
 
 
 def _overridden(
-    material: Material,
+    part: Part,
     colour: object,
     emission: object,
     specular: object,
     shininess: float | None,
     reflectance: object,
     opacity: float | None,
-) -> Material:
-    """`material` with the values given in its place."""
+) -> Part:
+    """`part` with the values given in place of its material's, and of what its vertices say of the same."""
     changes: dict[str, object] = {}
     if colour is not None:
         changes["base_colour"] = decode_srgb(triple(colour, "colour", largest=1.0))
@@ -268,4 +265,9 @@ def _overridden(
         changes["reflectance"] = triple(reflectance, "reflectance", largest=1.0)
     if opacity is not None:
         changes |= {"opacity": opacity_of(opacity, "opacity"), "opacity_texture": UNTEXTURED, "cutoff": None}
-    return dataclasses.replace(material, **changes)  # type: ignore[arg-type]
+    return dataclasses.replace(
+        part,
+        material=dataclasses.replace(part.material, **changes),  # type: ignore[arg-type]
+        colours=None if colour is not None else part.colours,
+        opacity=None if opacity is not None else part.opacity,
+    )

@@ -115,15 +115,11 @@ def make_object(
         0.3
     """
     what = f"object {name!r}"
-    coloured = texture is not None or vertex_colours is not None
-    albedo = np.full(3, 1.0 if coloured else DEFAULT_ALBEDO)
-    if colour is not None:
-        albedo = decode_srgb(triple(colour, f"colour of {what}", largest=1.0))
     if texture is not None and uv is None:
         raise ValueError(f"{what} has a texture but no texture coordinates; give uv as well")
     textures, opacities = _pictures(texture, what)
     material = Material(
-        base_colour=albedo,
+        base_colour=_base_colour(colour, texture is not None or vertex_colours is not None, what),
         emission=triple(emission, f"emission of {what}"),
         specular=triple(specular, f"specular of {what}"),
         shininess=shininess_of(shininess),
@@ -149,6 +145,13 @@ def make_object(
         smooth_angle=smooth_angle,
         keep_normals=False,
     )
+
+
+def _base_colour(colour: object, tinted: bool, what: str) -> Float[np.ndarray, "3"]:
+    """Linear; where no sRGB `colour` is given, white below what is `tinted` otherwise, or a light grey."""
+    if colour is not None:
+        return decode_srgb(triple(colour, f"colour of {what}", largest=1.0))
+    return np.full(3, 1.0 if tinted else DEFAULT_ALBEDO)
 
 
 def _pictures(

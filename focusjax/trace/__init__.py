@@ -4,6 +4,7 @@ from focusjax.trace._differentiable import render_differentiable as render_diffe
 from focusjax.trace._nearest import nearest_in_layers as nearest_in_layers
 from focusjax.trace._pinhole import render_pinhole as render_pinhole
 from focusjax.trace._plan import RayPlan as RayPlan
+from focusjax.trace._plan import decibels_of as decibels_of
 from focusjax.trace._plan import plan_rays as plan_rays
 from focusjax.trace._plan import quality_of as quality_of
 from focusjax.trace._render import render as render

@@ -108,10 +108,9 @@ def _moments(layers: Layers) -> Float[Array, "h w 4"]:
             moments += (through * share)[..., None] * with_square(colour)
             through = through * (1 - share)
         return moments + through[..., None] * far
-    there = layers.cells[0] > 0
-    number = jnp.cumsum(there.reshape(-1), dtype=jnp.int32).reshape(shape) - 1
+    number = layers.places.number(jnp.arange(layers.cells[0].size, dtype=jnp.int32)).reshape(shape)
     planes = [layers.samples.radiance[:, k][number] for k in range(3)]
-    return jnp.where(there[..., None], with_square(jnp.stack(planes, axis=-1)), far)
+    return jnp.where((layers.cells[0] > 0)[..., None], with_square(jnp.stack(planes, axis=-1)), far)
 
 
 @eqx.filter_jit

@@ -38,5 +38,5 @@ def test_two_views_are_two_sharp_pictures():
 
 
 def test_refuses_no_views():
-    with pytest.raises(ValueError, match="views is 0; expected at least 1 pinhole view"):
+    with pytest.raises(ValueError, match="views is 0; expected a whole number, at least 1"):
         accumulate(varied_scene(), CAMERA, LENS, views=0)

@@ -171,7 +171,7 @@ def test_refuses_what_does_not_fit(name, change, sentence):
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (functools.partial(gather, taps=0), "taps is 0; expected at least 1"),
+        (functools.partial(gather, taps=0), "taps is 0; expected a whole number, at least 1"),
         (functools.partial(scatter, radius_step=0.0), r"radius_step is 0\.0 pixels; expected a positive"),
         (functools.partial(multilayer, layers=1), "layers is 1; expected at least 2"),
     ],

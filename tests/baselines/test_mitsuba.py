@@ -40,7 +40,7 @@ def test_agrees_with_the_ray_cast():
 @needs_mitsuba
 def test_refuses_no_samples_slid_cameras_and_unknown_variants():
     scene = unlit_scene(painted_scene())
-    with pytest.raises(ValueError, match="samples is 0; expected at least 1"):
+    with pytest.raises(ValueError, match="samples is 0; expected a whole number, at least 1"):
         mitsuba_picture(scene, CAMERA, LENS, samples=0)
     risen = dataclasses.replace(CAMERA, principal_point=CAMERA.principal_point + jnp.array([0.0, 2.0]))
     with pytest.raises(ValueError, match=r"passes the picture at \(12, 11\) pixels but .* no rise or shift"):

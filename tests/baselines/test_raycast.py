@@ -94,7 +94,7 @@ def test_same_seed_same_picture() -> None:
 def test_refuses_no_rays() -> None:
     scene = make_scene([make_object("square", SQUARE, FACES)])
     camera = look_at(np.zeros(3), np.array([0.0, 0.0, -1.0]), width=8, height=8, field_of_view=0.8)
-    with pytest.raises(ValueError, match="rays is 0; expected at least 1"):
+    with pytest.raises(ValueError, match="rays is 0; expected a whole number, at least 1"):
         lens_picture(scene, camera, thin_lens(focus_distance=1.0, aperture_radius=0.1), rays=0)
 
 

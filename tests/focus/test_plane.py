@@ -170,7 +170,7 @@ def test_gradients_match_differences(count, max_tilt, nearest, bounds):
     arguments = (xy, disparity, weight, blur, CAMERA, START, jnp.array(max_tilt), jnp.array(nearest))
     found = fit(xy, disparity, weight=weight, blur=blur, max_tilt=max_tilt, min_focus_distance=nearest)
     assert found.active_bounds == bounds
-    # Observed: 2e-8 of the largest.
+    # Observed: 3.4e-7 of the largest for two points, up to 2e-7 elsewhere.
     check_gradients(planes, *arguments)
 
 

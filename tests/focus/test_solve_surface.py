@@ -115,7 +115,7 @@ def test_relations_that_say_nothing_change_nothing():
             {"points": dataclasses.replace(wishes(), relation=jnp.array([EQUAL, EQUAL, AT_MOST, EQUAL]))},
             "a wish is a limit, or for the blur of another point; a focal surface takes sharpness",
         ),
-        ({"lens": thin_lens(focus_distance=2.0, aperture_radius=0.0)}, "focus of a pinhole cannot be seen"),
+        ({"lens": thin_lens(focus_distance=2.0, aperture_radius=0.0)}, "a pinhole is sharp everywhere"),
     ],
 )
 def test_what_cannot_be_solved_is_refused(arguments, message):

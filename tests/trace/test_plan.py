@@ -8,8 +8,7 @@ from small_scenes import front_camera, varied_layers, varied_scene, wide_lens
 
 from focusjax.layers import peel
 from focusjax.metrics import psnr
-from focusjax.trace import plan_rays, quality_of, render
-from focusjax.trace._plan import decibels_of
+from focusjax.trace import decibels_of, plan_rays, quality_of, render
 
 
 @cache

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
 from focusjax._counts import require_counts
@@ -57,7 +58,7 @@ def render_differentiable(
     """
     derivative_rays = max(1, rays // 2) if derivative_rays is None else derivative_rays
     require_counts(rays=rays, derivative_rays=derivative_rays)
-    if any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves((layers, lens))):
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((layers, lens))):
         lens = eqx.error_if(
             lens,
             out_of_reach(layers, lens),

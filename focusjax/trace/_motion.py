@@ -5,9 +5,9 @@ A pixel is a mean over its square of film points p and the opening's points u,
     I = (integral over p and u of W L(r)) / A,        r(p, u) = (a, b) of the ray q(w) = a + b w,
 
 with L the radiance along a ray. At silhouettes L jumps, so the mean of the derivatives of what rays bring
-back is not the derivative of the mean. But rays are a family of four dimensions with four coordinates: wherever a
-parameter t moves r, some other film point and opening point had that ray before. With J the Jacobian of r by
-(p, u),
+back is not the derivative of the mean. But rays are a family of four dimensions with four coordinates:
+wherever a parameter t moves r, some other film point and opening point had that ray before. With J the Jacobian
+of r by (p, u),
 
     v = J^-1 dr/dt        gives        dL/dt = v . grad L,
 

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int
 from focusjax._counts import require_counts
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
-from focusjax.trace._flux import Rays, in_blocks, picture_flow
+from focusjax.trace._flux import Rays, Still, in_blocks, picture_flow
 from focusjax.trace._radiances import disparity_ranges, traced_scene
 from focusjax.trace._reach import check_reach, out_of_reach
 from focusjax.trace._samples import ray_samples
@@ -100,12 +100,8 @@ def _picture_jvp(primals: Any, tangents: Any, *, picture: Rays, derivative: Rays
         change += eqx.filter_jvp(lambda new: _traced(new, lens, layers, picture), (look,), (look_moves,))[1]
     if jax.tree.leaves(lens_moves):
         least, largest, _ = disparity_ranges(layers, lens)
-        scene = traced_scene(layers)
-
-        def moved(new: AbstractLens) -> Float[Array, "h w 3"]:
-            return picture_flow(scene, lens, new, least, largest, derivative)
-
-        change += eqx.filter_jvp(moved, (lens,), (lens_moves,))[1]
+        still = Still(traced_scene(layers), lens, least, largest, value.reshape(-1, 3), derivative)
+        change += eqx.filter_jvp(lambda new: picture_flow(still, new), (lens,), (lens_moves,))[1]
     return value, change
 
 

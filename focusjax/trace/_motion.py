@@ -6,8 +6,8 @@ A pixel is a mean over its square of film points p and the opening's points u,
 
 with L the radiance along a ray. At silhouettes L jumps, so the mean of the derivatives of what rays bring
 back is not the derivative of the mean. But rays are a family of four dimensions with four coordinates:
-wherever a parameter t moves r, some other film point and opening point had that ray before. With J the Jacobian
-of r by (p, u),
+wherever a parameter t moves r, some other film point and opening point had that ray before. With J the
+Jacobian of r by (p, u),
 
     v = J^-1 dr/dt        gives        dL/dt = v . grad L,
 
@@ -16,6 +16,7 @@ and integration by parts takes every derivative off L:
     A dI/dt = sum over the pixel's borders of W L v_p.n  +  sum over the opening's rim of W L v_u.n
               + integral of L (dW/dt - div (W v)).
 
+Of a constant radiance the sum is the mean of dW/dt, so a constant c may be taken off L and c dW/dt added.
 Nothing is left that a silhouette, a texture or a highlight could break: what remains are means of
 radiances as they are. For a thin lens q(w) = p + f E u (w - w_f) the focal disparity moves the
 film, v = (-f E u, 0), so the picture changes by what enters and leaves its pixels; the aperture radius
@@ -60,19 +61,25 @@ def rim_flow(
     return 2.0 * _cross(across, along) / _cross(rim, along)
 
 
-def source(
+def gain(
     lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
 ) -> Float[Array, ""]:
-    """dW/dt - div (W v), to first order in the difference between two lenses."""
+    """dW/dt, the difference between two lenses in the share of light along a ray."""
+    after, before = (one.ray(camera, film, opening_point(one, place)).weight for one in (moved, lens))
+    return after - before
+
+
+def divergence(
+    lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
+) -> Float[Array, ""]:
+    """Div (W v), to first order in the difference between two lenses."""
 
     def flow(film: Float[Array, "2"], place: Float[Array, "2"]) -> tuple[Array, Array]:
         return _weighted(lens, moved, camera, film, place)
 
     (by_film, _), (_, by_place) = jax.jacfwd(flow, argnums=(0, 1))(film, place)
     places = jax.jacfwd(lambda place: opening_point(lens, place))(place)
-    weights = [one.ray(camera, film, opening_point(one, place)).weight for one in (moved, lens)]
-    divergence = jnp.trace(by_film) + jnp.trace(by_place @ _inverse(places))
-    return weights[0] - weights[1] - divergence
+    return jnp.trace(by_film) + jnp.trace(by_place @ _inverse(places))
 
 
 def _weighted(

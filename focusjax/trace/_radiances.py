@@ -57,8 +57,8 @@ def radiances(
     largest: Float[Array, " p"],
     *,
     depth: int,
-) -> Float[Array, "p s 3"]:
-    """What s rays of each of p places in the picture bring, by the share of light that travels along them.
+) -> tuple[Float[Array, "p s 3"], Float[Array, "p s"]]:
+    """The radiance along s rays of each of p places in the picture, and the share of it that arrives.
 
     Args:
         scene: what rays go through.
@@ -81,7 +81,5 @@ def radiances(
     paths, chance = jax.tree.map(lambda a: a.reshape(-1), (paths, chance))
     hits = first_hits(scene.volume, paths, chance, depth=depth).reshape(rays.weight.shape)
 
-    def brought(ray: LensRay, hit: Int[Array, ""]) -> Float[Array, "3"]:
-        return ray.weight * radiance_at(scene.surface, ray, hit)
-
-    return jax.vmap(jax.vmap(brought))(rays, hits)
+    along = jax.vmap(jax.vmap(lambda ray, hit: radiance_at(scene.surface, ray, hit)))(rays, hits)
+    return along, rays.weight

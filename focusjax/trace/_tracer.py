@@ -91,6 +91,6 @@ def trace_block(
     column, row = pixels % width, pixels // width
     offsets, pupil, chance = jax.vmap(samples.of_pixel, in_axes=(0, 0, 0, None))(column, row, first, together)
     film = jnp.stack([column, row], axis=-1).astype(offsets.dtype)[:, None] + offsets
-    return radiances(scene, lens, film, pupil, chance, least[pixels], largest[pixels], depth=depth).mean(
-        axis=1
-    )
+    ends = least[pixels], largest[pixels]
+    along, share = radiances(scene, lens, film, pupil, chance, *ends, depth=depth)
+    return (share[..., None] * along).mean(axis=1)

@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,7 +17,7 @@ from focusjax.lens import (
     thin_lens,
     tilt_shift_lens,
 )
-from focusjax.trace._motion import film_flow, opening_point, rim_flow, source
+from focusjax.trace._motion import divergence, film_flow, gain, opening_point, rim_flow
 
 PIXEL = np.array([2.0, 1.0])
 
@@ -138,13 +137,15 @@ def test_what_crosses_and_gathers_is_the_derivative(name: str):
             # The flow carries the weight.
             return radiance(dataclasses.replace(ray, weight=jnp.ones(())))
 
+        def gathering(moved, film, place):
+            at = still, moved, cam, film, place
+            return gain(*at) - divergence(*at)
+
         def flow(flat):
             moved = restore(flat)
             total = (
                 by_film
-                @ over(
-                    lambda p, s: seen(PIXEL + p, s) * source(still, moved, cam, PIXEL + p, s), films, places
-                )
+                @ over(lambda p, s: seen(PIXEL + p, s) * gathering(moved, PIXEL + p, s), films, places)
                 @ by_place
             )
             turns, by_turn = (jnp.asarray(a) for a in around)

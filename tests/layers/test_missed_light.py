@@ -26,6 +26,9 @@ class HalfOpen(AbstractLens):
     def pupil_point(self, sample):
         return self.lens.pupil_point(sample)
 
+    def rim_point(self, turn):
+        return self.lens.rim_point(turn)
+
     def ray(self, camera: Camera, film_point, pupil_point) -> LensRay:
         ray = self.lens.ray(camera, film_point, pupil_point)
         return eqx.tree_at(lambda r: r.weight, ray, jnp.where(pupil_point[0] > 0, ray.weight, 0.0))

@@ -1,0 +1,243 @@
+"""Derivatives of pictures by focus, aperture and tilt, against differences of converged pictures.
+
+The truth shares nothing with the layers: central differences of pictures cast by Embree, the same rays on
+both sides, made twice with other rays. What the two differ by is its noise, taken out of both columns:
+
+- projection: of the derivative on the truth; 1 is right.
+- error: root-mean-square over that of the truth, over pixels and over means of 8 x 8 pixels.
+
+`plain` is the derivative of what the same rays bring back, with visibility as it is: what differentiating a
+tracer gives that does not know of silhouettes.
+
+    python scripts/gradient_study.py --cache truths
+"""
+
+import argparse
+import dataclasses
+import hashlib
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from rich.console import Console
+from rich.table import Table
+
+from focusjax.baselines import RayScene, lens_picture
+from focusjax.bench import Case, case_from_config
+from focusjax.config import load_config
+from focusjax.layers import Layers, peel
+from focusjax.lens import TiltShiftLens, as_tilt_shift
+from focusjax.trace import render, render_differentiable
+from focusjax.trace._differentiable import _traced
+from focusjax.trace._flux import Rays
+
+BLOCK = 8
+PARAMETERS = ("focus", "aperture", "tilt")
+CONFIGS = ("bars", "still_life", "town")
+
+
+def moved(lens: TiltShiftLens, values: Float[Array, "3"]) -> TiltShiftLens:
+    """The lens with its focal disparity, log of the aperture radius and lean of the plane changed."""
+    plane = lens.plane + jnp.stack([jnp.zeros(()), values[2], values[0]])
+    radius = lens.aperture_radius * jnp.exp(values[1])
+    return eqx.tree_at(lambda lens: (lens.plane, lens.aperture_radius), lens, (plane, radius))
+
+
+def wide_case(path: Path, size: tuple[int, int], blur: float) -> tuple[Case, TiltShiftLens]:
+    """The config's scene, through a lens that blurs the farthest or the nearest surface by `blur` pixels."""
+    case = case_from_config(load_config(path), size)
+    camera = case.camera
+    layers = peel(case.scene, camera, case.lens, supersampling=1)
+    least, largest = (float(w) for w in layers.ranges.overall)
+    focus = float(case.lens.focus_disparity)
+    reach = max(focus - least, largest - focus)
+    radius = jnp.asarray(blur / (2.0 * float(camera.focal_px) * reach), dtype=float)
+    return case, as_tilt_shift(dataclasses.replace(case.lens, aperture_radius=radius))
+
+
+def steps(case: Case, lens: TiltShiftLens) -> np.ndarray:
+    """Of each parameter for central differences: they change the blur by about a third of a pixel."""
+    gain = 2.0 * float(case.camera.focal_px) * float(lens.aperture_radius)
+    return np.array([0.33 / gain, 0.03, 0.33 / gain / 0.25])
+
+
+def truth(case: Case, lens: TiltShiftLens, rays: int, cache: Path | None) -> np.ndarray:
+    """Two independent derivatives [2, h, w, 3, 3] by central differences of ray-cast pictures."""
+    key = hashlib.sha256(f"{case.digest()} {lens.plane} {lens.aperture_radius} {rays}".encode()).hexdigest()[
+        :16
+    ]
+    file = None if cache is None else cache / f"gradient_{case.name}_{key}.npy"
+    if file is not None and file.exists():
+        return np.load(file)
+    ready, out = RayScene(case.scene), []
+    for seed in (0, 1):
+        columns = []
+        for number, step in enumerate(steps(case, lens)):
+            ends = [
+                lens_picture(
+                    ready,
+                    case.camera,
+                    moved(lens, jnp.zeros(3).at[number].set(side * step)),
+                    rays=rays,
+                    seed=seed,
+                )
+                for side in (1.0, -1.0)
+            ]
+            columns.append((ends[0] - ends[1]) / (2 * step))
+        out.append(np.stack(columns, axis=-1))
+    answer = np.stack(out)
+    if file is not None:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        np.save(file, answer)
+    return answer
+
+
+def in_blocks(picture: np.ndarray) -> np.ndarray:
+    """Means over squares of pixels; what does not fill one is left out."""
+    height, width = (length // BLOCK * BLOCK for length in picture.shape[:2])
+    cut = picture[:height, :width]
+    return cut.reshape(height // BLOCK, BLOCK, width // BLOCK, BLOCK, -1).mean(axis=(1, 3))
+
+
+def score(found: np.ndarray, truths: np.ndarray) -> tuple[float, float]:
+    """Projection and relative error, without the truth's own noise."""
+    first, second = truths
+    mean, power = (first + second) / 2, (first * second).sum()
+    noise = ((first - second) ** 2).sum() / 4
+    error = ((found - mean) ** 2).sum() - noise
+    return float((found * mean).sum() / power), float(np.sqrt(max(error, 0.0) / power))
+
+
+def loss_error(found: np.ndarray, truths: np.ndarray, picture: np.ndarray) -> float:
+    """Relative error of the derivative of half the squared difference from a picture half as bright."""
+    weights = 0.5 * picture
+    expected = (weights * truths.mean(axis=0)).sum()
+    return float(abs((weights * found).sum() - expected) / abs(expected))
+
+
+def timed(function: Callable[[], Array]) -> tuple[np.ndarray, float]:
+    function().block_until_ready()
+    start = time.perf_counter()
+    value = function().block_until_ready()
+    return np.asarray(value), time.perf_counter() - start
+
+
+@eqx.filter_jit
+def jacobian(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3 3"]:
+    def picture(values: Float[Array, "3"]) -> Float[Array, "h w 3"]:
+        return render_differentiable(layers, moved(lens, values), rays=rays, derivative_rays=rays)
+
+    return jax.jacfwd(picture)(jnp.zeros(3))
+
+
+@eqx.filter_jit
+def plain(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3 3"]:
+    def picture(values: Float[Array, "3"]) -> Float[Array, "h w 3"]:
+        look = layers.samples.radiance, layers.background
+        return _traced(look, moved(lens, values), layers, Rays(rays, 0, 1 << 17))
+
+    return jax.jacfwd(picture)(jnp.zeros(3))
+
+
+@eqx.filter_jit
+def forward(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3"]:
+    return render_differentiable(layers, lens, rays=rays)
+
+
+@eqx.filter_jit
+def along(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3"]:
+    def picture(values: Float[Array, "3"]) -> Float[Array, "h w 3"]:
+        return render_differentiable(layers, moved(lens, values), rays=rays)
+
+    return jax.jvp(picture, (jnp.zeros(3),), (jnp.ones(3),))[1]
+
+
+@eqx.filter_jit
+def back(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "3"]:
+    def loss(values: Float[Array, "3"]) -> Float[Array, ""]:
+        return (render_differentiable(layers, moved(lens, values), rays=rays) ** 2).sum()
+
+    return jax.grad(loss)(jnp.zeros(3))
+
+
+def study(path: Path, options: argparse.Namespace, table: Table, costs: Table) -> None:
+    size = tuple(int(side) for side in options.size.split("x"))
+    case, lens = wide_case(path, (size[0], size[1]), options.blur)
+    # Room for differences, and for the steps of whoever solves with them.
+    widest = moved(lens, jnp.array([0.0, 0.1, 0.0]))
+    layers = peel(case.scene, case.camera, widest, supersampling=options.supersampling, max_layers=32)
+    truths = truth(case, lens, options.truth_rays, options.cache)
+    picture = np.asarray(render(layers, lens, rays=64))
+    rows: list[tuple[str, np.ndarray, float]] = []
+    for rays in options.rays:
+        found, seconds = timed(lambda rays=rays: jacobian(layers, lens, rays))
+        rows.append((str(rays), found, seconds))
+    found, seconds = timed(lambda: plain(layers, lens, options.rays[-1]))
+    rows.append((f"plain, {options.rays[-1]}", found, seconds))
+    for number, parameter in enumerate(PARAMETERS):
+        for label, found, seconds in rows:
+            one, true = found[..., number], truths[..., number]
+            whole = score(one, true)
+            means = score(in_blocks(one), np.stack([in_blocks(t) for t in true]))
+            table.add_row(
+                case.name,
+                parameter,
+                label,
+                f"{whole[0]:.3f}",
+                f"{whole[1]:.2f}",
+                f"{means[0]:.3f}",
+                f"{means[1]:.3f}",
+                f"{loss_error(one, true, picture):.3f}",
+                f"{seconds:.2f}",
+            )
+    rays = options.rays[len(options.rays) // 2]
+    _, base = timed(lambda: forward(layers, lens, rays))
+    _, by_jvp = timed(lambda: along(layers, lens, rays))
+    _, by_vjp = timed(lambda: back(layers, lens, rays))
+    start = time.perf_counter()
+    render(layers, lens, rays=rays, even=True).block_until_ready()
+    hits = time.perf_counter() - start
+    costs.add_row(
+        case.name, str(rays), f"{hits:.2f}", f"{base:.2f}", f"{by_jvp / base:.1f}", f"{by_vjp / base:.1f}"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "configs", nargs="*", type=Path, help="those in configs/ with a plain lens by default"
+    )
+    parser.add_argument("--size", default="128x96", help="pixels")
+    parser.add_argument("--blur", type=float, default=16.0, help="widest blur in pixels")
+    parser.add_argument("--supersampling", type=int, default=2, help="layer samples per pixel and axis")
+    parser.add_argument("--rays", type=int, nargs="+", default=[16, 64, 256], help="per border and per rim")
+    parser.add_argument("--truth-rays", type=int, default=4096, help="per pixel, twelve times over")
+    parser.add_argument("--cache", type=Path, help="folder that keeps the truths")
+    options = parser.parse_args()
+    folder = Path(__file__).parent.parent / "configs"
+    table = Table(
+        title=f"{options.size}, blur up to {options.blur:g} px; seconds for all parameters together"
+    )
+    for heading in (
+        "scene", "by", "rays", "projection", "error", "8 x 8: projection", "error", "loss: error", "s",
+    ):  # fmt: skip
+        table.add_column(heading, justify="left" if heading in ("scene", "by") else "right")
+    costs = Table(title="cost, in pictures of render_differentiable")
+    for heading in ("scene", "rays", "render s", "picture s", "jvp", "vjp"):
+        costs.add_column(heading, justify="left" if heading == "scene" else "right")
+    for path in options.configs or [folder / f"{name}.toml" for name in CONFIGS]:
+        study(path, options, table, costs)
+    console = Console(width=max(120, Console().width))
+    console.print(table)
+    console.print(costs)
+
+
+if __name__ == "__main__":
+    main()

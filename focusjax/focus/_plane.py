@@ -25,6 +25,8 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from focusjax.focus._bounds import LIFE_SIZE
 from focusjax.focus._checks import require
 from focusjax.focus._disk import least_in_disk
+from focusjax.focus._image_points import repeated, room_for, unweighted
+from focusjax.focus._solution import first_rows
 from focusjax.geometry import Camera
 from focusjax.lens import MAX_TILT, ThinLens, TiltShiftLens, as_tilt_shift, view_tangents
 
@@ -117,7 +119,8 @@ def fit_focal_plane(
         >>> fit.undetermined, fit.active_bounds
         ('', ())
     """
-    if disparity.shape[0] == 0:
+    count = disparity.shape[0]
+    if count == 0:
         raise ValueError("there are no points to fit a plane to; give at least one")
     nearest = (
         LIFE_SIZE * camera.focal_length if min_focus_distance is None else jnp.asarray(min_focus_distance)
@@ -125,31 +128,32 @@ def fit_focal_plane(
     start = as_tilt_shift(lens)
     ones = jnp.ones_like(disparity)
     finite = lambda v: abs(v) < np.inf  # noqa: E731
-    return _fit(
-        require(xy, finite, "a point's image position", "finite pixels"),
-        require(
-            disparity,
-            lambda v: (v >= 0) & (v < np.inf),
-            "a point's disparity",
-            "0 (infinity) or more dioptres",
-        ),
-        camera,
-        eqx.tree_at(
-            lambda lens: lens.aperture_radius,
-            start,
-            require(
-                start.aperture_radius,
-                lambda v: (v > 0) & (v < np.inf),
-                "the aperture radius in metres",
-                "a positive length; a pinhole is sharp everywhere, so open the lens",
-            ),
-        ),
+    xy = require(xy, finite, "a point's image position", "finite pixels")
+    disparity = require(
+        disparity, lambda v: (v >= 0) & (v < np.inf), "a point's disparity", "0 (infinity) or more dioptres"
+    )
+    opening = require(
+        start.aperture_radius,
+        lambda v: (v > 0) & (v < np.inf),
+        "the aperture radius in metres",
+        "a positive length; a pinhole is sharp everywhere, so open the lens",
+    )
+    weight = (
         ones
         if weight is None
         else require(
             weight, lambda v: (v >= 0) & (v < np.inf), "a point's weight", "zero or a positive number"
-        ),
-        0.0 * ones if blur is None else require(blur, finite, "a wanted blur", "a finite number of pixels"),
+        )
+    )
+    blur = 0.0 * ones if blur is None else require(blur, finite, "a wanted blur", "a finite number of pixels")
+    room = room_for(count)
+    found = _fit(
+        repeated(xy, room),
+        repeated(disparity, room),
+        camera,
+        eqx.tree_at(lambda lens: lens.aperture_radius, start, opening),
+        unweighted(weight, room),
+        repeated(blur, room),
         require(
             jnp.asarray(max_tilt, dtype=disparity.dtype),
             lambda v: (v >= 0) & (v < np.pi / 2),
@@ -163,6 +167,7 @@ def fit_focal_plane(
             "a finite distance beyond the focal length over the cosine of the tilt limit; raise it",
         ),
     )
+    return eqx.tree_at(lambda fit: fit.residual, found, first_rows(found.residual, count))
 
 
 @eqx.filter_jit

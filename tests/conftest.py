@@ -2,10 +2,12 @@
 
 import gc
 import os
+import shutil
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-# No GPU is assumed, and a test must not share compiled programs with another run of the suite.
+# No GPU is assumed.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 os.environ.setdefault("MPLBACKEND", "Agg")
 
@@ -19,6 +21,9 @@ from jaxtyping import install_import_hook
 
 install_import_hook("focusjax", "annotation_checks.check")
 
+_PROGRAMS = "FOCUSJAX_TESTS_PROGRAMS"
+"""The variable that tells the processes of one run the folder of the programs that they share."""
+
 _MOST_MAPPINGS = 24000
 """Of memory, well below the 65530 that Linux allows a process: each compiled program takes some."""
 
@@ -31,3 +36,27 @@ def programs_within_limits() -> Iterator[None]:
     if mappings.exists() and mappings.read_bytes().count(b"\n") > _MOST_MAPPINGS:
         jax.clear_caches()
         gc.collect()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Every program is compiled once in a run, whichever process and test ask for it.
+
+    No run shares with another.
+    """
+    if _is_worker(config):
+        folder = os.environ[_PROGRAMS]
+    else:
+        folder = os.environ[_PROGRAMS] = tempfile.mkdtemp(prefix="focusjax_tests_")
+    jax.config.update("jax_compilation_cache_dir", folder)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Nothing is left for the next run."""
+    if not _is_worker(config):
+        shutil.rmtree(os.environ.pop(_PROGRAMS), ignore_errors=True)
+
+
+def _is_worker(config: pytest.Config) -> bool:
+    """Whether this is one of several processes that run the tests."""
+    return hasattr(config, "workerinput")

@@ -12,18 +12,22 @@ from jaxtyping import Array, Float
 STEP = 1e-5
 
 
-def check_gradients(function: Callable, *arguments: object, rtol: float = 1e-6) -> None:
+def check_gradients(function: Callable, *arguments: object, rtol: float = 1e-6) -> np.ndarray:
     """Assert that the Jacobian of `function` with respect to every array in `arguments` is right.
 
     Differences are central, of `STEP` times the size of each number (at least `STEP` itself), so that
     their own error is about STEP^2. A `function` of a module is compiled once for all arguments
-    of the same shapes.
+    of the same shapes, and so is an `eqx.Module` for all arrays that it holds.
+
+    Returns:
+        The Jacobian, of all outputs by all numbers in `arguments`.
     """
     forward, reverse, differences = _jacobians(function, arguments)
     assert np.isfinite(forward).all()
     scale = float(np.abs(forward).max())
     np.testing.assert_allclose(reverse, forward, rtol=0, atol=1e-12 * scale)
     np.testing.assert_allclose(forward, differences, rtol=0, atol=rtol * scale)
+    return np.asarray(forward)
 
 
 @eqx.filter_jit

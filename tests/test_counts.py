@@ -7,7 +7,7 @@ from focusjax._counts import require_counts
 
 
 def test_whole_numbers_and_what_was_not_given_pass():
-    require_counts(rays=1, count=np.int64(7), levels=None)
+    assert require_counts(rays=1, count=np.int64(7), levels=None) is None
 
 
 @pytest.mark.parametrize(("value", "shown"), [(0, "0"), (-3, "-3"), (2.5, "2.5"), (2.0, "2.0"), ("4", "'4'")])

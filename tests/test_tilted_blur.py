@@ -55,7 +55,7 @@ def picture() -> np.ndarray:
     """Light per pixel through a lens that leans forward and looks to the left."""
     turned = lens(0.30, -0.25)
     layers = peel(dots(), camera(), turned)
-    return np.asarray(render(layers, turned, rays=512))[..., 0]
+    return np.asarray(render(layers, turned, rays=256))[..., 0]
 
 
 def window(name: str) -> tuple[np.ndarray, np.ndarray]:

@@ -95,25 +95,36 @@ def root_weight(weight: Float[Array, "n"]) -> Float[Array, "n"]:
     return jnp.where(counts, jnp.sqrt(jnp.where(counts, weight, 1.0)), 0.0)
 
 
+def room_for(count: int) -> int:
+    """The rows that are made of `count`, so that few counts compile anew: 8, 12, 16, 24, 32, 48, ..."""
+    power = max(8, 1 << (count - 1).bit_length())
+    return power * 3 // 4 if count <= power * 3 // 4 and power > 8 else power
+
+
 def padded(points: ImagePoints, size: int) -> ImagePoints:
     """The points with their last row repeated, without weight, up to `size` rows."""
-    extra = size - points.disparity.shape[0]
+    longest = jax.tree.map(lambda leaf: repeated(leaf, size), points)
+    return dataclasses.replace(longest, weight=unweighted(points.weight, size))
+
+
+def repeated(rows: Array, size: int) -> Array:
+    """The rows with the last one repeated, up to `size`."""
+    extra = size - rows.shape[0]
     if extra == 0:
-        return points
+        return rows
+    if isinstance(rows, Tracer):
+        return jnp.concatenate([rows, jnp.repeat(rows[-1:], extra, axis=0)])
+    # By numpy, which compiles nothing.
+    return jnp.asarray(np.concatenate([rows, np.repeat(np.asarray(rows)[-1:], extra, axis=0)]))
 
-    def longer(leaf: Array) -> Array:
-        if isinstance(leaf, Tracer):
-            return jnp.concatenate([leaf, jnp.repeat(leaf[-1:], extra, axis=0)])
-        # By numpy, which compiles nothing.
-        return jnp.asarray(np.concatenate([leaf, np.repeat(np.asarray(leaf)[-1:], extra, axis=0)]))
 
-    longest = jax.tree.map(longer, points)
-    weight = longest.weight
-    if isinstance(weight, Tracer):
-        weight = weight.at[-extra:].set(0.0)
-    else:
-        weight = jnp.asarray(np.where(np.arange(size) < size - extra, weight, 0))
-    return dataclasses.replace(longest, weight=weight)
+def unweighted(weight: Float[Array, "n"], size: int) -> Float[Array, "m"]:
+    """The weights with zeros, up to `size`."""
+    extra = size - weight.shape[0]
+    if extra == 0:
+        return weight
+    pad = jnp.pad if isinstance(weight, Tracer) else np.pad
+    return jnp.asarray(pad(weight, (0, extra)))
 
 
 def stacked(problems: Sequence[ImagePoints]) -> ImagePoints:

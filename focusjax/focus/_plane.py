@@ -26,7 +26,9 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from focusjax.focus._bounds import LIFE_SIZE
 from focusjax.focus._checks import require
 from focusjax.focus._disk import least_in_disk
+from focusjax.focus._image_points import repeated, room_for, unweighted
 from focusjax.focus._refuse import opened
+from focusjax.focus._solution import first_rows
 from focusjax.geometry import Camera
 from focusjax.lens import MAX_TILT, ThinLens, TiltShiftLens, as_tilt_shift, view_tangents
 
@@ -119,11 +121,15 @@ def fit_focal_plane(
         >>> fit.undetermined, fit.active_bounds
         ('', ())
     """
-    if disparity.shape[0] == 0:
+    count = disparity.shape[0]
+    if count == 0:
         raise ValueError("there are no points to fit a plane to; give at least one")
-    points = _checked_points(xy, disparity, weight, blur)
+    xy, disparity, weight, blur = _checked_points(xy, disparity, weight, blur)
     limits = _checked_limits(camera, max_tilt, min_focus_distance, disparity.dtype)
-    return _fit(*points, camera, opened(as_tilt_shift(lens)), *limits)
+    room = room_for(count)
+    points = repeated(xy, room), repeated(disparity, room), unweighted(weight, room), repeated(blur, room)
+    found = _fit(*points, camera, opened(as_tilt_shift(lens)), *limits)
+    return eqx.tree_at(lambda fit: fit.residual, found, first_rows(found.residual, count))
 
 
 def _checked_points(

@@ -13,7 +13,7 @@ from jaxtyping import Array, ArrayLike, Bool
 
 from focusjax.focus._bounds import Box, Range, make_limits
 from focusjax.focus._global import find_optimum
-from focusjax.focus._image_points import ImagePoints, blurs, errors, padded
+from focusjax.focus._image_points import ImagePoints, blurs, errors, padded, room_for
 from focusjax.focus._objective import make_objective
 from focusjax.focus._parameters import FOCUS, RADIUS, SWING, TILT, Start, blur_models, in_order, make_start
 from focusjax.focus._priors import Prior, checked_priors, prior_rows
@@ -155,21 +155,17 @@ def prepared(
     numbers = checked_priors(priors or {}, free)
     points = checked_points(points)
     check_start(camera, lens, limits, free)
+    exact = points.relation is None and not numbers and free in (("focus",), ("focus", "f_number"))
     plan = Plan(
         free=free,
         keep_view=keep_field_of_view,
-        exact=points.relation is None and not numbers and free in (("focus",), ("focus", "f_number")),
-        many=isinstance(points.signed, Tracer) or not np.asarray(points.signed).all(),
+        exact=exact,
+        # Without a search it makes no difference, so that it compiles nothing of its own.
+        many=not exact and (isinstance(points.signed, Tracer) or not np.asarray(points.signed).all()),
         method=method,
         max_steps=max_steps,
     )
     return Asked(points, camera, lens, limits, numbers, plan)
-
-
-def room_for(count: int) -> int:
-    """The rows that are made of `count`: 8, 12, 16, 24, 32, 48, ..."""
-    power = max(8, 1 << (count - 1).bit_length())
-    return power * 3 // 4 if count <= power * 3 // 4 and power > 8 else power
 
 
 @eqx.filter_jit

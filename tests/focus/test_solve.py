@@ -184,10 +184,19 @@ def by_scipy(points, box, free_aperture, start_radius):
     disparity, target = np.asarray(points.disparity), np.asarray(points.target)
     signed, root = np.asarray(points.signed), np.sqrt(np.asarray(points.weight))
 
-    def residual(value):
+    def blur_of(value):
         radius = value[1] * 1e-2 if free_aperture else start_radius
-        blur = SLOPE * radius * (value[0] - disparity)
+        return radius, SLOPE * radius * (value[0] - disparity)
+
+    def residual(value):
+        _, blur = blur_of(value)
         return root * (np.where(signed, blur, abs(blur)) - target)
+
+    def slopes(value):
+        radius, blur = blur_of(value)
+        scale = root * np.where(signed, 1.0, np.sign(blur)) * SLOPE
+        columns = [scale * radius, scale * 1e-2 * (value[0] - disparity)]
+        return np.stack(columns[: len(value)], axis=1)
 
     (lower, upper), cuts = box, np.sort(disparity)
     starts = [lower[0], *cuts[:-1] + np.diff(cuts) / 2, upper[0]]
@@ -197,7 +206,7 @@ def by_scipy(points, box, free_aperture, start_radius):
         size = slice(0, 2 if free_aperture else 1)
         first = np.clip(first, lower + 1e-9 * (upper - lower), upper - 1e-9 * (upper - lower))
         found = scipy.optimize.least_squares(
-            residual, first[size], bounds=(lower[size], upper[size]), method="dogbox",
+            residual, first[size], slopes, bounds=(lower[size], upper[size]), method="dogbox",
             xtol=1e-14, ftol=1e-14, gtol=1e-14, max_nfev=200,
         )  # fmt: skip
         if best is None or found.cost < best.cost:

@@ -22,15 +22,16 @@ LAYOUTS = {
     "collinear": [(10.0, 10.0), (30.0, 20.0), (50.0, 30.0), (90.0, 50.0)],
     "coincident": [(31.0, 17.5), (31.0, 17.5), (80.0, 20.0), (20.0, 70.0)],
     "off screen": [(-300.0, 17.5), (2000.0, 40.0), (50.0, -900.0), (30.0, 20.0)],
+    "spread": [(12, 8), (88, 14), (47, 41), (15, 66)],
     "general": [(12, 8), (88, 14), (47, 41), (15, 66), (79, 71), (52, 20), (33, 90)],
 }
 
 every_basis = pytest.mark.parametrize("basis", BASES)
 every_kernel = pytest.mark.parametrize("kernel", KERNELS)
-FOUR = ("collinear", "coincident", "off screen")
+FOUR = ("collinear", "coincident", "off screen", "spread")
 CASES = [
-    *((layout, "affine") for layout in LAYOUTS),
-    *((layout, basis) for layout in FOUR for basis in ("constant",)),
+    *((layout, "affine") for layout in ("one point", *FOUR)),
+    *((layout, "constant") for layout in FOUR),
 ]
 """Layouts of as many points share a compilation, which takes long for the quadratic basis."""
 

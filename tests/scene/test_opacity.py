@@ -136,7 +136,8 @@ def test_an_opacity_given_replaces_the_files(tmp_path):
 
 def test_materials_nobody_will_see_are_told(tmp_path):
     with pytest.warns(UserWarning, match=r"material 'leaf' of mesh file .*a\.obj is wholly transparent"):
-        load_mesh(leaf_obj(tmp_path, "d 0"))
+        item = load_mesh(leaf_obj(tmp_path, "d 0"))
+    assert at(item, 0.2, 0.5) == 0.0
 
 
 def test_textures_without_coordinates_are_told(tmp_path):

@@ -61,6 +61,7 @@ from focusjax.trace import nearest_in_layers as nearest_in_layers
 from focusjax.trace import plan_rays as plan_rays
 from focusjax.trace import quality_of as quality_of
 from focusjax.trace import render as render
+from focusjax.trace import render_differentiable as render_differentiable
 from focusjax.trace import render_pinhole as render_pinhole
 
 __version__ = "0.1.0"

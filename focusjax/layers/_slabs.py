@@ -51,6 +51,7 @@ def decompose(
     supersampling: int = 2,
     near: float | None = None,
     view_dependent: bool = False,
+    pixel_filter: str = "box",
     like: Layers | None = None,
 ) -> Layers:
     """The nearest surface in each of several slabs of depth, as layers seen from the lens centre (Lee09).
@@ -70,6 +71,7 @@ def decompose(
         supersampling: layer samples per output pixel and axis.
         near: depth in metres from which surfaces count; a tenth of the focal length if not given.
         view_dependent: keep what highlights and mirrored surroundings depend on; see `peel`.
+        pixel_filter: how a pixel weighs the light around its centre; see `peel`.
         like: layers of another moment whose shapes are kept, so that nothing is compiled again; see `peel`.
 
     Returns:
@@ -87,7 +89,9 @@ def decompose(
     if blur_step is not None and not 0 < blur_step < math.inf:
         raise ValueError(f"blur_step is {blur_step} px; expected a positive number such as 4")
     least_margin = margin_like(like, camera, supersampling)
-    triangles, grid = frame(scene, camera, lens, supersampling, near, least_margin=least_margin)
+    triangles, grid = frame(
+        scene, camera, lens, supersampling, near, least_margin=least_margin, pixel_filter=pixel_filter
+    )
     check_memory(grid, 1)
     picture = rasterised(scene, camera, triangles, grid)
     disparity = picture.fragments.disparity
@@ -118,6 +122,7 @@ def decompose(
         complete=complete,
         like=like,
         view_dependent=view_dependent,
+        pixel_filter=pixel_filter,
     )
 
 

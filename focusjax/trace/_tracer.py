@@ -13,11 +13,12 @@ from focusjax._parallel import CORES
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers import Grid, Layers
 from focusjax.lens import AbstractLens
-from focusjax.trace._allot import FEWEST
+from focusjax.trace._allot import FEWEST, contrast
 from focusjax.trace._blocks import Block, make_blocks
 from focusjax.trace._colour import Surface, radiance_at, surface_of
 from focusjax.trace._march import first_hits
 from focusjax.trace._ranges import disparity_range
+from focusjax.trace._reach import check_reach
 from focusjax.trace._samples import RaySamples, ray_samples
 from focusjax.trace._walk import Path, Volume, make_volume, path_of
 
@@ -32,11 +33,12 @@ class Tracer:
         lens: where they come from.
         least: least disparity [p] that the rays of each pixel can meet, row-major.
         largest: largest disparity [p].
+        pixel_filter: what the film points of a pixel's rays are spread by.
     """
 
-    def __init__(self, layers: Layers, lens: AbstractLens) -> None:
-        self.layers, self.lens = layers, lens
-        self.least, self.largest, depth = _ranges(layers, lens)
+    def __init__(self, layers: Layers, lens: AbstractLens, pixel_filter: str = "box") -> None:
+        self.layers, self.lens, self.pixel_filter = layers, lens, pixel_filter
+        self.least, self.largest, depth = _ranges(layers, lens, pixel_filter)
         self._depth = np.asarray(depth)
         self._scene = _Scene(
             volume=make_volume(layers.cells, layers.disparity_scale, layers.opacity),
@@ -44,6 +46,10 @@ class Tracer:
             camera=layers.camera,
             grid=layers.grid,
         )
+
+    def contrast(self) -> Float[np.ndarray, " p"]:
+        """Variance [p] of what the rays of each pixel may meet; see `_allot`."""
+        return contrast(self.layers, self.lens, self.least, self.largest, self.pixel_filter)
 
     def means(
         self,
@@ -58,7 +64,7 @@ class Tracer:
         """
         camera, fewest = self.layers.camera, levels[0]
         chances = self.layers.samples.opacity is not None
-        samples = ray_samples(self.lens, levels, seed, chances=chances)
+        samples = ray_samples(self.lens, levels, seed, chances=chances, pixel_filter=self.pixel_filter)
         together = max(k for k in range(1, FEWEST + 1) if fewest % k == 0)
         at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together)
         blocks = make_blocks(counts // together, self._depth, self.layers.count, camera.width, at_once)
@@ -82,6 +88,17 @@ class Tracer:
         return sums * (together / np.maximum(counts, 1))[:, None].astype(sums.dtype)
 
 
+def ready_tracer(layers: Layers, lens: AbstractLens, pixel_filter: str | None) -> Tracer:
+    """The tracer of a lens and a filter (that of the layers if None), if the layers hold all of its rays.
+
+    Raises:
+        ValueError: they do not, or there is no such filter.
+    """
+    chosen = layers.pixel_filter if pixel_filter is None else pixel_filter
+    check_reach(layers, lens, chosen)
+    return Tracer(layers, lens, chosen)
+
+
 class _Scene(eqx.Module):
     """What one pixel needs to know."""
 
@@ -93,14 +110,14 @@ class _Scene(eqx.Module):
 
 @eqx.filter_jit
 def _ranges(
-    layers: Layers, lens: AbstractLens
+    layers: Layers, lens: AbstractLens, pixel_filter: str
 ) -> tuple[Float[Array, " p"], Float[Array, " p"], Int[Array, " p"]]:
     """Disparity range and layer count of every pixel, row-major."""
     camera = layers.camera
 
     def one(index: Int[Array, ""]) -> tuple[Array, Array, Array]:
         film = jnp.stack([index % camera.width, index // camera.width]) + 0.5
-        return disparity_range(layers, lens, film)
+        return disparity_range(layers, lens, film, pixel_filter)
 
     return jax.vmap(one)(jnp.arange(camera.width * camera.height))
 

@@ -86,10 +86,10 @@ def against_layers(case: SpecialCase, truth: np.ndarray, options: argparse.Names
         layers = peel(
             case.scene, case.camera, case.lens, supersampling=options.supersampling, max_layers=most
         )
-        picture = np.asarray(render(layers, case.lens, rays=max(options.rays)), dtype=np.float64)
-        rows.append({"layers": layers.count, "error": rms(picture - truth), "complete": layers.complete})
         if layers.count < most:
             break
+        picture = np.asarray(render(layers, case.lens, rays=max(options.rays)), dtype=np.float64)
+        rows.append({"layers": layers.count, "error": rms(picture - truth), "complete": layers.complete})
     return rows
 
 
@@ -117,6 +117,7 @@ def plot(rays: dict, layers: list[dict], file: Path) -> None:
     left.set_ylabel("error (root of the mean square)")
     right.semilogy([row["layers"] for row in layers], [row["error"] for row in layers], "o-")
     right.set_xlabel("layers")
+    right.set_xticks([row["layers"] for row in layers])
     for axes in (left, right):
         axes.grid(alpha=0.3, which="both")
     left.legend(fontsize=8)

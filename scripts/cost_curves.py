@@ -36,10 +36,10 @@ from focusjax.trace import plan_rays, quality_of, render, render_pinhole
 
 MEMORY_SIZE, MEMORY_RAYS, MEMORY_GIB = (1920, 1080), 100, 1.5
 CURVES = {
-    "pixels": ([(200, 150), (400, 300), (800, 600), (1600, 1200)], 3),
-    "rays": ([4, 8, 16, 32, 64, 128, 256], 4),
+    "pixels": ([(200, 150), (400, 300), (800, 600), (1600, 1200)], 2),
+    "rays": ([4, 8, 16, 32, 64, 128, 256], 3),
     "layers": ([1, 2, 3, 4, 6, 8, 12, 16], 4),
-    "blur px": ([1, 2, 4, 8, 16, 32, 64, 128], 5),
+    "blur px": ([1, 2, 4, 8, 16, 32, 64, 128], 4),
     "triangles": ([10_000, 100_000, 600_000, 2_000_000, 5_000_000], 3),
 }
 """What each curve goes over, and how many of the places `--quick` takes."""
@@ -150,10 +150,10 @@ def in_turns(runs: dict[str, Callable[[], object]], repeats: int) -> dict[str, f
     return {name: min(several) for name, several in seconds.items()}
 
 
-def ratios(repeats: int) -> list[dict]:
+def ratios(width: int, height: int, repeats: int) -> list[dict]:
     """What is not needed costs nothing: pairs of pictures and the ratio of their seconds."""
-    camera = view(800, 600)
-    wall = make_scene([chequers(camera, 0.5, 40)], unlit=True)
+    camera = view(width, height)
+    wall = make_scene([chequers(camera, 0.5, width / 20)], unlit=True)
     lens, closed = lens_with(camera, 0.5, 1.0, 40.0), ThinLens(jnp.asarray(0.5), jnp.asarray(0.0))
     sharp = peel(wall, camera, lens)
     pinhole = peel(wall, camera, closed)
@@ -163,7 +163,7 @@ def ratios(repeats: int) -> list[dict]:
         "no rays": lambda: render_pinhole(pinhole),
     }
     scene = balls(100_000)
-    view_camera, view_lens = balls_view(800, 600)
+    view_camera, view_lens = balls_view(width, height)
     box, gaussian = (
         peel(scene, view_camera, view_lens, supersampling=1, pixel_filter=name)
         for name in ("box", "gaussian")
@@ -204,19 +204,22 @@ def _with_panes(scene: Scene) -> Scene:
     return dataclasses.replace(scene, materials=(*scene.materials, glass), face_material=face_material)
 
 
-def memory() -> float:
-    """MiB at most, of a process that does nothing else."""
+def memory() -> dict[str, float]:
+    """MiB at most, up to the end of each stage, of a process that does nothing else."""
     width, height = MEMORY_SIZE
     camera, lens = balls_view(width, height)
-    layers = peel(balls(600_000), camera, lens, supersampling=1)
+    scene = balls(600_000)
+    out = {"scene": peak_memory()}
+    layers = peel(scene, camera, lens, supersampling=1)
+    out["peel"] = peak_memory()
     jax.block_until_ready(render(layers, lens, rays=MEMORY_RAYS))
-    return peak_memory()
+    return {**out, "render": peak_memory()}
 
 
-def measured_memory() -> float:
+def measured_memory() -> dict[str, float]:
     command = [sys.executable, __file__, "--out", ".", "--memory-only"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return float(done.stdout.split()[-1])
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 def plot(curves: dict[str, list[dict]], file: Path) -> None:
@@ -238,7 +241,7 @@ def plot(curves: dict[str, list[dict]], file: Path) -> None:
     figure.savefig(file, dpi=120)
 
 
-def markdown(curves: dict[str, list[dict]], lines_of: list[dict], mib: float) -> str:
+def markdown(curves: dict[str, list[dict]], lines_of: list[dict], mib: dict[str, float]) -> str:
     out = []
     for name, rows in curves.items():
         out += [f"| {name} | peel s | render s | PSNR dB | layers |", "| --- | --- | --- | --- | --- |"]
@@ -255,8 +258,9 @@ def markdown(curves: dict[str, list[dict]], lines_of: list[dict], mib: float) ->
     planned = ", ".join(f"{name} {rays}" for name, rays in lines_of[-1]["planned rays"].items())
     width, height = MEMORY_SIZE
     out += ["", f"Rays planned for 38 dB: {planned}.", ""]
+    stages = ", ".join(f"{value / 1024:.2f} after {stage}" for stage, value in mib.items())
     out.append(
-        f"{width} x {height}, {MEMORY_RAYS} rays, 600,000 triangles: {mib / 1024:.2f} GiB at most"
+        f"{width} x {height}, {MEMORY_RAYS} rays, 600,000 triangles, GiB at most: {stages}"
         f" (wanted: {MEMORY_GIB})."
     )
     return "\n".join(out) + "\n"
@@ -265,7 +269,7 @@ def markdown(curves: dict[str, list[dict]], lines_of: list[dict], mib: float) ->
 def main() -> None:
     options = arguments()
     if options.memory_only:
-        print(memory())
+        print(json.dumps(memory()))
         return
     options.out.mkdir(parents=True, exist_ok=True)
     about, repeats = machine(), 1 if options.quick else 3
@@ -274,7 +278,7 @@ def main() -> None:
         name: curve(name, places[:quick] if options.quick else places, repeats)
         for name, (places, quick) in CURVES.items()
     }
-    lines = ratios(3 if options.quick else 7)
+    lines = ratios(400, 300, 5) if options.quick else ratios(800, 600, 7)
     text = markdown(curves, lines, mib)
     print(text)
     (options.out / "cost.md").write_text(text)

@@ -1,6 +1,7 @@
 """Pixel filters: against a finer picture that is filtered afterwards, at the border, at edges in focus."""
 
 import dataclasses
+from collections.abc import Callable
 from functools import cache
 
 import equinox as eqx
@@ -85,17 +86,17 @@ def fine_picture() -> np.ndarray:
 
 
 @cache
-def layers_for(name: str) -> Layers:
+def wide_layers(make: Callable[[], Scene]) -> Layers:
+    """The layers of a scene that hold the rays of all filters."""
     camera = front_camera()
-    return peel(varied_scene(), camera, wide_lens(camera), pixel_filter=name)
+    return peel(make(), camera, wide_lens(camera), pixel_filter="gaussian")
 
 
 @pytest.mark.parametrize("name", ["tent", "gaussian"])
 def test_a_filtered_fine_picture_is_the_same(name: str):
     """By casting rays at the triangles, with nothing of the tracer, its samples or its filters."""
-    camera = front_camera()
-    layers = peel(shards(), camera, wide_lens(camera), pixel_filter=name)
-    picture = np.asarray(render(layers, layers.lens, rays=256))
+    layers = wide_layers(shards)
+    picture = np.asarray(render(layers, layers.lens, rays=256, pixel_filter=name))
     truth = filtered(name, fine_picture())
     border = np.ones((HEIGHT, WIDTH), dtype=bool)
     border[1:-1, 1:-1] = False
@@ -108,14 +109,14 @@ def test_a_filtered_fine_picture_is_the_same(name: str):
 
 def test_layers_for_a_wide_filter_serve_the_box():
     box = np.asarray(render(varied_layers(), varied_layers().lens, rays=16))
-    wide = layers_for("gaussian")
+    wide = wide_layers(varied_scene)
     assert wide.grid == varied_layers().grid
     np.testing.assert_array_equal(np.asarray(render(wide, wide.lens, rays=16, pixel_filter="box")), box)
 
 
 @pytest.mark.parametrize("even", [False, True])
 def test_a_uniform_scene_stays_uniform_to_the_border(even: bool):
-    layers, radiance = layers_for("gaussian"), np.array([0.25, 1.0, 7.0])
+    layers, radiance = wide_layers(varied_scene), np.array([0.25, 1.0, 7.0])
     uniform = eqx.tree_at(
         lambda layers: (layers.samples.radiance, layers.background),
         layers,
@@ -126,16 +127,20 @@ def test_a_uniform_scene_stays_uniform_to_the_border(even: bool):
     np.testing.assert_allclose(picture, np.broadcast_to(radiance, picture.shape), rtol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["box", "tent", "gaussian"])
-def test_a_slanted_edge_in_focus_is_antialiased(name: str):
-    """A black half-plane in focus: the picture goes from 0 to 1 as the filter's weight across the edge."""
+@cache
+def half_plane() -> Scene:
+    """Black and in focus, its edge through the middle of the frame, a pixel across for eight down."""
     camera = front_camera()
     corners = np.array([(-40, -40), (16 - 6.5, -40), (16 + 6.5, 64), (-40, 64)])
     half = make_object("half", at_pixels(corners, np.full(4, 0.5), camera), SQUARE, colour=(0, 0, 0))
-    lens = wide_lens(camera)
-    scene = make_scene([half], background=constant_background(1.0), unlit=True)
-    layers = peel(scene, camera, lens, pixel_filter=name)
-    picture = np.asarray(render(layers, lens, rays=64))[..., 0]
+    return make_scene([half], background=constant_background(1.0), unlit=True)
+
+
+@pytest.mark.parametrize("name", ["box", "tent", "gaussian"])
+def test_a_slanted_edge_in_focus_is_antialiased(name: str):
+    """The picture goes from 0 to 1 as the filter's weight across the edge."""
+    layers = wide_layers(half_plane)
+    picture = np.asarray(render(layers, layers.lens, rays=64, pixel_filter=name))[..., 0]
     # The filter's weight beyond the edge, in thin rows.
     y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
     rows = np.linspace(-1.5, 1.5, 301)
@@ -150,7 +155,7 @@ def test_a_slanted_edge_in_focus_is_antialiased(name: str):
 
 
 def test_the_quality_of_a_filtered_picture_is_told():
-    layers = layers_for("gaussian")
+    layers = wide_layers(varied_scene)
     pictures = [np.asarray(render(layers, layers.lens, rays=16, seed=seed)) for seed in (0, 1)]
     expected = psnr(*pictures) + 10 * np.log10(2)
     assert quality_of(layers, layers.lens, pictures[0], rays=16) == pytest.approx(expected, abs=1.5)

@@ -262,6 +262,7 @@ def _render(
             supersampling=table.supersampling,
             max_layers=table.max_layers,
             view_dependent=table.view_dependent,
+            pixel_filter=table.pixel_filter,
         )
         jax.block_until_ready(eqx.filter(layers, eqx.is_array))
     rays, plan, decibels = table.rays, None, None

@@ -39,12 +39,22 @@ def compare(path: Path, options: argparse.Namespace) -> dict[str, object]:
     """Scores and seconds for one config."""
     case = case_from_config(load_config(path), (options.width, options.height))
     scene, camera, lens = case.scene, case.camera, case.lens
-    layers = peel(scene, camera, lens, max_layers=options.layers, supersampling=options.supersampling)
+    layers = peel(
+        scene,
+        camera,
+        lens,
+        max_layers=options.layers,
+        supersampling=options.supersampling,
+        pixel_filter=options.pixel_filter,
+    )
     ours, our_seconds = second_call(lambda: render(layers, lens, rays=options.rays))
     unlit = unlit_scene(scene)
-    theirs, their_seconds = second_call(lambda: mitsuba_picture(unlit, camera, lens, samples=options.rays))
-    kept = None if options.references is None else options.references / f"{path.stem}.npz"
-    reference, maker = truth(kept, scene, camera, lens, options.samples)
+    theirs, their_seconds = second_call(
+        lambda: mitsuba_picture(unlit, camera, lens, samples=options.rays, pixel_filter=options.pixel_filter)
+    )
+    name = path.stem if options.pixel_filter == "box" else f"{path.stem} {options.pixel_filter}"
+    kept = None if options.references is None else options.references / f"{name}.npz"
+    reference, maker = truth(kept, scene, camera, lens, options.samples, options.pixel_filter)
     widest = float(jnp.abs(lens.blur(camera, camera.principal_point, layers.disparity.max())))
     return {
         "scene": path.stem,
@@ -76,6 +86,7 @@ def main() -> None:
     parser.add_argument("--layers", type=int, default=24, help="most layers to peel")
     parser.add_argument("--samples", type=int, default=2048, help="per pixel, for the reference")
     parser.add_argument("--references", type=Path, help="folder that keeps the converged pictures")
+    parser.add_argument("--pixel-filter", choices=["box", "tent", "gaussian"], default="box")
     parser.add_argument("--json", type=Path, help="file for the results")
     options = parser.parse_args()
     folder = Path(__file__).parent.parent / "configs"

@@ -91,6 +91,7 @@ def mitsuba_picture(
     samples: int,
     seed: int = 0,
     variant: str = FASTEST,
+    pixel_filter: str = "box",
 ) -> Float[np.ndarray, "h w 3"]:
     """What Mitsuba sees through `lens`, whose opening it takes for a disk: linear radiance.
 
@@ -101,6 +102,9 @@ def mitsuba_picture(
         samples: rays per pixel.
         seed: of the first pass.
         variant: of Mitsuba.
+        pixel_filter: "box", "tent" or "gaussian", by Mitsuba's name and with its defaults: the Gaussian has a
+            sigma of 1/2 like ours, but ends at 2 pixels. Samples count for all pixels near them, weighted,
+            and each pixel is divided by its weights' sum.
 
     Raises:
         ValueError: fewer than one sample, a camera with rise or shift, or Mitsuba cannot be used.
@@ -123,6 +127,7 @@ def mitsuba_picture(
         samples,
         seed,
         variant=variant,
+        pixel_filter=pixel_filter,
     )
 
 
@@ -174,8 +179,9 @@ def render_thin_lens(
     seed: int = 0,
     *,
     variant: str = FASTEST,
+    pixel_filter: str = "box",
 ) -> Float[np.ndarray, "h w 3"]:
-    """Linear picture [height, width, 3], one-pixel box filter.
+    """Linear picture [height, width, 3].
 
     Args:
         scene: what to see.
@@ -188,6 +194,7 @@ def render_thin_lens(
         samples: rays per pixel, traced in passes of at most 256.
         seed: first pass's seed.
         variant: of Mitsuba.
+        pixel_filter: see `mitsuba_picture`.
 
     Raises:
         ValueError: Mitsuba cannot be used.
@@ -214,7 +221,9 @@ def render_thin_lens(
                 "height": height,
                 "pixel_format": "rgb",
                 "component_format": "float32",
-                "rfilter": {"type": "box"},
+                "rfilter": {"type": pixel_filter},
+                # Wider filters need samples beyond the frame, as pixels at the border have neighbours there.
+                "sample_border": pixel_filter != "box",
             },
             "sampler": {"type": "independent"},
         }

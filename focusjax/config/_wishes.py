@@ -144,6 +144,9 @@ class RenderTable(Table):
     view_dependent: bool = Field(
         default=False, description="true to let every lens ray see highlights and mirrors for itself"
     )
+    pixel_filter: Literal["box", "tent", "gaussian"] = Field(
+        default="box", description="the pixel filter: 'box', 'tent' or 'gaussian'"
+    )
     exposure: Number = Field(default=0.0, description="the exposure in stops; 1 doubles the brightness")
     png_bits: Literal[8, 16] = Field(default=8, description="8 or 16 bits per channel for image.png")
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = Field(

@@ -38,6 +38,7 @@ def assemble(
     complete: bool,
     like: Layers | None = None,
     view_dependent: bool = False,
+    pixel_filter: str = "box",
 ) -> Layers:
     """Layers of the fragments `chosen` for each, in the order of their samples."""
     gloss = scene.gloss() if view_dependent else None
@@ -94,6 +95,7 @@ def assemble(
         camera=camera,
         grid=grid,
         complete=complete,
+        pixel_filter=pixel_filter,
     )
 
 

@@ -23,6 +23,7 @@ def peel(
     near: float | None = None,
     umbra: bool = True,
     view_dependent: bool = False,
+    pixel_filter: str = "box",
     like: Layers | None = None,
 ) -> Layers:
     """Every surface that a ray of `lens` can reach, as layers seen from the lens centre.
@@ -41,14 +42,17 @@ def peel(
             surroundings from its own point of the lens (Lee09 section 5), for 5 bytes more a sample.
             Otherwise they are painted on the surfaces as the lens centre sees them, which is quicker. Nothing
             changes for scenes without either.
+        pixel_filter: "box", "tent" or "gaussian": how a pixel weighs the light around its centre, which
+            `render` follows. Rays of the wider two start up to 1 and 1.5 pixels from it, so that those at the
+            border need layers beyond the frame; layers for one filter serve narrower ones, too.
         like: layers of another moment, of as many pixels: the margin is at least theirs, and so are the
             number of layers up to `max_layers` and the room for samples, so that programs compiled for
             them serve again.
 
     Raises:
-        ValueError: a count that is not whole or below 1; a surface so close to the lens that the margin its
-            blur needs does not fit in memory; more layers than this machine's memory holds, with the number
-            that would fit; or layers to be like that are of another frame.
+        ValueError: a count that is not whole or below 1; no such filter; a surface so close to the lens that
+            the margin its blur needs does not fit in memory; more layers than this machine's memory holds,
+            with the number that would fit; or layers to be like that are of another frame.
 
     Example:
         >>> frames = [peel(scene, camera, lens)]  # doctest: +SKIP
@@ -56,7 +60,14 @@ def peel(
     """
     require_counts(supersampling=supersampling, max_layers=max_layers)
     picture = rasterised_for(
-        scene, camera, lens, supersampling=supersampling, near=near, layers=max_layers, like=like
+        scene,
+        camera,
+        lens,
+        supersampling=supersampling,
+        near=near,
+        pixel_filter=pixel_filter,
+        layers=max_layers,
+        like=like,
     )
     parallax = float(lens.parallax(camera)) * supersampling
     chosen, complete = peel_fragments(
@@ -72,6 +83,7 @@ def peel(
         complete=complete,
         like=like,
         view_dependent=view_dependent,
+        pixel_filter=pixel_filter,
     )
 
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from focusjax.geometry import Camera
+from focusjax.geometry import Camera, filter_radius
 from focusjax.layers._blocks import pad_rows, padded_length
 from focusjax.layers._clip import ScreenTriangles, clip_to_near
 from focusjax.layers._grid import Grid, homogeneous_image
@@ -18,7 +18,7 @@ from focusjax.scene import ConstantBackground, Scene
 
 _MOST_SAMPLES = 1 << 27
 _BORDER = 2.0
-"""Samples beyond the farthest ray: half a pixel of filter, half a sample of rounding, one for bilinear."""
+"""Samples beyond the farthest ray: half a sample of rounding, one for bilinear, and some to spare."""
 _MARGIN_STEP = 8
 
 
@@ -30,6 +30,7 @@ def frame(
     near: float | None,
     *,
     least_margin: int = 0,
+    pixel_filter: str = "box",
 ) -> tuple[ScreenTriangles, Grid]:
     """The triangles that matter, in the coordinates of the grid that holds them."""
     inner = Grid(camera.width, camera.height, supersampling, 0)
@@ -43,10 +44,11 @@ def frame(
     if not depth > 0:
         raise ValueError(f"near is {near} m; expected a positive depth")
     triangles = clip_to_near(homogeneous_image(scene.vertices, camera, inner), scene.faces, depth)
-    reach = _reach(lens, camera, supersampling)
+    beyond = filter_radius(pixel_filter) - 0.5
+    reach = _reach(lens, camera, supersampling, beyond)
     triangles = triangles.take(np.flatnonzero(reachable(triangles, inner, reach)))
     margin = least_margin
-    if lens is not None and float(lens.parallax(camera)) > 0:
+    if lens is not None and (beyond > 0 or float(lens.parallax(camera)) > 0):
         widest = needed_margin(triangles, inner, reach)
         if not isinstance(scene.background, ConstantBackground):
             widest = max(widest, float(reach(np.zeros(1))[0]))
@@ -68,16 +70,20 @@ def frame(
 
 
 def _reach(
-    lens: AbstractLens | None, camera: Camera, supersampling: int
+    lens: AbstractLens | None, camera: Camera, supersampling: int, beyond: float
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """How far in samples rays of any film point stray from it, as a function of disparities."""
+    """How far in samples rays of any pixel stray from the frame, as a function of disparities.
+
+    Film points lie up to `beyond` pixels outside it.
+    """
     if lens is None:
         return np.zeros_like
 
     def reach(disparity: np.ndarray) -> np.ndarray:
         flat = pad_rows(disparity.reshape(-1), max(1024, padded_length(disparity.size)))
         radius = np.asarray(_reaches(lens, camera, jnp.asarray(flat, dtype=camera.focal_px.dtype)))
-        return radius[: disparity.size].reshape(disparity.shape) * supersampling + supersampling / 2 + _BORDER
+        strays = radius[: disparity.size].reshape(disparity.shape) + beyond
+        return strays * supersampling + supersampling / 2 + _BORDER
 
     return reach
 

@@ -60,6 +60,7 @@ class Layers(eqx.Module):
         camera: the camera they are seen from.
         grid: the sample grid (static).
         complete: whether every surface is here but those known to be hidden (static).
+        pixel_filter: the widest filter whose rays they hold (static); see `peel`.
     """
 
     cells: UInt[Array, "l h w"]
@@ -72,6 +73,7 @@ class Layers(eqx.Module):
     camera: Camera
     grid: Grid = eqx.field(static=True)
     complete: bool = eqx.field(static=True)
+    pixel_filter: str = eqx.field(static=True)
 
     @property
     def count(self) -> int:

@@ -42,16 +42,21 @@ def rasterised_for(
     *,
     supersampling: int,
     near: float | None,
+    pixel_filter: str = "box",
     layers: int = 1,
     like: Layers | None = None,
 ) -> Rasterised:
-    """Everything that rays of `lens` can reach, on a grid of which so many `layers` fit in memory.
+    """Everything that rays of `lens` from film points of `pixel_filter` can reach.
+
+    On a grid of which so many `layers` fit in memory.
 
     Raises:
         ValueError: a grid or layers that do not fit, or layers to be like that are of another frame.
     """
     margin = _margin_like(like, camera, supersampling)
-    triangles, grid = frame(scene, camera, lens, supersampling, near, least_margin=margin)
+    triangles, grid = frame(
+        scene, camera, lens, supersampling, near, least_margin=margin, pixel_filter=pixel_filter
+    )
     check_memory(grid, layers)
     return rasterised(scene, camera, triangles, grid)
 

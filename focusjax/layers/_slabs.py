@@ -51,6 +51,7 @@ def decompose(
     supersampling: int = 2,
     near: float | None = None,
     view_dependent: bool = False,
+    pixel_filter: str = "box",
     like: Layers | None = None,
 ) -> Layers:
     """The nearest surface in each of several slabs of depth, as layers seen from the lens centre (Lee09).
@@ -70,6 +71,7 @@ def decompose(
         supersampling: layer samples per output pixel and axis.
         near: depth in metres from which surfaces count; a tenth of the focal length if not given.
         view_dependent: keep what highlights and mirrored surroundings depend on; see `peel`.
+        pixel_filter: how a pixel weighs the light around its centre; see `peel`.
         like: layers of another moment whose shapes are kept, so that nothing is compiled again; see `peel`.
 
     Returns:
@@ -86,7 +88,9 @@ def decompose(
     require_counts(supersampling=supersampling, count=count)
     if blur_step is not None and not 0 < blur_step < math.inf:
         raise ValueError(f"blur_step is {blur_step} px; expected a positive number such as 4")
-    picture = rasterised_for(scene, camera, lens, supersampling=supersampling, near=near, like=like)
+    picture = rasterised_for(
+        scene, camera, lens, supersampling=supersampling, near=near, pixel_filter=pixel_filter, like=like
+    )
     grid = picture.grid
     disparity = picture.fragments.disparity
     nearest = float(disparity.max(initial=0.0))
@@ -116,6 +120,7 @@ def decompose(
         complete=complete,
         like=like,
         view_dependent=view_dependent,
+        pixel_filter=pixel_filter,
     )
 
 

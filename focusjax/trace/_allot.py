@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from focusjax.geometry import filter_radius
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._gloss import radiance_from_centre
@@ -61,11 +62,16 @@ def allot(variance: Float[np.ndarray, " p"], rays: int) -> Int[np.ndarray, " p"]
 
 
 def contrast(
-    layers: Layers, lens: AbstractLens, least: Float[Array, " p"], largest: Float[Array, " p"]
+    layers: Layers,
+    lens: AbstractLens,
+    least: Float[Array, " p"],
+    largest: Float[Array, " p"],
+    pixel_filter: str = "box",
 ) -> Float[np.ndarray, " p"]:
     """Variance of what the lens centre sees, all channels together, around each pixel.
 
-    Over the box that holds its rays between the disparities `least` and `largest`, each pixel's own.
+    Over the box that holds its rays between the disparities `least` and `largest`, each pixel's own, from all
+    film points of its filter.
     """
     grid, edge = layers.grid, layers.grid.supersampling
     rows, columns = grid.rows // edge, grid.columns // edge
@@ -73,7 +79,7 @@ def contrast(
     table[1:, 1:] = np.asarray(_moments(layers)).reshape(rows, edge, columns, edge, 4).mean(axis=(1, 3))
     np.cumsum(np.cumsum(table, axis=0, out=table), axis=1, out=table)
     table = table.reshape(-1, 4)
-    low, high = (np.asarray(corner) for corner in _boxes(layers, lens, least, largest))
+    low, high = (np.asarray(corner) for corner in _boxes(layers, lens, least, largest, pixel_filter))
     size = np.array([columns, rows])
     first = np.clip(np.floor(low), 0, size - 1).astype(np.intp)
     last = np.clip(np.ceil(high), first + 1, size).astype(np.intp)
@@ -115,16 +121,20 @@ def _moments(layers: Layers) -> Float[Array, "h w 4"]:
 
 @eqx.filter_jit
 def _boxes(
-    layers: Layers, lens: AbstractLens, least: Float[Array, " p"], largest: Float[Array, " p"]
+    layers: Layers,
+    lens: AbstractLens,
+    least: Float[Array, " p"],
+    largest: Float[Array, " p"],
+    pixel_filter: str,
 ) -> tuple[Float[Array, "p 2"], Float[Array, "p 2"]]:
     """Corners, in pixels from that of the grid, of boxes around all places that each pixel's rays pass."""
-    camera, grid = layers.camera, layers.grid
+    camera, grid, wide = layers.camera, layers.grid, filter_radius(pixel_filter)
 
     def one(index: Int[Array, ""], least: Array, largest: Array) -> tuple[Array, Array]:
         film = jnp.stack([index % camera.width, index // camera.width]).astype(least.dtype) + 0.5
         ends = [lens.footprint(camera, film, disparity) for disparity in (least, largest)]
         low, high = (
-            sum_([centre + sign * (radius + 0.5) for centre, radius in ends])
+            sum_([centre + sign * (radius + wide) for centre, radius in ends])
             for sign, sum_ in ((-1.0, lambda a: jnp.minimum(*a)), (1.0, lambda a: jnp.maximum(*a)))
         )
         margin = grid.margin / grid.supersampling

@@ -30,7 +30,9 @@ def render_differentiable(
     derivative_rays: int | None = None,
     seed: int = 0,
 ) -> Float[Array, "h w 3"]:
-    """The picture of `render(..., even=True)`, as a JAX function of the lens and of the layers' radiance.
+    """The picture of `render(..., even=True, pixel_filter="box")`, as a JAX function.
+
+    Of the lens and of the layers' radiance.
 
     Its derivatives are those of the converged picture: what is hidden and what shows may change. They hold
     for every array of the lens (focus, aperture, plane in focus, focal surface, shape of the opening), and
@@ -66,7 +68,7 @@ def render_differentiable(
             " bounds, or peel with the lens whose rays go farthest",
         )
     else:
-        check_reach(layers, lens)
+        check_reach(layers, lens, "box")
     at_once = _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20)
     picture, derivative = Rays(rays, seed, at_once), Rays(derivative_rays, seed, at_once)
     return _differentiable(layers, lens, picture=picture, derivative=derivative)

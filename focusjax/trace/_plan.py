@@ -15,9 +15,8 @@ from jaxtyping import Float
 
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
-from focusjax.trace._allot import FEWEST, allot, contrast, counts_for
-from focusjax.trace._reach import check_reach
-from focusjax.trace._tracer import Tracer
+from focusjax.trace._allot import FEWEST, allot, counts_for
+from focusjax.trace._tracer import Tracer, ready_tracer
 
 QUALITIES = {"draft": 30.0, "good": 38.0, "reference": 46.0}
 """Names for PSNRs in dB."""
@@ -70,7 +69,14 @@ def decibels_of(quality: str | float) -> float:
     return decibels
 
 
-def plan_rays(layers: Layers, lens: AbstractLens, quality: str | float, *, seed: int = 0) -> RayPlan:
+def plan_rays(
+    layers: Layers,
+    lens: AbstractLens,
+    quality: str | float,
+    *,
+    pixel_filter: str | None = None,
+    seed: int = 0,
+) -> RayPlan:
     """The fewest rays per pixel with which `render` can be expected to reach a quality.
 
     Args:
@@ -78,20 +84,20 @@ def plan_rays(layers: Layers, lens: AbstractLens, quality: str | float, *, seed:
         lens: as for `render`.
         quality: PSNR in dB against the picture of very many rays, as a number or text ("40 dB"); or "draft",
             "good" or "reference".
+        pixel_filter: as for `render`.
         seed: chooses the rays of the trial.
 
     Raises:
         ValueError: no such quality; one that takes more than 16384 rays, naming what can be reached; or a
-            lens that `render` would refuse.
+            lens or filter that `render` would refuse.
 
     Example:
         >>> plan = plan_rays(layers, lens, "40 dB")  # doctest: +SKIP
         >>> image = render(layers, lens, rays=plan.rays)  # doctest: +SKIP
     """
     wanted = decibels_of(quality)
-    check_reach(layers, lens)
-    tracer = Tracer(layers, lens)
-    variance = contrast(layers, lens, tracer.least, tracer.largest)
+    tracer = ready_tracer(layers, lens, pixel_filter)
+    variance = tracer.contrast()
     tried: dict[int, tuple[float, float]] = {}
     count = _FIRST_TRIAL
     while count not in tried and len(tried) < _TRIALS:
@@ -133,16 +139,22 @@ def _next_trial(tried: dict[int, float], wanted: float) -> int:
 
 
 def quality_of(
-    layers: Layers, lens: AbstractLens, picture: Float[np.ndarray, "h w 3"], *, rays: int, seed: int = 0
+    layers: Layers,
+    lens: AbstractLens,
+    picture: Float[np.ndarray, "h w 3"],
+    *,
+    rays: int,
+    pixel_filter: str | None = None,
+    seed: int = 0,
 ) -> float:
-    """PSNR in dB of the rays of a `picture` that `render` made with `rays` and `seed`.
+    """PSNR in dB of the rays of a `picture` that `render` made with `rays`, `pixel_filter` and `seed`.
 
     The peak is 1; what is brighter counts relative to itself. A sample of the pixels is traced again with
     other rays, as many.
     """
-    tracer = Tracer(layers, lens)
+    tracer = ready_tracer(layers, lens, pixel_filter)
     # Neither the pixels nor the rays of a plan's trials, so that this is another word on it.
-    counts = _some(allot(contrast(layers, lens, tracer.least, tracer.largest), rays), seed + 2)
+    counts = _some(allot(tracer.contrast(), rays), seed + 2)
     again = tracer.means(counts, counts_for(rays), seed + 2)
     traced = counts > 0
     return _decibels(np.asarray(picture).reshape(-1, 3)[traced], again[traced])

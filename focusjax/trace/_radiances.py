@@ -35,14 +35,14 @@ def traced_scene(layers: Layers) -> TracedScene:
 
 @eqx.filter_jit
 def disparity_ranges(
-    layers: Layers, lens: AbstractLens
+    layers: Layers, lens: AbstractLens, pixel_filter: str = "box"
 ) -> tuple[Float[Array, " p"], Float[Array, " p"], Int[Array, " p"]]:
     """Least and largest disparity that rays of each pixel can meet, and layer count, row-major."""
     camera = layers.camera
 
     def one(index: Int[Array, ""]) -> tuple[Array, Array, Array]:
         film = jnp.stack([index % camera.width, index // camera.width]) + 0.5
-        return disparity_range(layers, lens, film)
+        return disparity_range(layers, lens, film, pixel_filter)
 
     return jax.vmap(one)(jnp.arange(camera.width * camera.height))
 

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from focusjax.geometry import filter_radius
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 
@@ -13,7 +14,7 @@ _ROUNDS = 4
 
 
 def disparity_range(
-    layers: Layers, lens: AbstractLens, film_point: Float[Array, "2"]
+    layers: Layers, lens: AbstractLens, film_point: Float[Array, "2"], pixel_filter: str
 ) -> tuple[Float[Array, ""], Float[Array, ""], Int[Array, ""]]:
     """Least and largest disparity that rays of the pixel around `film_point` can meet, and layer count.
 
@@ -22,8 +23,11 @@ def disparity_range(
     nothing to meet.
     """
     grid = layers.grid
-    # Rays start anywhere in the pixel, and are rounded to their nearest sample.
-    offsets = jnp.array([(-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)], dtype=film_point.dtype)
+    # Rays start anywhere in the pixel or as far beyond as the filter reaches, for which the corners of all
+    # pixels there answer. They are rounded to their nearest sample.
+    wide = filter_radius(pixel_filter)
+    ends = sorted({-wide, -0.5, 0.5, wide})
+    offsets = jnp.array([(x, y) for y in ends for x in ends], dtype=film_point.dtype)
     slack = 1.0
 
     def bound(film: Float[Array, "2"], disparity: Float[Array, ""]) -> tuple[Array, Array]:

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from focusjax.geometry import Camera
+from focusjax.geometry import Camera, filter_radius
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 
@@ -17,8 +17,17 @@ _LOOKS = 9
 """Disparities over the layers' range at which rays are looked at."""
 
 
-def check_reach(layers: Layers, lens: AbstractLens) -> None:
-    """Refuse a lens whose rays may pass surfaces that were left out as out of reach when peeling."""
+def check_reach(layers: Layers, lens: AbstractLens, pixel_filter: str) -> None:
+    """Refuse rays that may pass surfaces that were left out as out of reach when peeling.
+
+    Those of a lens that moves them farther, or from film points of a filter that is wider.
+    """
+    wide, held = filter_radius(pixel_filter), filter_radius(layers.pixel_filter)
+    if wide > held:
+        raise ValueError(
+            f"rays start up to {wide:g} pixels from their pixel's centre with pixel_filter={pixel_filter!r}"
+            f" but the layers were peeled for {held:g}; peel with pixel_filter={pixel_filter!r}"
+        )
     camera = layers.camera
     moves, peeled = float(lens.parallax(camera)), float(layers.lens.parallax(camera))
     if moves > peeled * (1 + _ROUNDING):

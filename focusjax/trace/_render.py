@@ -9,9 +9,8 @@ from jaxtyping import Array, Float
 from focusjax._counts import require_counts
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
-from focusjax.trace._allot import FEWEST, allot, contrast, counts_for
-from focusjax.trace._reach import check_reach
-from focusjax.trace._tracer import Tracer
+from focusjax.trace._allot import FEWEST, allot, counts_for
+from focusjax.trace._tracer import ready_tracer
 
 
 def render(
@@ -20,6 +19,7 @@ def render(
     *,
     rays: int = 64,
     even: bool = False,
+    pixel_filter: str | None = None,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> Float[Array, "h w 3"]:
@@ -32,18 +32,20 @@ def render(
             where what they may meet differs, up to eight times as many, and four where it is all alike; see
             `_allot`. Fewer than four are the same for all.
         even: give just `rays` to every pixel, be it plain or not.
+        pixel_filter: "box", "tent" or "gaussian", how the light around a pixel's centre counts: its rays are
+            spread with that density. The one that the layers were peeled for if not given.
         seed: chooses the rays; the same seed gives the same picture.
         progress: called with the share done, 0 to 1, now and then.
 
     Raises:
-        ValueError: no rays, or a lens whose rays leave what the layers were peeled for.
+        ValueError: no rays, no such filter, or a lens or filter whose rays leave what the layers were peeled
+            for.
     """
     require_counts(rays=rays)
-    check_reach(layers, lens)
-    tracer, camera = Tracer(layers, lens), layers.camera
+    tracer, camera = ready_tracer(layers, lens, pixel_filter), layers.camera
     if even or rays < FEWEST:
         levels, counts = [rays], np.full(camera.width * camera.height, rays)
     else:
-        levels, counts = counts_for(rays), allot(contrast(layers, lens, tracer.least, tracer.largest), rays)
+        levels, counts = counts_for(rays), allot(tracer.contrast(), rays)
     means = tracer.means(counts, levels, seed, progress)
     return jnp.asarray(means.reshape(camera.height, camera.width, 3))

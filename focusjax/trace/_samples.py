@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, UInt
 from scipy.stats import qmc
 
+from focusjax.geometry import film_offsets
 from focusjax.lens import AbstractLens
 
 _MOST_SAMPLES = 1 << 20
@@ -30,8 +31,8 @@ class RaySamples(eqx.Module):
     """Ray starts for the pixels of a tile that repeats over the picture, for different numbers of rays.
 
     Attributes:
-        offset: position in the pixel [t, s, 2], 0 to 1 in x and y; the rays of the fewest a pixel may have,
-            then those of the next number, and so on.
+        offset: position in the pixel [t, s, 2], 0 to 1 in x and y, or beyond as far as its filter reaches;
+            the rays of the fewest a pixel may have, then those of the next number, and so on.
         pupil: point of the opening [t, s, 2] in units of the aperture radius.
         chance: 32 bits [t, s] that decide where a ray stops among surfaces that are there in part only;
             None where nothing is. Those of one pixel are evenly spaced, in an order that spreads them
@@ -59,21 +60,28 @@ class RaySamples(eqx.Module):
 
 
 def ray_samples(
-    lens: AbstractLens, counts: Sequence[int], seed: int, *, with_chances: bool = False
+    lens: AbstractLens,
+    counts: Sequence[int],
+    seed: int,
+    *,
+    with_chances: bool = False,
+    pixel_filter: str = "box",
 ) -> RaySamples:
     """Samples through `lens` for pixels with each of the increasing `counts` of rays, fixed by `seed`.
 
-    `with_chances` says whether there is anything that lets rays through.
+    Their places in the pixel have the density of `pixel_filter`. `with_chances` says whether there is
+    anything that lets rays through.
     """
     edge = tile_edge(counts[-1])
     points = np.concatenate([_starts(edge, count, seed) for count in counts], axis=1)
     chance = None
     if with_chances:
         chance = jnp.asarray(np.concatenate([chances(edge, count, seed) for count in counts], axis=1))
-    starts = jnp.asarray(points, dtype=jnp.zeros(()).dtype)
+    real = jnp.zeros(()).dtype
+    offset, square = points[..., :2], jnp.asarray(points[..., 2:], dtype=real)
     return RaySamples(
-        offset=starts[..., :2],
-        pupil=eqx.filter_jit(_pupil_points)(lens, starts[..., 2:]),
+        offset=jnp.asarray(film_offsets(pixel_filter, offset), dtype=real),
+        pupil=eqx.filter_jit(_pupil_points)(lens, square),
         chance=chance,
         edge=edge,
     )

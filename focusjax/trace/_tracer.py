@@ -12,9 +12,10 @@ from jaxtyping import Array, Float, Int
 from focusjax._parallel import CORES
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
-from focusjax.trace._allot import FEWEST
+from focusjax.trace._allot import FEWEST, contrast
 from focusjax.trace._blocks import Block, make_blocks
 from focusjax.trace._radiances import TracedScene, disparity_ranges, radiances, traced_scene
+from focusjax.trace._reach import check_reach
 from focusjax.trace._samples import RaySamples, ray_samples
 
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 23}
@@ -28,13 +29,18 @@ class Tracer:
         lens: where they come from.
         least: least disparity [p] that the rays of each pixel can meet, row-major.
         largest: largest disparity [p].
+        pixel_filter: what the film points of a pixel's rays are spread by.
     """
 
-    def __init__(self, layers: Layers, lens: AbstractLens) -> None:
-        self.layers, self.lens = layers, lens
-        self.least, self.largest, depth = disparity_ranges(layers, lens)
+    def __init__(self, layers: Layers, lens: AbstractLens, pixel_filter: str = "box") -> None:
+        self.layers, self.lens, self.pixel_filter = layers, lens, pixel_filter
+        self.least, self.largest, depth = disparity_ranges(layers, lens, pixel_filter)
         self._depth = np.asarray(depth)
         self._scene = traced_scene(layers)
+
+    def contrast(self) -> Float[np.ndarray, " p"]:
+        """Variance [p] of what the rays of each pixel may meet; see `_allot`."""
+        return contrast(self.layers, self.lens, self.least, self.largest, self.pixel_filter)
 
     def means(
         self,
@@ -48,8 +54,8 @@ class Tracer:
         Levels increase from one to the next by a factor of two. `progress` is told the share done.
         """
         camera, fewest = self.layers.camera, levels[0]
-        seen_through = self.layers.samples.opacity is not None
-        samples = ray_samples(self.lens, levels, seed, with_chances=seen_through)
+        opacity, wanted = self.layers.samples.opacity, self.pixel_filter
+        samples = ray_samples(self.lens, levels, seed, with_chances=opacity is not None, pixel_filter=wanted)
         together = max(k for k in range(1, FEWEST + 1) if fewest % k == 0)
         at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together)
         blocks = make_blocks(counts // together, self._depth, self.layers.count, camera.width, at_once)
@@ -71,6 +77,17 @@ class Tracer:
                 if progress is not None:
                     progress(done / len(blocks))
         return sums * (together / np.maximum(counts, 1))[:, None].astype(sums.dtype)
+
+
+def ready_tracer(layers: Layers, lens: AbstractLens, pixel_filter: str | None) -> Tracer:
+    """The tracer of a lens and a filter (that of the layers if None), if the layers hold all of its rays.
+
+    Raises:
+        ValueError: they do not, or there is no such filter.
+    """
+    chosen = layers.pixel_filter if pixel_filter is None else pixel_filter
+    check_reach(layers, lens, chosen)
+    return Tracer(layers, lens, chosen)
 
 
 @eqx.filter_jit

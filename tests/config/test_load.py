@@ -122,6 +122,10 @@ def test_overrides_reach_tables_lists_and_new_tables(path):
         ("scene.unlit=1", "scene.unlit is 1; expected true or false"),
         ("render.quality=best", "render quality is 'best'; expected 10 to 80 dB, such as '40 dB', or"),
         ("render.rays=0", "render.rays is 0; expected a number of at least 1; give lens rays"),
+        (
+            "render.pixel_filter=cubic",
+            "render.pixel_filter is \"cubic\"; expected 'box', 'tent' or 'gaussian'",
+        ),
         ("render.view_dependent=1", "render.view_dependent is 1; expected true or false; give true to let"),
         ("render.png_bits=12", "render.png_bits is 12; expected 8 or 16; give 8 or"),
         ("title=3", "title is 3; expected text in quotes; give a title for the report"),

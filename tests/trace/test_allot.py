@@ -11,7 +11,7 @@ from small_scenes import front_camera, patch, wide_lens
 from focusjax.layers import peel
 from focusjax.scene import constant_background, make_scene
 from focusjax.trace import render
-from focusjax.trace._allot import FEWEST, allot, contrast, counts_for
+from focusjax.trace._allot import FEWEST, allot, counts_for
 from focusjax.trace._blocks import make_blocks
 from focusjax.trace._tracer import Tracer
 
@@ -35,8 +35,7 @@ def test_a_picture_without_contrast_takes_the_fewest_that_make_the_mean():
 
 def contrasts(layers):
     tracer = Tracer(layers, layers.lens)
-    variance = contrast(layers, layers.lens, tracer.least, tracer.largest)
-    return variance.reshape(layers.camera.height, layers.camera.width)
+    return tracer.contrast().reshape(layers.camera.height, layers.camera.width)
 
 
 def test_contrast_is_the_variance_over_what_a_pixel_can_meet():

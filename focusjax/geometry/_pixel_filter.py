@@ -1,0 +1,65 @@
+"""Pixel filters: how much light counts for a pixel by where on the film it falls.
+
+A filter is a density over the film around a pixel's centre, the same across and down. Film points are drawn
+from it (importance sampling, Ernst, Stamminger and Greiner 2006), each ray counts as much as every other, and
+a picture of one brightness keeps it exactly. With x in pixels from the centre:
+
+    box        1                                        |x| < 1/2
+    tent       1 - |x|                                  |x| < 1
+    gaussian   exp(-2 x^2), sigma 1/2, over its sum     |x| < 3/2
+
+The tent is what a box over a box makes. The box is sharpest, but edges of a slope near 0 or 1 show steps in
+it; the wider two smooth them, and blur what is in focus: the deviation along each axis is 0.29 px for the
+box, 0.41 for the tent and 0.49 for the Gaussian.
+"""
+
+import numpy as np
+import scipy.special
+from jaxtyping import Float
+
+_RADII = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}
+_SIGMA = 0.5
+
+
+def filter_radius(pixel_filter: str) -> float:
+    """How far in pixels, along x or y, a filter reaches from the pixel's centre.
+
+    Args:
+        pixel_filter: "box", "tent" or "gaussian".
+
+    Raises:
+        ValueError: no such filter.
+
+    Example:
+        >>> filter_radius("tent")
+        1.0
+    """
+    if pixel_filter not in _RADII:
+        raise ValueError(f"pixel_filter is {pixel_filter!r}; expected one of {', '.join(_RADII)}")
+    return _RADII[pixel_filter]
+
+
+def film_offsets(pixel_filter: str, sample: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Places in pixels from the pixel's left (or top) border for uniform samples of 0 to 1.
+
+    They have the filter's density, and rise with the samples, so that what is spread evenly stays so.
+
+    Args:
+        pixel_filter: "box", "tent" or "gaussian".
+        sample: 0 to 1, of any shape.
+
+    Raises:
+        ValueError: no such filter.
+
+    Example:
+        >>> film_offsets("tent", np.array([0.0, 0.125, 0.5, 1.0]))
+        array([-0.5,  0. ,  0.5,  1.5])
+    """
+    radius = filter_radius(pixel_filter)
+    if pixel_filter == "box":
+        return sample
+    if pixel_filter == "tent":
+        near = np.sqrt(np.minimum(2.0 * sample, 2.0 - 2.0 * sample)) - 1.0
+        return 0.5 + np.where(sample < 0.5, near, -near)
+    tail = scipy.special.ndtr(-radius / _SIGMA)
+    return 0.5 + _SIGMA * scipy.special.ndtri(tail + (1.0 - 2.0 * tail) * sample)

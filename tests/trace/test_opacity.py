@@ -115,7 +115,7 @@ def test_a_leaf_card_shows_the_sky_through_its_holes():
 @pytest.mark.parametrize("rays", [1, 16, 24, 64])
 def test_chances_lie_evenly_for_every_surface_in_turn(rays: int):
     camera = front_camera()
-    samples = ray_samples(wide_lens(camera), [rays], 0, chances=True)
+    samples = ray_samples(wide_lens(camera), [rays], 0, with_chances=True)
     chance = np.asarray(samples.chance).astype(np.uint64)
     for meeting in range(3):
         spaced = np.sort(chance / 2.0**32, axis=1)
@@ -127,7 +127,7 @@ def test_chances_lie_evenly_for_every_surface_in_turn(rays: int):
 
 
 def test_chances_of_one_pixel_and_two_surfaces_are_independent():
-    samples = ray_samples(wide_lens(front_camera()), [64], 0, chances=True)
+    samples = ray_samples(wide_lens(front_camera()), [64], 0, with_chances=True)
     first = np.asarray(samples.chance).astype(np.uint64)
     second = (first * np.uint64(_NEXT) + np.uint64(1)) & np.uint64(0xFFFFFFFF)
     share = ((first < 2**32 * 0.3) & (second < 2**32 * 0.7)).mean(axis=1)

@@ -30,9 +30,7 @@ def render_differentiable(
     derivative_rays: int | None = None,
     seed: int = 0,
 ) -> Float[Array, "h w 3"]:
-    """The picture of `render(..., even=True, pixel_filter="box")`, as a JAX function.
-
-    Of the lens and of the layers' radiance.
+    """The picture of `render(..., even=True, pixel_filter="box")`, for JAX to differentiate.
 
     Its derivatives are those of the converged picture: what is hidden and what shows may change. They hold
     for every array of the lens (focus, aperture, plane in focus, focal surface, shape of the opening), and

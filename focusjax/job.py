@@ -112,7 +112,12 @@ class Outcome:
 
 
 def run(
-    config: Config, *, solving: bool = True, rendering: bool = True, progress: Progress | None = None
+    config: Config,
+    *,
+    solving: bool = True,
+    rendering: bool = True,
+    scene: Scene | None = None,
+    progress: Progress | None = None,
 ) -> Outcome:
     """Do what `config` asks for.
 
@@ -120,6 +125,7 @@ def run(
         config: a checked config.
         solving: find the lens settings; otherwise the lens is taken as the config has it.
         rendering: make the picture.
+        scene: what `build_scene(config)` returns, where it is at hand already.
         progress: told how far the run is.
 
     Raises:
@@ -130,7 +136,7 @@ def run(
     camera = build_camera(config)
     lens = build_lens(config, camera, solved=solving)
     with watch.stage("load"):
-        scene = build_scene(config)
+        scene = build_scene(config) if scene is None else scene
         wishes = build_focus_points(config, scene) if solving or config.focus else ()
     with watch.stage("locate"):
         disparity = np.asarray(disparity_map(scene, camera))

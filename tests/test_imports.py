@@ -38,7 +38,8 @@ ALLOWED = {
         "config",
         "job",
     },
-    "cli": {"focus", "io", "config", "job", "report", "bench"},
+    "batch": {"io", "config", "job", "report", "_parallel"},
+    "cli": {"focus", "io", "config", "job", "report", "bench", "batch"},
 }
 # The public face re-exports from everywhere below the command line.
 ALLOWED["__init__"] = set(ALLOWED) - {
@@ -50,6 +51,7 @@ ALLOWED["__init__"] = set(ALLOWED) - {
     "_stopwatch",
     "baselines",
     "bench",
+    "batch",
 }
 
 

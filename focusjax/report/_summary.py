@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from focusjax.focus import Result, Solution, SurfaceSolution, diagnose
+from focusjax.io import plain
 from focusjax.job import Outcome
 from focusjax.lens import FocalSurfaceLens, as_tilt_shift
 from focusjax.report._depth_of_field import depth_of_field
@@ -21,7 +22,7 @@ def summary(outcome: Outcome) -> dict[str, Any]:
 
     Infinite values are the text "inf", since JSON has no word for them.
     """
-    return _plain(
+    return plain(
         {
             "config_file": str(outcome.config.source),
             "config": outcome.config.model_dump(mode="python"),
@@ -201,13 +202,3 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
         },
         "largest_blur_px": float(np.abs(outcome.blur).max()),
     }
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    return value

@@ -1,0 +1,86 @@
+"""What an item's result depends on, so that a result from before can be told from one that is out of date."""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from focusjax.config import Config
+from focusjax.io import plain
+
+_SHOWN = 3
+
+
+class Fingerprints:
+    """Makes fingerprints; each file is read once.
+
+    A fingerprint is the config with everything changed that is to be changed, a hash of every file that it
+    names, and whether pictures are made, as values that JSON holds. What a mesh file refers to in its turn
+    is not looked at.
+    """
+
+    def __init__(self) -> None:
+        self._hashes: dict[Path, str] = {}
+
+    def of(self, config: Config, *, solve_only: bool) -> dict[str, Any]:
+        """The fingerprint of one item."""
+        # Through JSON, so that it compares equal to one that was saved.
+        values = json.loads(json.dumps(plain(config.model_dump(mode="python"))))
+        folder = config.source.parent
+        files = {text: self._hash(folder / text) for text in sorted(set(_texts(values)))}
+        return {
+            "solve_only": solve_only,
+            "config": values,
+            "files": {text: digest for text, digest in files.items() if digest},
+        }
+
+    def _hash(self, path: Path) -> str:
+        """Of the file's bytes; "" where there is no such file."""
+        if path not in self._hashes:
+            try:
+                with path.open("rb") as stream:
+                    self._hashes[path] = hashlib.file_digest(stream, "sha256").hexdigest()
+            except (OSError, ValueError):
+                # Most texts in a config name no file.
+                self._hashes[path] = ""
+        return self._hashes[path]
+
+
+def changed_since(old: dict[str, Any], new: dict[str, Any]) -> str:
+    """What differs between two fingerprints, in words; "" where nothing does."""
+    if old == new:
+        return ""
+    keys = _differing(old.get("config"), new["config"])
+    keys += [f"the file {text}" for text in _differing(old.get("files"), new["files"])]
+    if keys:
+        more = len(keys) - _SHOWN
+        listed = ", ".join(keys[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
+        return f"{listed} {'has' if len(keys) == 1 else 'have'} changed"
+    return "it had a picture made" if new["solve_only"] else "it was solved without a picture"
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Every text within `value`."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict):
+        for item in value.values():
+            yield from _texts(item)
+    elif isinstance(value, list):
+        for item in value:
+            yield from _texts(item)
+
+
+def _differing(old: Any, new: Any, above: str = "") -> list[str]:
+    """Dotted keys at which two values differ."""
+    if old == new:
+        return []
+    pairs: list[tuple[str, Any, Any]]
+    if isinstance(old, dict) and isinstance(new, dict):
+        pairs = [(key, old.get(key), new.get(key)) for key in dict.fromkeys([*new, *old])]
+    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        pairs = [(str(number), *both) for number, both in enumerate(zip(old, new, strict=True))]
+    else:
+        return [above] if above else []
+    return [key for step, a, b in pairs for key in _differing(a, b, f"{above}.{step}" if above else step)]

@@ -106,21 +106,23 @@ def _run(
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
-        console=errors,
+        console=console,
         transient=True,
-        disable=not errors.is_terminal,
+        disable=not console.is_terminal,
     )
+    # On a terminal, lines from elsewhere would break the bar.
+    aside = console if console.is_terminal and errors.is_terminal else errors
     with bar:
         task = bar.add_task("Solving" if solve_only else "Solving and rendering", total=len(items))
 
         def tell(result: ItemResult) -> None:
             bar.advance(task)
             for warning in result.facts.get("warnings") or ():
-                _say(errors, f"Warning: {result.item.name}: {warning}")
+                _say(aside, f"Warning: {result.item.name}: {warning}")
             _say(console, _line(result))
 
         def note(text: str) -> None:
-            _say(errors, f"Note: {text}")
+            _say(aside, f"Note: {text}")
 
         return run_batch(
             items,

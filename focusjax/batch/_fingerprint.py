@@ -39,12 +39,16 @@ class Fingerprints:
         """Of the file's bytes; "" where there is no such file."""
         if path not in self._hashes:
             try:
-                with path.open("rb") as stream:
-                    self._hashes[path] = hashlib.file_digest(stream, "sha256").hexdigest()
-            except (OSError, ValueError):
                 # Most texts in a config name no file.
+                self._hashes[path] = _digest(path) if path.is_file() else ""
+            except OSError:
                 self._hashes[path] = ""
         return self._hashes[path]
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def changed_since(old: dict[str, Any], new: dict[str, Any]) -> str:

@@ -2,7 +2,7 @@
 
 import shutil
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
@@ -37,42 +37,49 @@ def batch_folder(folder: Path, names: Sequence[str], existing: Existing) -> Iter
         BatchError: the folder cannot be written to, is refused, is used by another batch, or has a folder
             of an item's name that is from no batch.
     """
-    try:
-        # A folder that is refused is not left behind.
-        found = (
-            sorted(path.name for path in folder.iterdir() if path.name != _LOCK) if folder.exists() else []
-        )
-        if existing == "refuse" and found:
-            raise BatchError(
-                f"folder {folder} already holds {found[0]!r}; use --resume to do what is missing there,"
-                " --overwrite to start anew, or choose another with --out"
-            )
-        folder.mkdir(parents=True, exist_ok=True)
-        with _sole_use(folder):
+    with ExitStack() as held:
+        try:
+            # A folder that is refused is not left behind.
+            found = _files_in(folder) if folder.exists() else []
+            if existing == "refuse" and found:
+                raise BatchError(
+                    f"folder {folder} already holds {found[0]!r}; use --resume to do what is missing there,"
+                    " --overwrite to start anew, or choose another with --out"
+                )
+            folder.mkdir(parents=True, exist_ok=True)
+            held.enter_context(_sole_use(folder))
             for name in names:
                 if (folder / name).exists() and not (folder / name / ITEM_FILE).exists():
                     raise BatchError(f"{folder / name} is from no batch; move it, or choose another --out")
             _remove_unfinished(folder)
-            for path in list(folder.iterdir()):
-                if existing == "overwrite" and (path / ITEM_FILE).exists():
-                    shutil.rmtree(path)
-                elif existing == "overwrite" and path.name in SUMMARY_FILES:
-                    path.unlink()
-            try:
-                yield
-            finally:
-                # A process that was ended leaves what it was at.
-                _remove_unfinished(folder)
-    except OSError as error:
-        raise BatchError(
-            f"folder {folder} cannot be used ({error.strerror}); choose another with --out"
-        ) from error
+            if existing == "overwrite":
+                _remove_results(folder)
+        except OSError as error:
+            raise BatchError(
+                f"folder {folder} cannot be used ({error.strerror}); choose another with --out"
+            ) from error
+        # A process that was ended leaves what it was at.
+        held.callback(_remove_unfinished, folder)
+        yield
 
 
 def done_before(folder: Path) -> dict[str, Any] | None:
     """What a finished item says of itself in its `folder`; None where there is none."""
     facts = load_json(folder / ITEM_FILE)
     return facts if isinstance(facts, dict) and (folder / "report.json").exists() else None
+
+
+def _files_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir() if path.name != _LOCK)
+
+
+def _remove_results(folder: Path) -> None:
+    """What batches left in the folder; nothing else in it is touched."""
+    for path in list(folder.iterdir()):
+        if (path / ITEM_FILE).exists():
+            shutil.rmtree(path)
+        elif path.name in SUMMARY_FILES:
+            path.unlink()
 
 
 def _remove_unfinished(folder: Path) -> None:
@@ -92,5 +99,7 @@ def _sole_use(folder: Path) -> Iterator[None]:
                 raise BatchError(
                     f"another batch is writing to {folder}; wait for it, or choose another with --out"
                 ) from None
-        yield
-        path.unlink(missing_ok=True)
+        try:
+            yield
+        finally:
+            path.unlink(missing_ok=True)

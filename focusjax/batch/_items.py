@@ -1,6 +1,7 @@
 """The items of a batch: what each is called, and what it changes about its config."""
 
 import itertools
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,7 +108,14 @@ def _plan(
 
 
 def _part(change: Change) -> str:
-    return f"{change[0]}={shown(change[1])}"
+    """A change as part of a name, where commas stand between changes."""
+    key, value = change
+    return f"{key}={shown(value)}" if isinstance(value, str) else f"{key}={_plain(toml_text(value))}"
+
+
+def _plain(text: str) -> str:
+    """`[0, 2]` as `0_2`."""
+    return "_".join(re.findall(r"[^][{}\", ]+", text))
 
 
 def _identity(plan: _Plan) -> str:

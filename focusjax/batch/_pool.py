@@ -70,6 +70,8 @@ def work_apart(
     finally:
         for process in processes:
             process.stop()
+        for process in processes:
+            process.farewell()
 
 
 def _take(waiting: list[Task], own: str | None, others: Sequence[str | None]) -> Task:
@@ -131,10 +133,8 @@ class _Process:
         return f"its process ended with status {code}"
 
     def stop(self) -> None:
-        """End it; what it is at leaves nothing behind."""
+        """End it, whatever it is at."""
         self._process.terminate()
-        self._process.join(_PATIENCE)
-        self.connection.close()
 
 
 def _serve(connection: Connection, folder: Path, settings: dict[str, Any], solve_only: bool) -> None:

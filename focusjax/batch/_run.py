@@ -1,7 +1,8 @@
 """A batch from its items to its summary."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -61,8 +62,10 @@ def run_batch(
         batch = _Batch(items, folder, solve_only, on_result or _silent)
         tasks = batch.sort_out(on_note or _silent)
         try:
-            for task, message in _do(tasks, folder, jobs, solve_only):
-                batch.note(task.item, message)
+            # Closed, so that no process is left at work when something goes wrong here.
+            with closing(_do(tasks, folder, jobs, solve_only)) as ended:
+                for task, message in ended:
+                    batch.note(task.item, message)
         finally:
             batch.save()
     return batch.so_far()
@@ -121,7 +124,7 @@ class _Batch:
         self._on_result(result)
 
 
-def _do(tasks: Sequence[Task], folder: Path, jobs: int, solve_only: bool) -> Iterator[tuple[Task, str]]:
+def _do(tasks: Sequence[Task], folder: Path, jobs: int, solve_only: bool) -> Generator[tuple[Task, str]]:
     """Each task with what went wrong, or ""."""
     if jobs > 1:
         yield from work_apart(tasks, folder, jobs=jobs, solve_only=solve_only)

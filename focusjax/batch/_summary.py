@@ -64,8 +64,8 @@ def _line(result: ItemResult, keys: list[str]) -> dict[str, Any]:
         "focus_distance_m": lens.get("focus_distance_m"),
         "f_number": lens.get("f_number"),
         "focal_length_mm": lens.get("focal_length_mm"),
-        "tilt_deg": moved.get("tilt_deg"),
-        "swing_deg": moved.get("swing_deg"),
+        # Plus zero: an angle of -0.0 is 0.0.
+        **{key: moved[key] + 0.0 if moved else None for key in ("tilt_deg", "swing_deg")},
         "solver": solver.get("status"),
         "cost_px2": solver.get("cost_px2"),
         "active_bounds": " ".join(solver.get("active_bounds", ())),

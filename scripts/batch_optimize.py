@@ -12,7 +12,8 @@ second call with the same folder goes on where the first was stopped.
 import argparse
 import sys
 
-from focusjax.batch import ItemResult, make_items, parse_grid, run_batch
+from focusjax.batch import BatchError, ItemResult, make_items, parse_grid, run_batch
+from focusjax.config import ConfigError
 
 
 def tell(result: ItemResult) -> None:
@@ -50,7 +51,7 @@ def main() -> int:
             on_result=tell,
             on_note=print,
         )
-    except ValueError as error:
+    except (BatchError, ConfigError) as error:
         parser.error(str(error))
 
     print("\nBest first:")

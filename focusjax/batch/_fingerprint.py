@@ -61,7 +61,9 @@ def changed_since(old: dict[str, Any], new: dict[str, Any]) -> str:
         more = len(keys) - _SHOWN
         listed = ", ".join(keys[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
         return f"{listed} {'has' if len(keys) == 1 else 'have'} changed"
-    return "it had a picture made" if new["solve_only"] else "it was solved without a picture"
+    if old.get("solve_only") == (not new["solve_only"]):
+        return "it had a picture made" if new["solve_only"] else "it was solved without a picture"
+    return "nothing is known of how it was done"
 
 
 def _texts(value: Any) -> Iterator[str]:

@@ -1,5 +1,6 @@
 """Items done by several processes, of which any may end without taking more than its item with it."""
 
+import contextlib
 import logging
 import multiprocessing
 import os
@@ -138,7 +139,7 @@ class _Process:
 
 
 def _serve(connection: Connection, folder: Path, settings: dict[str, Any], solve_only: bool) -> None:
-    """What a process does: tasks, until there are no more."""
+    """What a process does: tasks, until it is ended."""
     # An interrupt is for the process that asked, which then ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -148,9 +149,11 @@ def _serve(connection: Connection, folder: Path, settings: dict[str, Any], solve
     for name, value in settings.items():
         jax.config.update(name, value)
     worker = Worker(folder, solve_only=solve_only)
-    connection.send(_READY)
-    while True:
-        connection.send(worker.attempt(connection.recv()))
+    # An error of the connection means that nobody asks any more.
+    with contextlib.suppress(EOFError, OSError):
+        connection.send(_READY)
+        while True:
+            connection.send(worker.attempt(connection.recv()))
 
 
 def _end_with_parent() -> None:

@@ -17,7 +17,7 @@ from focusjax.batch._work import Task
 ROOT = Path(__file__).parents[2]
 PATIENCE = 200.0
 TABLE = """name,scene.objects.0.file
-good,
+good,good.obj
 crash,crash.obj
 wrong,gone.ply
 stuck,stuck.obj
@@ -67,11 +67,12 @@ def test_a_killed_process_fails_its_item_and_a_killed_batch_goes_on(boxes, tmp_p
     """Meshes whose materials are named pipes hold up whoever loads them until we have killed it."""
     out, table = tmp_path / "out", tmp_path / "table.csv"
     table.write_text(TABLE)
+    box = trimesh.creation.box((0.5, 0.5, 0.5)).export(file_type="obj")
+    for name in ("good", "crash", "stuck"):
+        boxes.with_name(f"{name}.obj").write_text(f"mtllib {name}.mtl\nusemtl plain\n{box}")
     crash, stuck = (boxes.with_name(name) for name in ("crash.mtl", "stuck.mtl"))
     for pipe in (crash, stuck):
         os.mkfifo(pipe)
-        box = trimesh.creation.box((0.5, 0.5, 0.5)).export(file_type="obj")
-        pipe.with_suffix(".obj").write_text(f"mtllib {pipe.name}\n{box}")
     words = [boxes, "--table", table, "--solve-only", "--jobs", 2, "--out", out]
     asking = subprocess.Popen(
         [sys.executable, "-m", "focusjax.cli", "batch", *map(str, words)],
@@ -87,8 +88,10 @@ def test_a_killed_process_fails_its_item_and_a_killed_batch_goes_on(boxes, tmp_p
         os.kill(until(lambda: reader_of(crash)), signal.SIGKILL)
         ends.append(until(lambda: held_open(stuck)))
         until(lambda: list(statuses(out).values()) == ["done", "failed", "failed", "waiting"])
-        message = json.loads((out / "summary.json").read_text())["items"][1]["message"]
-        assert message.startswith("its process was ended by SIGKILL, which often means that memory ran out")
+        good, killed, _, _ = json.loads((out / "summary.json").read_text())["items"]
+        assert killed["message"].startswith(
+            "its process was ended by SIGKILL, which often means that memory ran out"
+        )
         # Now the batch itself, in the middle of `stuck`.
         until(lambda: reader_of(stuck))
         asking.kill()
@@ -97,9 +100,11 @@ def test_a_killed_process_fails_its_item_and_a_killed_batch_goes_on(boxes, tmp_p
         until(lambda: reader_of(stuck) is None)
     finally:
         asking.kill()
-        asking.communicate()
+        complaint = asking.communicate()[1]
         for end in ends:
             os.close(end)
+    assert "good.mtl, which does not exist" in good["warnings"][0]
+    assert complaint == f"Warning: good: {good['warnings'][0]}\n"
     assert list(out.glob(".unfinished-*"))
     assert not (out / "stuck").exists()
 

@@ -40,39 +40,28 @@ def work_apart(
     """
     waiting = list(tasks)
     settings = {name: getattr(jax.config, name) for name in _SETTINGS}
-    processes = [_Process(folder, settings, solve_only=solve_only) for _ in range(min(jobs, len(tasks)))]
+
+    def start() -> _Process:
+        return _Process(folder, settings, solve_only=solve_only)
+
+    processes = [start() for _ in range(min(jobs, len(tasks)))]
     try:
         while waiting or any(process.task for process in processes):
-            ended = wait([process.connection for process in processes])
-            for process in [each for each in processes if each.connection in ended]:
-                said = process.hear()
-                task, process.task = process.task, None
-                if said is None:
-                    # It is gone.
+            heard = wait([process.connection for process in processes])
+            for process in [each for each in processes if each.connection in heard]:
+                task, message = process.hear()
+                if process.gone:
                     processes.remove(process)
-                    why = process.farewell()
-                    if not process.ready:
-                        raise RuntimeError(
-                            f"a process for the items could not start: {why}; a script that calls run_batch"
-                            ' has to do so under `if __name__ == "__main__":`'
-                        )
                     if waiting:
-                        processes.append(_Process(folder, settings, solve_only=solve_only))
-                    if task is not None:
-                        yield task, why
-                    continue
-                process.ready = True
-                if waiting:
-                    process.give(
-                        _take(waiting, process.group, [each.group for each in processes if each.task])
-                    )
+                        processes.append(start())
+                elif waiting:
+                    at_work = [each.group for each in processes if each.task]
+                    process.give(_take(waiting, process.group, at_work))
                 if task is not None:
-                    yield task, said
+                    yield task, message
     finally:
         for process in processes:
             process.stop()
-        for process in processes:
-            process.farewell()
 
 
 def _take(waiting: list[Task], own: str | None, others: Sequence[str | None]) -> Task:
@@ -89,7 +78,7 @@ class _Process:
         connection: readable when it has something to say, or is gone.
         task: what it is at.
         group: of the task it was given last.
-        ready: whether it has said anything yet.
+        gone: whether it has ended.
     """
 
     def __init__(self, folder: Path, settings: dict[str, Any], *, solve_only: bool):
@@ -98,50 +87,76 @@ class _Process:
         self.connection, theirs = context.Pipe()
         self.task: Task | None = None
         self.group: str | None = None
-        self.ready = False
+        self.gone = False
+        self._ready = False
         self._process = context.Process(
             target=_serve, args=(theirs, folder, settings, solve_only), daemon=True
         )
-        self._process.start()
+        with _interrupts_ignored():
+            self._process.start()
         # Only the process itself holds its end now, so that we see when it is gone.
         theirs.close()
 
     def give(self, task: Task) -> None:
         """Set it to work."""
         self.task, self.group = task, task.group
-        try:
+        # If it is gone, hearing of it will tell.
+        with contextlib.suppress(OSError):
             self.connection.send(task)
-        except OSError:
-            # It is gone; hearing of it will tell.
-            return
 
-    def hear(self) -> str | None:
-        """What it says; None when it is gone."""
+    def hear(self) -> tuple[Task | None, str]:
+        """The task it was at, and what it says of it; where it is gone, how it ended.
+
+        Raises:
+            RuntimeError: it is gone and has never been ready to work.
+        """
+        task, self.task = self.task, None
         try:
-            return self.connection.recv()
+            message = self.connection.recv()
         except (EOFError, OSError):
-            return None
-
-    def farewell(self) -> str:
-        """How it ended, in words."""
-        self._process.join(_PATIENCE)
-        code = self._process.exitcode
-        self.connection.close()
-        if code is not None and code < 0:
-            name = signal.Signals(-code).name
-            hint = ", which often means that memory ran out; try fewer --jobs" if name == "SIGKILL" else ""
-            return f"its process was ended by {name}{hint}"
-        return f"its process ended with status {code}"
+            self.gone, message = True, self._end()
+            if not self._ready:
+                raise RuntimeError(
+                    f"a process for the items could not start: {message}; a script that calls run_batch has"
+                    ' to do so under `if __name__ == "__main__":`'
+                ) from None
+        self._ready = True
+        return task, message
 
     def stop(self) -> None:
         """End it, whatever it is at."""
         self._process.terminate()
+        self._process.join(_PATIENCE)
+        self.connection.close()
+
+    def _end(self) -> str:
+        """How it ended, in words."""
+        self._process.join(_PATIENCE)
+        self.connection.close()
+        code = self._process.exitcode
+        if code is None or code >= 0:
+            return f"its process ended with status {code}"
+        name = signal.Signals(-code).name
+        hint = ", which often means that memory ran out; try fewer --jobs" if name == "SIGKILL" else ""
+        return f"its process was ended by {name}{hint}"
+
+
+@contextlib.contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """Processes started within ignore interrupts, which are for the one that asked: it then ends them."""
+    if threading.current_thread() is not threading.main_thread():
+        # Only the main thread may say so, and only there do interrupts arrive.
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _serve(connection: Connection, folder: Path, settings: dict[str, Any], solve_only: bool) -> None:
     """What a process does: tasks, until it is ended."""
-    # An interrupt is for the process that asked, which then ends this one.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     logging.disable(logging.WARNING)
     # On a GPU, the first process would take all memory.

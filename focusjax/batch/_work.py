@@ -47,6 +47,9 @@ class Task:
 class Worker:
     """Does items one after another, and keeps what the next can use: compiled programs and the scene.
 
+    Pictures whose layers are as large share their programs, so that each item's layers have room for those of
+    the items before it. The picture is the same with it.
+
     Args:
         folder: of the batch.
         solve_only: find the settings and make no picture.
@@ -57,6 +60,7 @@ class Worker:
         self._solve_only = solve_only
         self._key: object = None
         self._scene: Any = None
+        self._extent: Any = None
 
     def attempt(self, task: Task) -> str:
         """Do one item; what went wrong as a sentence, or "" when nothing did."""
@@ -73,7 +77,9 @@ class Worker:
         start = time.perf_counter()
         with whole_folder(self._folder / item.name) as stage, _warnings_kept() as told:
             scene = self._scene_of(task)
-            outcome = job.run(item.config, rendering=not self._solve_only, scene=scene)
+            outcome = job.run(item.config, rendering=not self._solve_only, scene=scene, like=self._extent)
+            if outcome.picture is not None:
+                self._extent = outcome.picture.extent
             save_outcome(stage, outcome)
             _save_thumbnail(stage)
             facts = {

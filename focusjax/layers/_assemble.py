@@ -12,6 +12,7 @@ from focusjax.geometry import Camera
 from focusjax.layers._attributes import surface_samples
 from focusjax.layers._cells import WHOLE, in_steps, pack_cells
 from focusjax.layers._clip import ScreenTriangles
+from focusjax.layers._extent import Extent
 from focusjax.layers._gloss import GlossSamples
 from focusjax.layers._grid import Grid
 from focusjax.layers._joins import Joins, Planes, join
@@ -48,7 +49,7 @@ def rasterised(scene: Scene, camera: Camera, triangles: ScreenTriangles, grid: G
     return Rasterised(triangles, grid, stamps, *with_opacity(scene, camera, triangles, grid, stamps, covered))
 
 
-def margin_like(like: Layers | None, camera: Camera, supersampling: int) -> int:
+def margin_like(like: Extent | None, camera: Camera, supersampling: int) -> int:
     """The margin in samples of layers to be like, 0 if there are none.
 
     Raises:
@@ -77,7 +78,7 @@ def assemble(
     *,
     max_layers: int,
     complete: bool,
-    like: Layers | None = None,
+    like: Extent | None = None,
     view_dependent: bool = False,
 ) -> Layers:
     """Layers of the fragments `chosen` for each, in the order of their samples."""
@@ -128,7 +129,7 @@ def assemble(
 
     room = _room(len(number))
     if like is not None:
-        room = max(room, len(like.samples.disparity))
+        room = max(room, like.room)
     source = fringe.source[outline.added]
 
     def stored(held: np.ndarray, added: np.ndarray | None = None) -> Array:

@@ -5,6 +5,7 @@ import numpy as np
 from focusjax._counts import require_counts
 from focusjax.geometry import Camera
 from focusjax.layers._assemble import assemble, margin_like, rasterised
+from focusjax.layers._extent import Extent
 from focusjax.layers._frame import frame
 from focusjax.layers._layers import Layers
 from focusjax.layers._memory import check_memory
@@ -23,7 +24,7 @@ def peel(
     near: float | None = None,
     umbra: bool = True,
     view_dependent: bool = False,
-    like: Layers | None = None,
+    like: Layers | Extent | None = None,
 ) -> Layers:
     """Every surface that a ray of `lens` can reach, as layers seen from the lens centre.
 
@@ -41,9 +42,9 @@ def peel(
             surroundings from its own point of the lens (Lee09 section 5), for 5 bytes more a sample.
             Otherwise they are painted on the surfaces as the lens centre sees them, which is quicker. Nothing
             changes for scenes without either.
-        like: layers of another moment, of as many pixels: the margin is at least theirs, and so are the
-            number of layers up to `max_layers` and the room for samples, so that programs compiled for
-            them serve again.
+        like: layers of another moment, or an `Extent`, of as many pixels: the margin is at least theirs, and
+            so are the number of layers up to `max_layers` and the room for samples, so that programs compiled
+            for them serve again.
 
     Raises:
         ValueError: a count that is not whole or below 1; a surface so close to the lens that the margin its
@@ -55,6 +56,7 @@ def peel(
         >>> frames.append(peel(moved, camera, lens, like=frames[-1]))  # doctest: +SKIP
     """
     require_counts(supersampling=supersampling, max_layers=max_layers)
+    like = like.extent if isinstance(like, Layers) else like
     least_margin = margin_like(like, camera, supersampling)
     parallax = float(lens.parallax(camera)) * supersampling
     triangles, grid = frame(scene, camera, lens, supersampling, near, least_margin=least_margin)

@@ -86,7 +86,7 @@ def decompose(
     require_counts(supersampling=supersampling, count=count)
     if blur_step is not None and not 0 < blur_step < math.inf:
         raise ValueError(f"blur_step is {blur_step} px; expected a positive number such as 4")
-    least_margin = margin_like(like, camera, supersampling)
+    least_margin = margin_like(None if like is None else like.extent, camera, supersampling)
     triangles, grid = frame(scene, camera, lens, supersampling, near, least_margin=least_margin)
     check_memory(grid, 1)
     picture = rasterised(scene, camera, triangles, grid)
@@ -116,7 +116,7 @@ def decompose(
         chosen,
         max_layers=count,
         complete=complete,
-        like=like,
+        like=None if like is None else like.extent,
         view_dependent=view_dependent,
     )
 

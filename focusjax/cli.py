@@ -1,4 +1,4 @@
-"""The command line: `focusjax run`, `solve`, `render` and `bench`."""
+"""The command line: `focusjax run`, `solve`, `render`, `batch` and `bench`."""
 
 import logging
 import os
@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from focusjax import bench, job
+from focusjax import batch, bench, job
 from focusjax.config import ConfigError, load_config
 from focusjax.focus import Solution, SurfaceSolution, WishResult, diagnose
 from focusjax.io import staged_folder
@@ -45,6 +45,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 bench_app = typer.Typer(help="Measure focusjax beside other methods.", no_args_is_help=True)
+app.command("batch")(batch.command)
 app.add_typer(bench_app, name="bench")
 ConfigArgument = Annotated[Path, typer.Argument(help="A TOML file.", metavar="CONFIG")]
 OutOption = Annotated[

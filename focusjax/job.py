@@ -30,7 +30,7 @@ from focusjax.focus import (
     solve_focal_surface,
 )
 from focusjax.geometry import Camera
-from focusjax.layers import Layers, disparity_map, peel
+from focusjax.layers import Extent, Layers, disparity_map, peel
 from focusjax.lens import (
     AbstractLens,
     FocalSurface,
@@ -53,12 +53,13 @@ class Picture:
     Attributes:
         image: radiance [h, w, 3] through the lens.
         pinhole: radiance [h, w, 3] with everything sharp.
-        layer_count: layers that the lens sees.
+        layer_count: layers that the lens sees and that hold anything.
         samples_kept: samples of surface in them.
         layer_bytes: memory of the layers with their N-buffers.
         margin: pixels that the layers reach beyond the frame.
         complete: whether no surface was left out for want of layers.
         rays: rays per pixel on the average.
+        extent: how large layers may be for compiled programs to serve again: the `like` of another run.
         plan: what was expected of them, when a quality was asked for.
         decibels: PSNR of the rays then, told from a sample of the pixels.
     """
@@ -71,6 +72,7 @@ class Picture:
     margin: float
     complete: bool
     rays: int
+    extent: Extent
     plan: RayPlan | None = None
     decibels: float | None = None
 
@@ -112,7 +114,13 @@ class Outcome:
 
 
 def run(
-    config: Config, *, solving: bool = True, rendering: bool = True, progress: Progress | None = None
+    config: Config,
+    *,
+    solving: bool = True,
+    rendering: bool = True,
+    scene: Scene | None = None,
+    like: Extent | None = None,
+    progress: Progress | None = None,
 ) -> Outcome:
     """Do what `config` asks for.
 
@@ -120,6 +128,9 @@ def run(
         config: a checked config.
         solving: find the lens settings; otherwise the lens is taken as the config has it.
         rendering: make the picture.
+        scene: what `build_scene(config)` returns, where it is at hand already.
+        like: `Picture.extent` of another run, whose compiled programs serve again where the pictures are of
+            one size; the picture is the same.
         progress: told how far the run is.
 
     Raises:
@@ -130,7 +141,7 @@ def run(
     camera = build_camera(config)
     lens = build_lens(config, camera, solved=solving)
     with watch.stage("load"):
-        scene = build_scene(config)
+        scene = build_scene(config) if scene is None else scene
         wishes = build_focus_points(config, scene) if solving or config.focus else ()
     with watch.stage("locate"):
         disparity = np.asarray(disparity_map(scene, camera))
@@ -162,7 +173,7 @@ def run(
             camera = solution.camera
             with watch.stage("locate_again"):
                 disparity = np.asarray(disparity_map(scene, camera))
-    picture = _render(config, scene, camera, lens, watch, tell) if rendering else None
+    picture = _render(config, scene, camera, lens, like, watch, tell) if rendering else None
     return Outcome(
         config=config,
         camera=camera,
@@ -251,9 +262,16 @@ def _solve_surface(
 
 
 def _render(
-    config: Config, scene: Scene, camera: Camera, lens: AbstractLens, watch: Stopwatch, tell: Progress
+    config: Config,
+    scene: Scene,
+    camera: Camera,
+    lens: AbstractLens,
+    like: Extent | None,
+    watch: Stopwatch,
+    tell: Progress,
 ) -> Picture:
     table = config.render
+    like = like if like is not None and like.serves(camera, table.supersampling) else None
     with watch.stage("peel"):
         layers: Layers = peel(
             scene,
@@ -263,6 +281,7 @@ def _render(
             max_layers=table.max_layers,
             view_dependent=table.view_dependent,
             pixel_filter=table.pixel_filter,
+            like=like,
         )
         jax.block_until_ready(eqx.filter(layers, eqx.is_array))
     rays, plan, decibels = table.rays, None, None
@@ -282,12 +301,13 @@ def _render(
     return Picture(
         image=image,
         pinhole=pinhole,
-        layer_count=layers.count,
+        layer_count=max(1, int((layers.cells > 0).any(axis=(1, 2)).sum())),
         samples_kept=layers.samples_kept,
         layer_bytes=layers.nbytes,
         margin=layers.grid.margin / layers.grid.supersampling,
         complete=layers.complete,
         rays=rays,
+        extent=layers.extent.for_others(like),
         plan=plan,
         decibels=decibels,
     )

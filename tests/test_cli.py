@@ -10,57 +10,19 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 import pytest
-import trimesh
+from boxes_config import CONFIG, write_boxes
 from typer.testing import CliRunner
 
 from focusjax.cli import app
 from focusjax.io import load_exr
 
 ROOT = Path(__file__).parents[1]
-CONFIG = """
-title = "Two <boxes>"
-[scene]
-unlit = true
-background = {kind = "gradient", bottom = 0.1, horizon = 0.5, top = [0.2, 0.4, 0.9]}
-[[scene.objects]]
-file = "box.ply"
-name = "near box"
-translate = [-0.4, 0, -2]
-colour = [0.9, 0.3, 0.2]
-[[scene.objects]]
-file = "box.ply"
-name = "far box"
-translate = [1.0, 0, -5]
-emission = [4, 3, 2]
-[camera]
-position = [0, 0, 0]
-look_at = [0, 0, -1]
-focal_length_mm = 50
-resolution = [40, 30]
-[lens]
-f_number = 2.0
-focus_distance_m = 4.0
-[[focus]]
-name = "box's front"
-point = [-0.4, 0, -1.75]
-sharp = true
-[[focus]]
-object = "far box"
-blur_px = 3
-tolerance_px = 0.5
-[solve]
-free = ["focus", "f_number"]
-f_number_min = 0.2
-[render]
-rays = 4
-"""
 
 
 @pytest.fixture(scope="module")
 def scene_folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("scene")
-    trimesh.creation.box((0.5, 0.5, 0.5)).export(folder / "box.ply")
-    (folder / "boxes.toml").write_text(CONFIG)
+    write_boxes(folder)
     return folder
 
 

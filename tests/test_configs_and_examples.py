@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import shlex
 import tomllib
 from pathlib import Path
 
@@ -146,6 +147,20 @@ def test_the_example_with_a_solve_inside_finds_its_root(capsys):
     exec(compile(path.read_text(), path.name, "exec"), {})
     # At f/2 the three blurs 2 f E (u - w) are linear in u; least squares by hand give 7.50 m.
     assert capsys.readouterr().out == "Hang the sign 7.50 m from the camera.\n"
+
+
+def test_readme_batch_runs_at_small_size(tmp_path):
+    shown = shlex.split(re.search(r"^focusjax (batch .*)$", README, re.MULTILINE)[1])
+    words = [str(ROOT / word) if word.startswith("configs/") else word for word in shown]
+    words[words.index("--out") + 1] = str(tmp_path / "out")
+    result = CliRunner().invoke(app, [*words, *OPTIONS])
+    assert result.exit_code == 0, result.output
+    items = json.loads((tmp_path / "out" / "summary.json").read_text())["items"]
+    assert [item["status"] for item in items] == ["done"] * 6
+    # The wider the lens may open, the nearer it comes to a strong blur.
+    least = {tuple(item["changes"].values()): item["worst_error_px"] for item in items}
+    assert all(least[blur, 1.4] <= least[blur, 2.8] for blur in (10, 20, 30))
+    assert least[30, 1.4] < least[30, 2.8]
 
 
 def test_readme_shows_the_example_as_it_is():

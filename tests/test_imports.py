@@ -39,7 +39,8 @@ ALLOWED = {
         "config",
         "job",
     },
-    "cli": {"focus", "io", "config", "job", "report", "bench"},
+    "batch": {"io", "config", "job", "report", "_parallel"},
+    "cli": {"focus", "io", "config", "job", "report", "bench", "batch"},
 }
 # The public face re-exports from everywhere below the command line.
 ALLOWED["__init__"] = set(ALLOWED) - {
@@ -51,6 +52,7 @@ ALLOWED["__init__"] = set(ALLOWED) - {
     "_stopwatch",
     "baselines",
     "bench",
+    "batch",
 }
 
 

@@ -8,5 +8,9 @@ from focusjax.config._build_surface import build_focal_surface as build_focal_su
 from focusjax.config._build_wishes import build_focus_points as build_focus_points
 from focusjax.config._build_wishes import build_solve_options as build_solve_options
 from focusjax.config._errors import ConfigError as ConfigError
+from focusjax.config._errors import sentence_for as sentence_for
 from focusjax.config._load import Config as Config
 from focusjax.config._load import load_config as load_config
+from focusjax.config._load import read_toml as read_toml
+from focusjax.config._load import toml_value as toml_value
+from focusjax.config._values import Table as Table

@@ -68,15 +68,7 @@ def load_config(path: Path | str, overrides: Sequence[str] = ()) -> Config:
             message is one sentence that names the file, the key, the value and what to do.
     """
     path = Path(path)
-    try:
-        with path.open("rb") as stream:
-            data = tomllib.load(stream)
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: there is no such config file; check the path") from None
-    except OSError as error:
-        raise ConfigError(f"{path}: the config cannot be read ({error.strerror}); check the path") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: this is not valid TOML ({error}); mend that line") from None
+    data = read_toml(path)
     for override in overrides:
         _apply(data, override)
     try:
@@ -85,6 +77,23 @@ def load_config(path: Path | str, overrides: Sequence[str] = ()) -> Config:
         raise ConfigError(sentence_for(error, Config, path)) from None
     config._source = path
     return config
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """What the TOML file at `path` says, unchecked.
+
+    Raises:
+        ConfigError: an unreadable file, or one that is no TOML.
+    """
+    try:
+        with path.open("rb") as stream:
+            return tomllib.load(stream)
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: there is no such config file; check the path") from None
+    except OSError as error:
+        raise ConfigError(f"{path}: the config cannot be read ({error.strerror}); check the path") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: this is not valid TOML ({error}); mend that line") from None
 
 
 def _apply(data: dict[str, Any], override: str) -> None:
@@ -104,9 +113,9 @@ def _apply(data: dict[str, Any], override: str) -> None:
                 f"--set {override}: {key_path(steps[: depth + 1])} is a value, not a table; shorten the key"
             )
     if isinstance(place, list):
-        place[_index(place, steps[-1], override, steps[:-1])] = _value(text)
+        place[_index(place, steps[-1], override, steps[:-1])] = toml_value(text)
     else:
-        place[steps[-1]] = _value(text)
+        place[steps[-1]] = toml_value(text)
 
 
 def _index(place: list[Any], step: str, override: str, parents: Sequence[str]) -> int:
@@ -118,7 +127,7 @@ def _index(place: list[Any], step: str, override: str, parents: Sequence[str]) -
     return int(step)
 
 
-def _value(text: str) -> Any:
+def toml_value(text: str) -> Any:
     """`text` as a TOML value, or as itself where it is none, so that words need no quotes."""
     try:
         return tomllib.loads(f"value = {text}")["value"]

@@ -1,4 +1,4 @@
-"""An output folder that never holds half a run."""
+"""Output folders and files that never hold half of what they should."""
 
 import contextlib
 import os
@@ -6,6 +6,9 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+
+UNFINISHED = ".unfinished-"
+"""How the names of temporary folders start."""
 
 
 @contextlib.contextmanager
@@ -28,7 +31,7 @@ def staged_folder(path: Path | str, *, owned: Sequence[str] = ()) -> Iterator[Pa
     made = _missing_folders(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
-        stage = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=path))
+        stage = Path(tempfile.mkdtemp(prefix=UNFINISHED, dir=path))
     except OSError as error:
         _remove_empty(made)
         raise ValueError(
@@ -45,6 +48,37 @@ def staged_folder(path: Path | str, *, owned: Sequence[str] = ()) -> Iterator[Pa
     finally:
         shutil.rmtree(stage, ignore_errors=True)
         _remove_empty(made)
+
+
+@contextlib.contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """A temporary folder that becomes the folder `path`, all of it at once, when the block ends well.
+
+    It lies beside `path`, in a folder named `.unfinished-...`; a process that is killed leaves at most that
+    behind. An older folder `path` is replaced. When the block raises, nothing changes.
+
+    Args:
+        path: a folder whose parent exists.
+    """
+    apart = Path(tempfile.mkdtemp(prefix=UNFINISHED, dir=path.parent))
+    try:
+        # Its own permissions, not those of a temporary folder.
+        stage = apart / "new"
+        stage.mkdir()
+        yield stage
+        if path.exists():
+            os.replace(path, apart / "old")
+        os.replace(stage, path)
+    finally:
+        shutil.rmtree(apart, ignore_errors=True)
+
+
+def replace_file(path: Path, text: str) -> None:
+    """Write `text` to the file `path`, which has all of the old or all of the new text at any time."""
+    new = path.with_name(f".{path.name}.new")
+    # Line ends are as in the text: CSV has its own.
+    new.write_text(text, encoding="utf-8", newline="")
+    os.replace(new, path)
 
 
 def _missing_folders(path: Path) -> list[Path]:

@@ -1,6 +1,8 @@
-"""Values that JSON can hold."""
+"""JSON files that any program can read."""
 
+import json
 import math
+from pathlib import Path
 from typing import Any
 
 
@@ -20,3 +22,16 @@ def for_json(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return value
+
+
+def json_text(value: Any) -> str:
+    """`value` as the text of a JSON file."""
+    return json.dumps(for_json(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def load_json(path: Path) -> Any:
+    """What the JSON file `path` holds; None where it is missing, unreadable or broken."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None

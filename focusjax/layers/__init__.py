@@ -5,6 +5,7 @@ from focusjax.layers._build import peel as peel
 from focusjax.layers._cells import BELOW_MOST as BELOW_MOST
 from focusjax.layers._cells import covered as covered
 from focusjax.layers._cells import interval as interval
+from focusjax.layers._extent import Extent as Extent
 from focusjax.layers._gloss import GlossSamples as GlossSamples
 from focusjax.layers._gloss import unpack_normal as unpack_normal
 from focusjax.layers._grid import Grid as Grid

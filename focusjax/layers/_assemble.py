@@ -11,6 +11,7 @@ from jaxtyping import Array, Int
 from focusjax.geometry import Camera
 from focusjax.layers._attributes import surface_samples
 from focusjax.layers._cells import WHOLE, in_steps, pack_cells
+from focusjax.layers._extent import Extent
 from focusjax.layers._gloss import GlossSamples
 from focusjax.layers._grid import Grid
 from focusjax.layers._joins import Joins, Planes, join
@@ -36,7 +37,7 @@ def assemble(
     *,
     max_layers: int,
     complete: bool,
-    like: Layers | None = None,
+    like: Extent | None = None,
     view_dependent: bool = False,
     pixel_filter: str = "box",
 ) -> Layers:
@@ -75,7 +76,7 @@ def assemble(
         far = background(scene, camera, grid)
         look = shading.result()
 
-    room = max(_room(len(number)), 0 if like is None else len(like.samples.disparity))
+    room = max(_room(len(number)), 0 if like is None else like.room)
     slots = _Slots(number, fringe.source[outline.added], room)
     return Layers(
         cells=on_device(cells),

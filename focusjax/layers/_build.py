@@ -5,6 +5,7 @@ import numpy as np
 from focusjax._counts import require_counts
 from focusjax.geometry import Camera
 from focusjax.layers._assemble import assemble
+from focusjax.layers._extent import Extent
 from focusjax.layers._frame import frame
 from focusjax.layers._layers import Layers
 from focusjax.layers._peel import peel_fragments
@@ -24,7 +25,7 @@ def peel(
     umbra: bool = True,
     view_dependent: bool = False,
     pixel_filter: str = "box",
-    like: Layers | None = None,
+    like: Layers | Extent | None = None,
 ) -> Layers:
     """Every surface that a ray of `lens` can reach, as layers seen from the lens centre.
 
@@ -45,9 +46,9 @@ def peel(
         pixel_filter: "box", "tent" or "gaussian": how a pixel weighs the light around its centre, which
             `render` follows. Rays of the wider two start up to 1 and 1.5 pixels from it, so that those at the
             border need layers beyond the frame; layers for one filter serve narrower ones, too.
-        like: layers of another moment, of as many pixels: the margin is at least theirs, and so are the
-            number of layers up to `max_layers` and the room for samples, so that programs compiled for
-            them serve again.
+        like: layers of another moment, or an `Extent`, of as many pixels: the margin is at least theirs, and
+            so are the number of layers up to `max_layers` and the room for samples, so that programs compiled
+            for them serve again.
 
     Raises:
         ValueError: a count that is not whole or below 1; no such filter; a surface so close to the lens that
@@ -59,6 +60,7 @@ def peel(
         >>> frames.append(peel(moved, camera, lens, like=frames[-1]))  # doctest: +SKIP
     """
     require_counts(supersampling=supersampling, max_layers=max_layers)
+    like = like.extent if isinstance(like, Layers) else like
     picture = rasterised_for(
         scene,
         camera,

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt
 
 from focusjax.geometry import Camera
+from focusjax.layers._extent import Extent
 from focusjax.layers._gloss import GlossSamples
 from focusjax.layers._grid import Grid
 from focusjax.layers._places import Places
@@ -79,6 +80,11 @@ class Layers(eqx.Module):
     def count(self) -> int:
         """Number of layers."""
         return self.cells.shape[0]
+
+    @property
+    def extent(self) -> Extent:
+        """How large they are."""
+        return Extent(self.grid, self.count, self.samples.disparity.shape[0])
 
     @property
     def samples_kept(self) -> int:

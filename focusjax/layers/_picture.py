@@ -6,9 +6,9 @@ import numpy as np
 
 from focusjax.geometry import Camera
 from focusjax.layers._clip import ScreenTriangles
+from focusjax.layers._extent import Extent
 from focusjax.layers._frame import frame
 from focusjax.layers._grid import Grid
-from focusjax.layers._layers import Layers
 from focusjax.layers._memory import check_memory
 from focusjax.layers._opacity import with_opacity
 from focusjax.layers._raster import Fragments, rasterise
@@ -44,7 +44,7 @@ def rasterised_for(
     near: float | None,
     pixel_filter: str = "box",
     layers: int = 1,
-    like: Layers | None = None,
+    like: Extent | None = None,
 ) -> Rasterised:
     """Everything that rays of `lens` from film points of `pixel_filter` can reach.
 
@@ -61,7 +61,7 @@ def rasterised_for(
     return rasterised(scene, camera, triangles, grid)
 
 
-def _margin_like(like: Layers | None, camera: Camera, supersampling: int) -> int:
+def _margin_like(like: Extent | None, camera: Camera, supersampling: int) -> int:
     """The margin in samples of layers to be like, 0 if there are none.
 
     Raises:

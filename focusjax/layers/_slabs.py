@@ -88,20 +88,21 @@ def decompose(
     require_counts(supersampling=supersampling, count=count)
     if blur_step is not None and not 0 < blur_step < math.inf:
         raise ValueError(f"blur_step is {blur_step} px; expected a positive number such as 4")
+    extent = None if like is None else like.extent
     picture = rasterised_for(
-        scene, camera, lens, supersampling=supersampling, near=near, pixel_filter=pixel_filter, like=like
+        scene, camera, lens, supersampling=supersampling, near=near, pixel_filter=pixel_filter, like=extent
     )
     grid = picture.grid
     disparity = picture.fragments.disparity
     nearest = float(disparity.max(initial=0.0))
-    extent = nearest - float(disparity.min(initial=nearest))
+    span = nearest - float(disparity.min(initial=nearest))
     parallax = float(lens.parallax(camera))
     if blur_step is not None:
-        count = max(1, math.ceil(2.0 * parallax * extent / blur_step))
-        thickness = blur_step / (2.0 * parallax) if parallax > 0 else extent
+        count = max(1, math.ceil(2.0 * parallax * span / blur_step))
+        thickness = blur_step / (2.0 * parallax) if parallax > 0 else span
     else:
         assert count is not None
-        thickness = extent / count
+        thickness = span / count
     if count > _MOST_SLABS:
         remedy = "give a lower count" if blur_step is None else f"make the blur_step of {blur_step} px larger"
         raise ValueError(f"{count} slabs are more than the {_MOST_SLABS} there can be; {remedy}")
@@ -118,7 +119,7 @@ def decompose(
         chosen,
         max_layers=count,
         complete=complete,
-        like=like,
+        like=extent,
         view_dependent=view_dependent,
         pixel_filter=pixel_filter,
     )

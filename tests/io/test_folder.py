@@ -2,7 +2,7 @@
 
 import pytest
 
-from focusjax.io import staged_folder
+from focusjax.io import replace_file, staged_folder, whole_folder
 
 
 def test_files_arrive_together_and_replace_older_ones(tmp_path):
@@ -42,3 +42,35 @@ def test_files_of_an_earlier_run_do_not_stay(tmp_path):
         (stage / "report.json").write_text("new")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["notes.txt", "report.json"]
     assert (tmp_path / "report.json").read_text() == "new"
+
+
+def test_a_whole_folder_takes_its_place_at_once(tmp_path):
+    out = tmp_path / "item"
+    out.mkdir()
+    (out / "old.txt").write_text("old")
+    with whole_folder(out) as stage:
+        (stage / "new.txt").write_text("new")
+        assert [file.name for file in out.iterdir()] == ["old.txt"]
+    assert [file.name for file in out.iterdir()] == ["new.txt"]
+    assert [path.name for path in tmp_path.iterdir()] == ["item"]
+    # Others may read it as far as they may read any new folder.
+    (tmp_path / "plain").mkdir()
+    assert out.stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_a_whole_folder_is_not_there_after_a_failure(tmp_path):
+    def fail():
+        with whole_folder(tmp_path / "item") as stage:
+            (stage / "a.txt").write_text("half")
+            raise RuntimeError("stop")
+
+    with pytest.raises(RuntimeError, match="stop"):
+        fail()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_replaced_file_keeps_its_line_ends(tmp_path):
+    (tmp_path / "a.csv").write_text("old")
+    replace_file(tmp_path / "a.csv", "é,1\r\n")
+    assert (tmp_path / "a.csv").read_bytes() == "é,1\r\n".encode()
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]

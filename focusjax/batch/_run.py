@@ -1,0 +1,138 @@
+"""A batch from its items to its summary."""
+
+import time
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from focusjax.batch._errors import BatchError
+from focusjax.batch._fingerprint import Fingerprints, changed_since
+from focusjax.batch._folder import Existing, batch_folder, done_before
+from focusjax.batch._items import Item
+from focusjax.batch._pool import work_apart
+from focusjax.batch._results import BatchResults, ItemResult, result_of
+from focusjax.batch._summary import save_summary
+from focusjax.batch._work import Task, Worker
+
+_SUMMARY_SHARE = 0.1
+"""Of the time, at most, goes into summaries; there may be thousands of items."""
+
+
+def run_batch(
+    items: Sequence[Item],
+    folder: Path | str,
+    *,
+    jobs: int = 1,
+    existing: Existing = "refuse",
+    solve_only: bool = False,
+    on_result: Callable[[ItemResult], None] | None = None,
+    on_note: Callable[[str], None] | None = None,
+) -> BatchResults:
+    """Do all `items`, each into a folder of its name, and write a summary.
+
+    An item's folder is what `focusjax run` leaves, with `thumbnail.jpg` and `item.json`. It appears whole
+    or not at all, so that a batch that is killed loses nothing that is finished, and `existing="resume"`
+    goes on with it. An item that fails does not stop the others; it leaves no folder, and is tried again
+    then. The summary (`summary.csv`, `summary.json`, `summary.html`) is written as items finish, and lists
+    them all.
+
+    Args:
+        items: from `make_items` or `items_from_file`.
+        folder: made if need be.
+        jobs: processes to share the work. With one, everything is done in this process, so that an item
+            that takes the process down takes the batch with it; of several, it fails alone. Scripts that
+            use several have to call this under `if __name__ == "__main__":`.
+        existing: what to do about results that are there: "refuse" them; "resume", which keeps those whose
+            config and files are what they were, and does the others; "overwrite", which removes them.
+        solve_only: find the settings and make no pictures.
+        on_result: called with each item's result, those kept from before first.
+        on_note: called with a sentence on each item that is done again, and why.
+
+    Raises:
+        BatchError: no items, `jobs` below 1, or a folder that cannot be used; nothing was started.
+        RuntimeError: processes that cannot be started.
+    """
+    folder = Path(folder)
+    if not items:
+        raise BatchError("there are no items; give at least one config")
+    if jobs < 1:
+        raise BatchError(f"jobs is {jobs}; expected at least 1 process")
+    with batch_folder(folder, [item.name for item in items], existing):
+        batch = _Batch(items, folder, solve_only, on_result or _silent)
+        tasks = batch.sort_out(on_note or _silent)
+        try:
+            # Closed, so that no process is left at work when something goes wrong here.
+            with closing(_do(tasks, folder, jobs, solve_only)) as ended:
+                for task, message in ended:
+                    batch.note(task.item, message)
+        finally:
+            batch.save()
+    return batch.so_far()
+
+
+class _Batch:
+    """The results so far, and when they were saved."""
+
+    def __init__(
+        self, items: Sequence[Item], folder: Path, solve_only: bool, on_result: Callable[[ItemResult], None]
+    ):
+        self._items = items
+        self._folder = folder
+        self._solve_only = solve_only
+        self._on_result = on_result
+        self._results = {item.name: ItemResult(item, "waiting") for item in items}
+        self._not_before = 0.0
+
+    def sort_out(self, on_note: Callable[[str], None]) -> list[Task]:
+        """What is left to do; what is done already counts as results."""
+        fingerprints, tasks = Fingerprints(), []
+        for item in self._items:
+            task = Task(item, fingerprints.of(item.config, solve_only=self._solve_only))
+            before = done_before(self._folder / item.name)
+            change = "" if before is None else changed_since(before.get("fingerprint", {}), task.fingerprint)
+            if before is not None and not change:
+                self._add(result_of(item, self._folder, kept=True))
+                continue
+            tasks.append(task)
+            if change:
+                on_note(f"{item.name} is done again: {change}")
+        return tasks
+
+    def note(self, item: Item, message: str) -> None:
+        """An item has ended."""
+        if message:
+            self._add(ItemResult(item, "failed", message))
+        else:
+            self._add(result_of(item, self._folder, kept=False))
+        if time.monotonic() >= self._not_before:
+            self.save()
+
+    def save(self) -> None:
+        """Write the summary."""
+        start = time.monotonic()
+        save_summary(self.so_far())
+        end = time.monotonic()
+        self._not_before = end + (end - start) / _SUMMARY_SHARE
+
+    def so_far(self) -> BatchResults:
+        """All results."""
+        return BatchResults(self._folder, self._solve_only, tuple(self._results.values()))
+
+    def _add(self, result: ItemResult) -> None:
+        self._results[result.item.name] = result
+        self._on_result(result)
+
+
+def _do(tasks: Sequence[Task], folder: Path, jobs: int, solve_only: bool) -> Generator[tuple[Task, str]]:
+    """Each task with what went wrong, or ""."""
+    if jobs > 1:
+        yield from work_apart(tasks, folder, jobs=jobs, solve_only=solve_only)
+        return
+    worker = Worker(folder, solve_only=solve_only)
+    for task in tasks:
+        yield task, worker.attempt(task)
+
+
+def _silent(_: Any) -> None:
+    """Tell nobody."""

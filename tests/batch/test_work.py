@@ -1,0 +1,48 @@
+"""What one item leaves for the next."""
+
+from types import SimpleNamespace
+
+import trimesh
+
+from focusjax.batch import _work, make_items
+from focusjax.batch._fingerprint import Fingerprints
+
+
+def test_a_worker_hands_on_its_scene_and_the_extent_of_its_layers(boxes, tmp_path, monkeypatch):
+    calls = []
+
+    def run(config, *, rendering, scene, like):
+        calls.append((rendering, scene, like))
+        return SimpleNamespace(picture=SimpleNamespace(extent=len(calls)))
+
+    monkeypatch.setattr(_work.job, "run", run)
+    monkeypatch.setattr(_work, "save_outcome", lambda folder, outcome: None)
+    monkeypatch.setattr(_work, "_save_thumbnail", lambda folder: None)
+    scales = ["scene.objects.0.scale=1", "scene.objects.0.scale=1", "scene.objects.0.scale=2"]
+    worker, told = _work.Worker(tmp_path, solve_only=False), []
+    for scale in scales:
+        (item,) = make_items([boxes], overrides=[scale])
+        fingerprint = Fingerprints().of(item.config, solve_only=False)
+        told.append(worker.attempt(_work.Task(item, fingerprint)))
+    assert told == ["", "", ""]
+    assert [rendering for rendering, _, _ in calls] == [True] * 3
+    assert [like for _, _, like in calls] == [None, 1, 2]
+    first, second, larger = (scene for _, scene, _ in calls)
+    assert second is first
+    assert larger is not first
+    # The same table, but the mesh is another.
+    trimesh.creation.box((0.5, 0.5, 0.4)).export(boxes.with_name("box.ply"))
+    worker.attempt(_work.Task(item, Fingerprints().of(item.config, solve_only=False)))
+    assert calls[3][1] is not larger
+
+
+def test_what_is_no_fault_of_the_user_is_said_to_be_ours(boxes, tmp_path, monkeypatch):
+    def run(*arguments, **options):
+        raise KeyError("lens")
+
+    monkeypatch.setattr(_work.job, "run", run)
+    (item,) = make_items([boxes])
+    worker = _work.Worker(tmp_path, solve_only=True)
+    message = worker.attempt(_work.Task(item, Fingerprints().of(item.config, solve_only=True)))
+    assert message == "internal error, please report it: KeyError('lens')"
+    assert [path.name for path in tmp_path.iterdir()] == ["scene"]

@@ -46,10 +46,11 @@ def frame(
     triangles = clip_to_near(homogeneous_image(scene.vertices, camera, inner), scene.faces, depth)
     beyond = filter_radius(pixel_filter) - 0.5
     reach = _reach(lens, camera, supersampling, beyond)
-    triangles = triangles.take(np.flatnonzero(reachable(triangles, inner, reach)))
     margin = least_margin
     if lens is not None and (beyond > 0 or float(lens.parallax(camera)) > 0):
-        widest = needed_margin(triangles, inner, reach)
+        widest = needed_margin(
+            triangles.take(np.flatnonzero(reachable(triangles, inner, reach))), inner, reach
+        )
         if not isinstance(scene.background, ConstantBackground):
             widest = max(widest, float(reach(np.zeros(1))[0]))
         # One empty ring more, so that a ray outside the grid is told of nothing.
@@ -65,6 +66,10 @@ def frame(
             " more than the layers can hold; move the nearest surface away from the lens, raise `near`, close"
             " the aperture, or lower the supersampling"
         )
+    # All that the margin holds, not only what this lens reaches: another focus reaches other surfaces there.
+    triangles = triangles.take(
+        np.flatnonzero(reachable(triangles, inner, lambda disparity: np.full_like(disparity, margin)))
+    )
     triangles.points[:, :2] += margin
     return triangles, grid
 

@@ -207,3 +207,15 @@ def test_lenses_beyond_the_layers_are_refused():
         render(layers, wide_lens(camera, pixels_per_dioptre=13.0))
     with pytest.raises(ValueError, match=r"rays of the lens leave the frame .* peeled for another focus"):
         render(layers, wide_lens(camera, focus=4.0))
+
+
+def test_another_focus_finds_what_the_first_had_out_of_reach():
+    """Beside the frame, where the first lens is focused and sees no farther: the margin holds it."""
+    camera = front_camera()
+    wall = patch("wall", camera, (-90, -90, 120, 120), 0.1, (0.2, 0.2, 0.6))
+    beside = patch("beside", camera, (34, -90, 120, 120), 1.0)
+    scene = make_scene([wall, beside], unlit=True)
+    near, far = wide_lens(camera, focus=1.0), wide_lens(camera, focus=0.1)
+    once, again = (render(peel(scene, camera, lens), far, rays=64) for lens in (near, far))
+    assert float(again[:, -1, 0].min()) > 0.4
+    np.testing.assert_allclose(once, again, rtol=0, atol=1e-12)

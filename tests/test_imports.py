@@ -38,12 +38,26 @@ ALLOWED = {
         "config",
         "job",
     },
-    "cli": {"focus", "io", "config", "job", "report", "bench"},
+    "shot": {
+        "geometry",
+        "lens",
+        "scene",
+        "focus",
+        "layers",
+        "trace",
+        "io",
+        "config",
+        "job",
+        "report",
+        "_stopwatch",
+    },
+    "cli": {"focus", "io", "config", "job", "report", "shot", "bench"},
 }
 # The public face re-exports from everywhere below the command line.
 ALLOWED["__init__"] = set(ALLOWED) - {
     "cli",
     "report",
+    "shot",
     "config",
     "_counts",
     "_parallel",

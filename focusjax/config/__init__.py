@@ -2,6 +2,7 @@
 
 from focusjax.config._build import build_camera as build_camera
 from focusjax.config._build import build_lens as build_lens
+from focusjax.config._build import build_objects as build_objects
 from focusjax.config._build import build_scene as build_scene
 from focusjax.config._build_surface import build_control_points as build_control_points
 from focusjax.config._build_surface import build_focal_surface as build_focal_surface
@@ -10,3 +11,5 @@ from focusjax.config._build_wishes import build_solve_options as build_solve_opt
 from focusjax.config._errors import ConfigError as ConfigError
 from focusjax.config._load import Config as Config
 from focusjax.config._load import load_config as load_config
+from focusjax.config._shot import ShotTable as ShotTable
+from focusjax.config._shot import values_of as values_of

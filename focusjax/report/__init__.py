@@ -8,4 +8,6 @@ from focusjax.report._page import metres as metres
 from focusjax.report._save import FILES as FILES
 from focusjax.report._save import save_outcome as save_outcome
 from focusjax.report._summary import movements as movements
+from focusjax.report._summary import plain as plain
 from focusjax.report._summary import summary as summary
+from focusjax.report._summary import versions as versions

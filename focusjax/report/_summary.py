@@ -21,11 +21,11 @@ def summary(outcome: Outcome) -> dict[str, Any]:
 
     Infinite values are the text "inf", since JSON has no word for them.
     """
-    return _plain(
+    return plain(
         {
             "config_file": str(outcome.config.source),
             "config": outcome.config.model_dump(mode="python"),
-            "versions": _versions(),
+            "versions": versions(),
             "lens": _lens(outcome),
             "wishes": _wishes(outcome),
             "solver": _solver(outcome),
@@ -37,7 +37,8 @@ def summary(outcome: Outcome) -> dict[str, Any]:
     )
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Of Python and of the libraries that make the results."""
     found = {"python": platform.python_version()}
     for name in _LIBRARIES:
         try:
@@ -203,11 +204,12 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
     }
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """`value` as JSON can hold it: tuples become lists, and numbers that are not finite become text."""
     if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
+        return {key: plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return value

@@ -18,7 +18,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._banded import banded_least_squares
-from focusjax.focus._bounds import Box
 from focusjax.focus._image_points import root_weight
 from focusjax.focus._objective import Objective
 from focusjax.focus._parameters import RADIUS, Start
@@ -28,7 +27,7 @@ REFERENCE_BLUR = 10.0
 
 _GENTLE = 1e-3
 _HOPELESS = 1e8
-"""Damping after a step that did not help, and that at which no step is left; see `_walk`."""
+"""Damping after a step that did not help, and that at which no step is left."""
 
 
 class Joint(eqx.Module):
@@ -37,7 +36,8 @@ class Joint(eqx.Module):
     Attributes:
         frames: every frame's own objective, with a leading axis.
         scale: pixels per unit of every frame's free parameters.
-        box: bounds on the parameters in pixels.
+        lower: bounds on the parameters in pixels.
+        upper: the same.
         smoothness: weight of a squared second difference of 1 px per frame^2.
         steadiness: weight of a squared first difference of 1 px per frame.
         unit: weight that counts as 1, so that the numbers stay near it.
@@ -45,7 +45,8 @@ class Joint(eqx.Module):
 
     frames: Objective
     scale: Float[Array, "t k"]
-    box: Box
+    lower: Float[Array, "t k"]
+    upper: Float[Array, "t k"]
     smoothness: Float[Array, ""]
     steadiness: Float[Array, ""]
     unit: Float[Array, ""]
@@ -86,34 +87,65 @@ class Joint(eqx.Module):
 
     def cost(self, pixels: Float[Array, "t k"], side: Float[Array, "t n"]) -> Float[Array, ""]:
         """Half the sum of all squares, in units of `unit`."""
-        bent, paced = self.smooth(pixels)
-        return 0.5 * (jnp.sum(self.own(pixels, side) ** 2) + jnp.sum(bent**2) + jnp.sum(paced**2))
+        return _half_squares(self.own(pixels, side), *self.smooth(pixels))
 
-    def slopes(self, pixels: Float[Array, "t k"], side: Float[Array, "t n"]) -> Float[Array, "t m k"]:
-        """Derivative of every frame's own residuals with respect to its own parameters."""
+    def linearised(self, pixels: Float[Array, "t k"], side: Float[Array, "t n"]) -> "Linearised":
+        """All residuals and their slopes."""
         size = pixels.shape[1]
 
-        def along(direction: Float[Array, "k"]) -> Float[Array, "t m"]:
+        def along(direction: Float[Array, "k"]) -> tuple[Float[Array, "t m"], Float[Array, "t m"]]:
             # One frame's residuals know only its own parameters, so one product serves all frames.
             step = jnp.zeros_like(pixels) + direction[None]
-            return jax.jvp(lambda at: self.own(at, side), (pixels,), (step,))[1]
+            return jax.jvp(lambda at: self.own(at, side), (pixels,), (step,))
 
-        return jax.vmap(along, out_axes=-1)(jnp.eye(size, dtype=pixels.dtype))
-
-    def gradient(self, pixels: Float[Array, "t k"], side: Float[Array, "t n"]) -> Float[Array, "t k"]:
-        """Derivative of the cost."""
-        return jax.grad(self.cost)(pixels, side)
+        axes = jnp.eye(size, dtype=pixels.dtype)
+        own, slopes = jax.vmap(along, out_axes=(None, -1))(axes)
+        bent, paced = self.smooth(pixels)
+        # The differences' transposes; their factors are 0 in frames that have too few before them.
+        curve, speed = self.bend * bent, self.pace * paced
+        pull = curve - 2.0 * jnp.roll(curve, -1, axis=0) + jnp.roll(curve, -2, axis=0)
+        pull = pull + speed - jnp.roll(speed, -1, axis=0)
+        gradient = jnp.einsum("tmk,tm->tk", slopes, own) + pull
+        return Linearised(own, slopes, bent, paced, gradient, _half_squares(own, bent, paced))
 
     def natural_side(self, pixels: Float[Array, "t k"]) -> Float[Array, "t n"]:
         """The sides on which all points are."""
         return jax.vmap(Objective.natural_side)(self.frames, pixels / self.scale)
 
 
+class Linearised(eqx.Module):
+    """A problem near some parameters.
+
+    Attributes:
+        own: the frames' own residuals.
+        slopes: their derivative with respect to the frame's own parameters.
+        bent: residuals of second differences.
+        paced: residuals of first differences.
+        gradient: of the cost.
+        cost: half the sum of all squares.
+    """
+
+    own: Float[Array, "t m"]
+    slopes: Float[Array, "t m k"]
+    bent: Float[Array, "t k"]
+    paced: Float[Array, "t k"]
+    gradient: Float[Array, "t k"]
+    cost: Float[Array, ""]
+
+
 class JointWalk(eqx.Module):
-    """Where the search over all frames is; as `_walk.Walk`."""
+    """Where the search over all frames is.
+
+    Attributes:
+        pixels: the parameters.
+        side: for every point, the factor (1 or -1) of its blur in its error.
+        damping: of the next step.
+        settled: whether the last step was within rounding, and no point has changed sides since.
+        steps: steps taken.
+    """
 
     pixels: Float[Array, "t k"]
-    cost: Float[Array, ""]
+    side: Float[Array, "t n"]
     damping: Float[Array, ""]
     settled: Bool[Array, ""]
     steps: Int[Array, ""]
@@ -135,76 +167,49 @@ def scales(start: Start) -> Float[Array, "5"]:
     )
 
 
-def walk_frames(
-    joint: Joint, first: Float[Array, "t k"], max_steps: int
-) -> tuple[JointWalk, Float[Array, "t n"]]:
-    """The best parameters in the box, downhill from `first`, and the sides there.
+def walk_frames(joint: Joint, first: Float[Array, "t k"], max_steps: Int[Array, ""]) -> JointWalk:
+    """The best parameters in the box, downhill from `first`.
 
-    Errors are convex for given sides, so a walk ends at the best there is for them. Then points that have
+    Gauss-Newton steps with as little damping as will do. What is at a bound that the gradient pushes against
+    stays there during a step; the rest takes the step and is cut off at its bounds (Bertsekas 1982). Errors are
+    convex for given sides, so this comes to rest at the best there is for them. Then points that have
     crossed the focus change sides, which makes no error larger, and it goes on until none does.
     """
-
-    def more(state: tuple[JointWalk, Float[Array, "t n"], Bool[Array, ""]]) -> Bool[Array, ""]:
-        return state[2] & (state[0].steps < max_steps)
-
-    def again(
-        state: tuple[JointWalk, Float[Array, "t n"], Bool[Array, ""]],
-    ) -> tuple[JointWalk, Float[Array, "t n"], Bool[Array, ""]]:
-        walked = _walk(joint, state[1], state[0], max_steps)
-        side = joint.natural_side(walked.pixels)
-        return walked, side, jnp.any(side != state[1])
-
-    start = JointWalk(
-        pixels=first,
-        cost=jnp.zeros((), first.dtype),
-        damping=jnp.zeros((), first.dtype),
-        settled=jnp.array(False),
-        steps=jnp.array(0),
-    )
-    walked, side, changed = jax.lax.while_loop(more, again, (start, joint.natural_side(first), jnp.array(True)))
-    return eqx.tree_at(lambda each: each.settled, walked, walked.settled & ~changed), side
-
-
-def _walk(joint: Joint, side: Float[Array, "t n"], start: JointWalk, max_steps: int) -> JointWalk:
-    """Gauss-Newton steps with as little damping as will do, for given sides.
-
-    What is at a bound that the gradient pushes against stays there during a step; the rest takes the step
-    and is cut off at its bounds (Bertsekas 1982).
-    """
-    eps = jnp.finfo(start.pixels.dtype).eps
-    least = (1e3 * eps) ** 2
+    eps = jnp.finfo(first.dtype).eps
+    least = jnp.asarray((1e3 * eps) ** 2, first.dtype)
 
     def more(state: JointWalk) -> Bool[Array, ""]:
         return ~state.settled & (state.steps < max_steps)
 
     def step(state: JointWalk) -> JointWalk:
-        pixels = state.pixels
-        gradient = joint.gradient(pixels, side)
-        stuck = ((pixels <= joint.box.lower) & (gradient > 0)) | ((pixels >= joint.box.upper) & (gradient < 0))
-        bent, paced = joint.smooth(pixels)
+        pixels, side = state.pixels, state.side
+        here = joint.linearised(pixels, side)
+        stuck = ((pixels <= joint.lower) & (here.gradient > 0)) | (
+            (pixels >= joint.upper) & (here.gradient < 0)
+        )
         change = banded_least_squares(
-            joint.slopes(pixels, side), joint.own(pixels, side), joint.bend, bent, joint.pace, paced,
+            here.slopes, here.own, joint.bend, here.bent, joint.pace, here.paced,
             state.damping, jnp.where(stuck, 0.0, 1.0).astype(pixels.dtype),
         )  # fmt: skip
-        moved = jnp.clip(pixels + change, joint.box.lower, joint.box.upper)
-        cost = joint.cost(moved, side)
-        better = cost < state.cost
+        moved = jnp.clip(pixels + change, joint.lower, joint.upper)
+        better = joint.cost(moved, side) < here.cost
         tiny = jnp.max(jnp.abs(moved - pixels)) <= 16.0 * eps * (1.0 + jnp.max(jnp.abs(pixels)))
         calmer = jnp.maximum(state.damping * 16.0, _GENTLE)
         damping = jnp.where(better, jnp.maximum(state.damping / 32.0, least), calmer)
+        arrived = tiny | (damping > _HOPELESS)
+        pixels = jnp.where(better, moved, pixels)
+        natural = jnp.where(arrived, joint.natural_side(pixels), side)
         return JointWalk(
-            pixels=jnp.where(better, moved, pixels),
-            cost=jnp.where(better, cost, state.cost),
-            damping=damping,
-            settled=tiny | (damping > _HOPELESS),
+            pixels=pixels,
+            side=natural,
+            damping=jnp.where(arrived, least, damping),
+            settled=arrived & jnp.all(natural == side),
             steps=state.steps + 1,
         )
 
-    begun = JointWalk(
-        pixels=start.pixels,
-        cost=joint.cost(start.pixels, side),
-        damping=jnp.full_like(start.cost, least),
-        settled=jnp.array(False),
-        steps=start.steps,
-    )
-    return jax.lax.while_loop(more, step, begun)
+    start = JointWalk(first, joint.natural_side(first), least, jnp.array(False), jnp.array(0))
+    return jax.lax.while_loop(more, step, start)
+
+
+def _half_squares(*rows: Float[Array, "..."]) -> Float[Array, ""]:
+    return 0.5 * sum((jnp.sum(each**2) for each in rows), start=jnp.zeros((), rows[0].dtype))

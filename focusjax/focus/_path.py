@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._bounds import Box
+from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._joint import Joint
 from focusjax.focus._objective import Objective
 from focusjax.focus._parameters import FOCUS
@@ -24,7 +25,7 @@ def way_through(
     counts: Bool[Array, "t"],
     *,
     many: bool,
-    max_steps: int,
+    max_steps: Int[Array, ""],
 ) -> Float[Array, "t k"]:
     """Parameters in pixels: of frames with wishes, one of their good answers each; of others, in between.
 
@@ -59,8 +60,17 @@ def way_through(
     # A jump is spread over about (smoothness / weight)^(1/4) frames and costs about as much per px^2.
     share = joint.smoothness / joint.unit
     chosen = cheapest_way(pixels, cost, jnp.maximum(joint.steadiness / joint.unit, share**0.25))
-    best = jnp.take_along_axis(pixels, chosen[:, None, None], axis=1)[:, 0]
-    return _filled(best, counts)
+    best = jnp.take_along_axis(values, chosen[:, None, None], axis=1)[:, 0]
+    held = jax.vmap(_held)(joint.frames, best, boxes)
+    return _filled(jnp.where(held, first, best) * joint.scale, counts)
+
+
+def _held(frame: Objective, value: Float[Array, "k"], box: Box) -> Bool[Array, "k"]:
+    """Parameters whose whole range changes no wish of a frame by much, which stay as the lens was given."""
+    slopes = frame.slopes(value, frame.natural_side(value))[1] * frame.counted[:, None]
+    expected = jnp.abs(frame.priors.inverse)
+    effect = jnp.linalg.norm(slopes, axis=0) + expected
+    return effect * (box.upper - box.lower) < UNDETERMINED_PX
 
 
 def cheapest_way(

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._bounds import Box, Limits
 from focusjax.focus._frames_solution import FramesSolution
@@ -86,13 +86,16 @@ def solve_frames(
     for name, weight in (("smoothness", smoothness), ("steadiness", steadiness)):
         if not 0 <= weight < np.inf:
             raise ValueError(f"{name} is {weight}; expected zero or a positive finite number")
-    asked, plan = _asked(points, cameras, lenses, max_steps, options)
-    solution, reached = _solve(asked, jnp.asarray(smoothness, float), jnp.asarray(steadiness, float), plan)
-    points_found = dataclasses.replace(
-        solution.points, names=points[0].names, notes=points[0].notes
-    )
-    solution = dataclasses.replace(solution, points=points_found)
-    if throw and not bool(reached):
+    asked, plan = _asked(points, cameras, lenses, options)
+    weights = (jnp.asarray(each, dtype=float) for each in (smoothness, steadiness))
+    solution, slopes = _solve(asked, *weights, jnp.asarray(max_steps), plan)
+    is_open = _open(np.asarray(slopes, dtype=float))
+    named = dataclasses.replace(solution.points, names=points[0].names)
+    result = solution.result
+    if is_open.any() and bool(result == Result.solved):
+        result = Result.undetermined
+    solution = dataclasses.replace(solution, points=named, open=jnp.asarray(is_open), result=result)
+    if throw and bool((result == Result.max_steps_reached) | (result == Result.not_finite)):
         raise RuntimeError(
             f"the solve of {len(points)} frames failed after {int(solution.steps)} steps:"
             f" {Result[solution.result]}"
@@ -126,7 +129,6 @@ def _asked(
     points: Sequence[ImagePoints],
     cameras: Camera | Sequence[Camera],
     lenses: ThinLens | TiltShiftLens | Sequence[ThinLens | TiltShiftLens],
-    max_steps: int,
     options: dict[str, Any],
 ) -> tuple[_Asked, Plan]:
     """The arguments of a solve, checked and stacked."""
@@ -158,16 +160,14 @@ def _asked(
     for t in range(count):
         key = (id(cameras[t]), id(lenses[t]))
         if key not in checked:
-            checked[key] = prepared(
-                points[nearest[t]], cameras[t], lenses[t], max_steps=max_steps, **options
-            )
+            checked[key] = prepared(points[nearest[t]], cameras[t], lenses[t], **options)
         plans.append(checked[key])
     rows = room_for(max(each.disparity.shape[0] for each in points))
     alike = stacked([padded(each, rows) for each in points])
     alike = dataclasses.replace(alike, names=(), notes=())
     filled = jax.tree.map(lambda leaf: jnp.asarray(np.asarray(leaf)[nearest]), alike)
     plan = dataclasses.replace(
-        plans[0].plan, exact=False, many=not bool(np.asarray(alike.signed)[np.asarray(alike.weight) > 0].all())
+        plans[0].plan, exact=False, many=not bool(np.asarray(alike.signed).all())
     )
     if plan.method != "optimistix":
         raise ValueError(f"method is {plan.method!r}; frames are solved together by one method only")
@@ -188,9 +188,13 @@ def _asked(
 
 @eqx.filter_jit
 def _solve(
-    asked: _Asked, smoothness: Float[Array, ""], steadiness: Float[Array, ""], plan: Plan
-) -> tuple[FramesSolution, Bool[Array, ""]]:
-    """The compiled part, and whether it came to rest."""
+    asked: _Asked,
+    smoothness: Float[Array, ""],
+    steadiness: Float[Array, ""],
+    max_steps: Int[Array, ""],
+    plan: Plan,
+) -> tuple[FramesSolution, Float[Array, "t m k"]]:
+    """The compiled part; and how residuals change with parameters, in pixels over their ranges."""
 
     def one(
         points: ImagePoints, camera: Camera, lens: ThinLens | TiltShiftLens, limits: Limits
@@ -208,15 +212,16 @@ def _solve(
     joint = Joint(
         frames=frames,
         scale=scale,
-        box=Box(boxes.lower * scale, boxes.upper * scale),
+        lower=boxes.lower * scale,
+        upper=boxes.upper * scale,
         smoothness=smoothness,
         steadiness=steadiness,
         unit=jnp.max(jnp.sum(asked.points.weight, axis=1)),
     )
     filled = dataclasses.replace(joint, frames=jax.vmap(one)(asked.filled, *each_frame)[0])
-    way = way_through(filled, first, boxes, asked.counts, many=plan.many, max_steps=plan.max_steps)
-    way = jnp.clip(way, joint.box.lower, joint.box.upper)
-    walked, side = walk_frames(joint, way, plan.max_steps)
+    way = way_through(filled, first, boxes, asked.counts, many=plan.many, max_steps=max_steps)
+    way = jnp.clip(way, joint.lower, joint.upper)
+    walked = walk_frames(joint, way, max_steps)
     value = jnp.clip(walked.pixels / scale, boxes.lower, boxes.upper)
 
     def of_frame(start: Start, value: Float[Array, "k"], points: ImagePoints) -> tuple[Any, ...]:
@@ -224,12 +229,10 @@ def _solve(
         return camera, lens, points, blurs(points, camera, lens), errors(points, camera, lens)
 
     camera, lens, points, blur, error = jax.vmap(of_frame)(start, value, asked.points)
-    gradient = joint.gradient(walked.pixels, side)
+    here = joint.linearised(walked.pixels, walked.side)
     rounding = 1e3 * jnp.finfo(value.dtype).eps * (1.0 + jnp.abs(walked.pixels))
-    open_ = _open(joint, walked.pixels, side)
-    bent, paced = joint.smooth(walked.pixels)
+    width = jnp.mean(joint.upper - joint.lower, axis=0)
     result = Result.where(walked.settled, Result.solved, Result.max_steps_reached)
-    result = Result.where((result == Result.solved) & jnp.any(open_), Result.undetermined, result)
     finite = jnp.all(jnp.isfinite(error)) & jnp.all(jnp.isfinite(value))
     result = Result.where(finite, result, Result.not_finite)
     solution = FramesSolution(
@@ -239,25 +242,22 @@ def _solve(
         blur=blur,
         error=error,
         pixels=walked.pixels,
-        cost=joint.unit * walked.cost,
-        roughness=0.5 * joint.unit * (jnp.sum(bent**2) + jnp.sum(paced**2)),
+        cost=joint.unit * here.cost,
+        roughness=0.5 * joint.unit * (jnp.sum(here.bent**2) + jnp.sum(here.paced**2)),
         result=result,
         steps=walked.steps,
-        at_lower=(walked.pixels <= joint.box.lower) & (gradient > rounding),
-        at_upper=(walked.pixels >= joint.box.upper) & (gradient < -rounding),
-        open=open_,
+        at_lower=(walked.pixels <= joint.lower) & (here.gradient > rounding),
+        at_upper=(walked.pixels >= joint.upper) & (here.gradient < -rounding),
+        open=jnp.zeros(len(plan.free), dtype=bool),
         free=plan.free,
     )
-    return solution, (result == Result.solved) | (result == Result.undetermined)
+    return solution, here.slopes * width[None, None]
 
 
-def _open(joint: Joint, pixels: Float[Array, "t k"], side: Float[Array, "t n"]) -> Bool[Array, "k"]:
+def _open(slopes: Float[np.ndarray, "t m k"]) -> Bool[np.ndarray, "k"]:
     """Parameters that could go through their whole range in all frames at once and change no blur by much."""
-    slopes = joint.slopes(pixels, side).reshape(-1, pixels.shape[1])
-    width = jnp.mean(joint.box.upper - joint.box.lower, axis=0)
-    _, strength, rows = jnp.linalg.svd(slopes * width[None], full_matrices=False)
-    weak = jnp.where(strength < UNDETERMINED_PX, 1.0, 0.0)
-    return jnp.sum(weak[:, None] * rows**2, axis=0) > _PARTLY_OPEN
+    _, strength, rows = np.linalg.svd(slopes.reshape(-1, slopes.shape[2]), full_matrices=False)
+    return np.sum(rows[strength < UNDETERMINED_PX] ** 2, axis=0) > _PARTLY_OPEN
 
 
 _PARTLY_OPEN = 0.01

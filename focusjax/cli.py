@@ -239,7 +239,8 @@ def _tell_shot(console: Console, solved: SolvedShot) -> None:
     solution = solved.solution
     focus = 1.0 / solution.settings()["focus_per_m"]
     console.print(
-        f"[bold]{solution.count} frames, focus from {metres(float(focus[0]))} to {metres(float(focus[-1]))}[/]"
+        f"[bold]{solution.count} frames, focus from {metres(float(focus[0]))} to"
+        f" {metres(float(focus[-1]))}[/]"
         f"  solved together in {int(solution.steps)} steps",
         highlight=False,
     )

@@ -1,5 +1,6 @@
 """The shot table of a config: what changes over the frames of a film."""
 
+import itertools
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, Strict, model_validator
@@ -18,7 +19,7 @@ class Key(Table):
 
 def in_order(keys: tuple[Key, ...], what: str) -> None:
     """Refuse keyframes that are not in ascending order."""
-    for earlier, later in zip(keys[:-1], keys[1:], strict=True):
+    for earlier, later in itertools.pairwise(keys):
         if not earlier.frame < later.frame:
             raise ValueError(
                 f"has a keyframe of {what} at frame {later.frame:g} after one at frame {earlier.frame:g}; put"
@@ -63,7 +64,7 @@ class MovingObjectTable(Table):
     )
     vertices: str | None = Field(
         default=None,
-        description="an .npz file of one array [steps, vertices, 3], or numbered meshes such as walk_####.ply",
+        description="an .npz file of one array [steps, vertices, 3], or numbered meshes as in walk_####.ply",
     )
     first_frame: Number | None = Field(default=None, description="the frame of the first set of vertices")
     frames_per_step: Positive | None = Field(
@@ -123,7 +124,7 @@ class ShotTable(Table):
     fps: Positive = Field(default=24.0, description="frames per second of the film")
     smoothness: NotNegative = Field(
         default=100.0,
-        description="the weight of a blur whose change quickens by 1 px per frame^2 against one missed by 1 px",
+        description="the weight of a blur whose change quickens by 1 px per frame^2, for example 100",
     )
     steadiness: NotNegative = Field(
         default=1.0, description="the weight of a blur that changes by 1 px per frame"

@@ -28,7 +28,9 @@ def banded_least_squares(
     damping: Float[Array, ""],
     moves: Float[Array, "t k"],
 ) -> Float[Array, "t k"]:
-    """The change d of all frames' parameters that minimises the sum of the squares of
+    """The change d of all frames' parameters that minimises a sum of squares.
+
+    They are those of
 
         jacobian_t d_t + residual_t,
         bend_t (d_t - 2 d_(t-1) + d_(t-2)) + bend_residual_t,
@@ -45,13 +47,13 @@ def banded_least_squares(
         damping: positive, so that there is one answer.
         moves: 1 for what may change, 0 for what stays: its d is 0.
     """
-    count, size = moves.shape
-    own = jax.vmap(_triangle)(
-        jnp.concatenate([jacobian * moves[:, None], residual[..., None]], axis=-1)
-    )
+    size = moves.shape[1]
+    own = jax.vmap(_triangle)(jnp.concatenate([jacobian * moves[:, None], residual[..., None]], axis=-1))
     earlier = jnp.concatenate([jnp.ones((2, size), moves.dtype), moves])
     identity, none = jnp.eye(size, dtype=moves.dtype), jnp.zeros((size, 1), moves.dtype)
-    damped = jnp.concatenate([jnp.zeros((size, 2 * size), moves.dtype), jnp.sqrt(damping) * identity, none], 1)
+    damped = jnp.concatenate(
+        [jnp.zeros((size, 2 * size), moves.dtype), jnp.sqrt(damping) * identity, none], 1
+    )
 
     def differences(
         factor: Float[Array, "k"], what: tuple[float, ...], value: Float[Array, "k"], may: Float[Array, "3 k"]

@@ -66,9 +66,7 @@ class Joint(eqx.Module):
         factor = jnp.sqrt(weight / self.unit) * (jnp.arange(count) >= first)
         return factor.astype(self.scale.dtype)[:, None] * jnp.ones_like(self.scale)
 
-    def own(
-        self, pixels: Float[Array, "t k"], side: Float[Array, "t n"]
-    ) -> Float[Array, "t m"]:
+    def own(self, pixels: Float[Array, "t k"], side: Float[Array, "t n"]) -> Float[Array, "t m"]:
         """The frames' own residuals: those of the wishes, then those of the expectations."""
 
         def one(
@@ -171,8 +169,8 @@ def walk_frames(joint: Joint, first: Float[Array, "t k"], max_steps: Int[Array, 
     """The best parameters in the box, downhill from `first`.
 
     Gauss-Newton steps with as little damping as will do. What is at a bound that the gradient pushes against
-    stays there during a step; the rest takes the step and is cut off at its bounds (Bertsekas 1982). Errors are
-    convex for given sides, so this comes to rest at the best there is for them. Then points that have
+    stays there during a step; the rest takes the step and is cut off at its bounds (Bertsekas 1982). Errors
+    are convex for given sides, so this comes to rest at the best there is for them. Then points that have
     crossed the focus change sides, which makes no error larger, and it goes on until none does.
     """
     eps = jnp.finfo(first.dtype).eps

@@ -47,8 +47,8 @@ def locate(
         may_be_idle: whether it is fine that no wish counts, as in some frames of a shot.
 
     Raises:
-        ValueError: no points; none that counts, unless that is fine; a pixel that is off screen; a place that is not finite or
-            not in the scene; a mask that is empty or of another size; an unknown name; a missing argument.
+        ValueError: no points; none that counts, unless that is fine; a pixel that is off screen; a place that
+            is not finite or not in the scene; a mask that is empty or of another size; an unknown name; a missing argument.
 
     Example:
         >>> from focusjax.focus import AtPoint, Sharp

@@ -25,7 +25,6 @@ from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens, as_tilt_shift
 
 
-
 def solve_frames(
     points: Sequence[ImagePoints],
     cameras: Camera | Sequence[Camera],
@@ -87,8 +86,8 @@ def solve_frames(
         if not 0 <= weight < np.inf:
             raise ValueError(f"{name} is {weight}; expected zero or a positive finite number")
     asked, plan = _asked(points, cameras, lenses, options)
-    weights = (jnp.asarray(each, dtype=float) for each in (smoothness, steadiness))
-    solution, slopes = _solve(asked, *weights, jnp.asarray(max_steps), plan)
+    bend, pace = jnp.asarray(smoothness, dtype=float), jnp.asarray(steadiness, dtype=float)
+    solution, slopes = _solve(asked, bend, pace, jnp.asarray(max_steps), plan)
     is_open = _open(np.asarray(slopes, dtype=float))
     named = dataclasses.replace(solution.points, names=points[0].names)
     result = solution.result
@@ -145,7 +144,9 @@ def _asked(
     lenses = [lenses] * count if isinstance(lenses, ThinLens | TiltShiftLens) else list(lenses)
     for what, given in (("cameras", cameras), ("lenses", lenses)):
         if len(given) != count:
-            raise ValueError(f"there are {len(given)} {what} for {count} frames; give one each, or one for all")
+            raise ValueError(
+                f"there are {len(given)} {what} for {count} frames; give one each, or one for all"
+            )
     if len({(camera.width, camera.height) for camera in cameras}) > 1:
         raise ValueError("the cameras have pictures of several sizes; give all frames the same size")
     if any(isinstance(lens, TiltShiftLens) for lens in lenses):
@@ -166,9 +167,7 @@ def _asked(
     alike = stacked([padded(each, rows) for each in points])
     alike = dataclasses.replace(alike, names=(), notes=())
     filled = jax.tree.map(lambda leaf: jnp.asarray(np.asarray(leaf)[nearest]), alike)
-    plan = dataclasses.replace(
-        plans[0].plan, exact=False, many=not bool(np.asarray(alike.signed).all())
-    )
+    plan = dataclasses.replace(plans[0].plan, exact=False, many=not bool(np.asarray(alike.signed).all()))
     if plan.method != "optimistix":
         raise ValueError(f"method is {plan.method!r}; frames are solved together by one method only")
     stack = lambda *leaves: jnp.asarray(np.stack([np.asarray(leaf) for leaf in leaves]))  # noqa: E731

@@ -42,8 +42,8 @@ def build_shot(config: Config) -> Shot:
         raise ConfigError(f"{config.source}: there is no [shot] table; add one with frames = 48")
     if config.lens.focal_surface is not None:
         raise ConfigError(
-            f"{config.source}: there is a [shot] and a lens.focal_surface, which stays as it is over time; leave"
-            " one of them out"
+            f"{config.source}: there is a [shot] and a lens.focal_surface, which does not change over time;"
+            " leave one of them out"
         )
     camera = build_camera(config)
     first = build_lens(config, camera, solved=True)
@@ -102,7 +102,9 @@ def _cameras(config: Config, table: ShotTable, camera: Camera) -> tuple[Camera, 
     if positions is not None or targets is not None:
         # What has no keyframes stays; a camera given by a matrix has no such point to look at.
         if view.position is None or view.look_at is None:
-            raise ValueError("the camera has a matrix and keyframes of position or look_at; give one or the other")
+            raise ValueError(
+                "the camera has a matrix and keyframes of position or look_at; give one or the other"
+            )
         return camera_path(
             table.frames,
             focal_length=length,
@@ -128,7 +130,9 @@ def _lenses(
     if numbers is None and all(float(each.focal_length) == float(camera.focal_length) for each in cameras):
         return (first,) * len(cameras)
     if numbers is not None and config.lens.f_number is None:
-        raise ValueError("the lens has aperture_radius_mm and keyframes of its f-number; give f_number instead")
+        raise ValueError(
+            "the lens has aperture_radius_mm and keyframes of its f-number; give f_number instead"
+        )
     found: list[ThinLens | TiltShiftLens] = []
     for frame, each in enumerate(cameras, start=1):
         changes = {} if numbers is None else {"f_number": float(numbers(frame))}
@@ -175,7 +179,9 @@ def _wishes(table: ShotTable, points: Sequence[FocusPoint]) -> tuple[TimedWish, 
         number = _named(timed.name, names, "wishes", "[[focus]]")
         places = values_of(timed.keys, "point"), values_of(timed.keys, "pixel")
         if all(places):
-            raise ValueError(f"wish {timed.name!r} has keyframes of point and of pixel; give one or the other")
+            raise ValueError(
+                f"wish {timed.name!r} has keyframes of point and of pixel; give one or the other"
+            )
         changed[number] = TimedWish(
             points[number],
             from_frame=timed.from_frame,

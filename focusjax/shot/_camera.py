@@ -7,13 +7,13 @@ import numpy as np
 from jaxtyping import Float
 
 from focusjax.geometry import Camera, look_at, make_camera
-from focusjax.shot._keyframes import Between, Keyframes, keyframes, turns
+from focusjax.shot._keyframes import Keyframes, keyframes, turns
 
 Pose = Callable[[float], Float[np.ndarray, "4 4"]]
 """The matrix world_from_camera at a frame."""
 
 
-def pose_path(keys: Mapping[float, np.ndarray], *, between: Between = "smooth") -> Pose:
+def pose_path(keys: Mapping[float, np.ndarray], *, between: str = "smooth") -> Pose:
     """A pose between keyframes: positions number by number, rotations by the shortest turn.
 
     Args:

@@ -67,7 +67,7 @@ def save_blur_curves(path: Path, solved: SolvedShot) -> None:
 
 
 def save_contact_sheet(path: Path, pictures: Sequence[Path], *, most: int = 24, width: int = 200) -> None:
-    """Put at most `most` of the pictures, evenly chosen, in rows of six on one sheet, each `width` pixels wide."""
+    """Put at most `most` of the pictures in rows of six on one sheet, each `width` pixels wide."""
     count = min(most, len(pictures))
     chosen = np.unique(np.round(np.linspace(0, len(pictures) - 1, count)).astype(int))
     small = []

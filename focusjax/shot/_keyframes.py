@@ -1,15 +1,16 @@
 """Values over time: keyframes, and what lies between them."""
 
 import dataclasses
+import itertools
 from collections.abc import Mapping, Sequence
-from typing import Literal, SupportsFloat, TypeAlias
+from typing import SupportsFloat
 
 import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 from scipy.spatial.transform import Rotation
 
-Between: TypeAlias = Literal["smooth", "linear"]
+WAYS = ("smooth", "linear")
 """How values go from one keyframe to the next."""
 
 
@@ -18,8 +19,8 @@ class Keyframes:
     """A number, or an array of numbers, that changes over the frames of a shot.
 
     Before the first keyframe and after the last the value is held. "smooth" eases out of the first and into
-    the last one, is continuous in its first derivative, and, number by number, never leaves the range of the two
-    keyframes around it (Fritsch and Carlson 1980); "linear" goes straight from one to the next.
+    the last one, is continuous in its first derivative, and, number by number, never leaves the range of
+    the two keyframes around it (Fritsch and Carlson 1980); "linear" goes straight from one to the next.
 
     Attributes:
         frames: when, in frames; the shot's first frame is 1. Ascending, and not necessarily whole.
@@ -34,22 +35,22 @@ class Keyframes:
 
     frames: Float[np.ndarray, "k"]
     values: Float[np.ndarray, "k *shape"]
-    between: Between = "smooth"
+    between: str = "smooth"
 
     def __call__(self, frame: float) -> Float[np.ndarray, "*shape"]:
         """The value at a frame."""
         first, last = self.frames[0], self.frames[-1]
         if frame <= first or frame >= last:
-            return self.values[0 if frame <= first else -1]
+            return np.asarray(self.values[0 if frame <= first else -1])
         if self.between == "linear":
             after = int(np.searchsorted(self.frames, frame))
             share = (frame - self.frames[after - 1]) / (self.frames[after] - self.frames[after - 1])
-            return self.values[after - 1] + share * (self.values[after] - self.values[after - 1])
+            return np.asarray(self.values[after - 1] + share * (self.values[after] - self.values[after - 1]))
         return np.asarray(_eased(self.frames, self.values)(frame))
 
 
 def keyframes(
-    keys: Mapping[float, SupportsFloat | Sequence[float] | np.ndarray], *, between: Between = "smooth"
+    keys: Mapping[float, SupportsFloat | Sequence[float] | np.ndarray], *, between: str = "smooth"
 ) -> Keyframes:
     """Keyframes from values by frame.
 
@@ -59,7 +60,7 @@ def keyframes(
 
     Raises:
         ValueError: no keyframes, frames that are out of order, values that are not finite or of several
-            shapes, or another `between`.
+            shapes, or another way between them.
     """
     frames = check_frames(list(keys), between)
     arrays = [np.asarray(value, dtype=float) for value in keys.values()]
@@ -78,8 +79,8 @@ def keyframes(
 class Turns:
     """A rotation that changes over the frames of a shot: the shortest way from one keyframe to the next.
 
-    Between two keyframes it turns about one axis (Shoemake 1985). "smooth" keeps the angular speed continuous,
-    and eases out of the first keyframe and into the last.
+    Between two keyframes it turns about one axis (Shoemake 1985). "smooth" keeps the angular speed
+    continuous, and eases out of the first keyframe and into the last.
 
     Attributes:
         frames: when; ascending.
@@ -94,7 +95,7 @@ class Turns:
 
     frames: Float[np.ndarray, "k"]
     rotations: Float[np.ndarray, "k 3 3"]
-    between: Between = "smooth"
+    between: str = "smooth"
 
     def __call__(self, frame: float) -> Float[np.ndarray, "3 3"]:
         """The rotation at a frame."""
@@ -113,7 +114,7 @@ class Turns:
         return self.rotations[after - 1] @ step
 
 
-def turns(keys: Mapping[float, np.ndarray], *, between: Between = "smooth") -> Turns:
+def turns(keys: Mapping[float, np.ndarray], *, between: str = "smooth") -> Turns:
     """Turns from rotation matrices [3, 3] by frame.
 
     Args:
@@ -121,14 +122,17 @@ def turns(keys: Mapping[float, np.ndarray], *, between: Between = "smooth") -> T
         between: how the rotation goes from one keyframe to the next.
 
     Raises:
-        ValueError: no keyframes, frames out of order, a matrix that is no rotation, or another `between`.
+        ValueError: no keyframes, frames out of order, a matrix that is no rotation, or another way
+            between them.
     """
     frames = check_frames(list(keys), between)
     rotations = np.stack([np.asarray(matrix, dtype=float) for matrix in keys.values()])
     for frame, matrix in zip(frames, rotations, strict=True):
         rigid = matrix.shape == (3, 3) and np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-4)
         if not rigid or np.linalg.det(matrix) < 0:
-            raise ValueError(f"the keyframe at frame {frame:g} is no rotation; remove scale, shear or mirroring")
+            raise ValueError(
+                f"the keyframe at frame {frame:g} is no rotation; remove scale, shear or mirroring"
+            )
     return Turns(frames, rotations, between)
 
 
@@ -138,14 +142,14 @@ def check_frames(frames: Sequence[float], between: str) -> Float[np.ndarray, "k"
     Raises:
         ValueError: see `keyframes`.
     """
-    if between not in ("smooth", "linear"):
+    if between not in WAYS:
         raise ValueError(f"between is {between!r}; expected 'smooth' or 'linear'")
     if not frames:
         raise ValueError("there are no keyframes; give at least one")
     array = np.asarray(frames, dtype=float)
     if not np.all(np.isfinite(array)):
         raise ValueError(f"keyframes are at frames {array.tolist()}; expected finite numbers")
-    for earlier, later in zip(array[:-1], array[1:], strict=True):
+    for earlier, later in itertools.pairwise(array):
         if not earlier < later:
             raise ValueError(
                 f"the keyframe at frame {later:g} comes after the one at frame {earlier:g}; put them in"

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from focusjax.scene import Scene, SceneObject, placement
-from focusjax.shot._keyframes import Between, Keyframes, Turns, keyframes, turns
+from focusjax.shot._keyframes import Keyframes, Turns, keyframes, turns
 from focusjax.shot._sequence import VertexSequence
 
 
@@ -34,13 +34,13 @@ class Transforms:
 
 
 def transforms(
-    keys: Mapping[float, Mapping[str, Sequence[float] | float]], *, between: Between = "smooth"
+    keys: Mapping[float, Mapping[str, Sequence[float] | float]], *, between: str = "smooth"
 ) -> Transforms:
     """Placements of an object by frame.
 
     Args:
-        keys: at least one; each may have `translate`, `rotate` and `scale`, as `load_mesh` takes them, and one
-            that it lacks is what it is without a placement. Frames in ascending order.
+        keys: at least one; each may have `translate`, `rotate` and `scale`, as `load_mesh` takes them; one that
+            it lacks is as without a placement. Frames in ascending order.
         between: how the placement goes from one keyframe to the next; rotations take the shortest way.
 
     Raises:
@@ -94,7 +94,8 @@ class MovingScene:
         >>> from focusjax.scene import make_object, make_scene
         >>> card = make_object("card", [(0, 0, -2), (1, 0, -2), (0, 1, -2)], [(0, 1, 2)])
         >>> scene = make_scene([card], unlit=True)
-        >>> moving = MovingScene(scene, [card], {"card": Motion(transforms=transforms({1: {}, 3: {"scale": 3}}))})
+        >>> growing = Motion(transforms=transforms({1: {}, 3: {"scale": 3}}))
+        >>> moving = MovingScene(scene, [card], {"card": growing})
         >>> moving.at(2).vertices[1].tolist()
         [2.0, 0.0, -4.0]
     """
@@ -112,7 +113,9 @@ class MovingScene:
                 not fit its object.
         """
         if sum(len(item.vertices) for item in objects) != len(scene.vertices):
-            raise ValueError("the objects are not those that the scene was made of; give these, in their order")
+            raise ValueError(
+                "the objects are not those that the scene was made of; give these, in their order"
+            )
         self._scene = scene
         self._moving: list[tuple[slice, SceneObject, Motion]] = []
         for name in motions:

@@ -84,8 +84,8 @@ def render_frames(
 ) -> RenderedFrames:
     """Write frame_0001.png, frame_0002.png, ... (and .exr) of a solved shot.
 
-    Each file is complete as soon as it has its name, and `frames.json` beside them says what each was made from:
-    a run that was cut short goes on where it was. All frames are peeled `like` the most blurred one, so
+    Each file is complete as soon as it has its name, and `frames.json` beside them says what each was made
+    from: a run that was cut short goes on where it was. All frames are peeled `like` the most blurred one, so
     that programs are compiled once.
 
     Args:
@@ -138,9 +138,7 @@ def render_frames(
     return RenderedFrames(wanted, tuple(files), kept, rays, complete)
 
 
-def fingerprint(
-    scene: Scene, camera: Camera, lens: ThinLens | TiltShiftLens, settings: FrameSettings
-) -> str:
+def fingerprint(scene: Scene, camera: Camera, lens: ThinLens | TiltShiftLens, settings: FrameSettings) -> str:
     """A short text that changes with anything a picture is made from."""
     digest = hashlib.sha256()
 
@@ -170,7 +168,10 @@ def fingerprint(
 
 def _widest(solved: SolvedShot, wanted: Sequence[int], settings: FrameSettings) -> tuple[Layers, int]:
     """Layers of the frame whose rays stray farthest, and the rays per pixel."""
-    reach = [_reach(*solved.solution.at(t - 1)[::-1], jnp.asarray(solved.depths[t - 1], dtype=float)) for t in wanted]
+    reach = [
+        _reach(*solved.solution.at(t - 1)[::-1], jnp.asarray(solved.depths[t - 1], dtype=float))
+        for t in wanted
+    ]
     number = wanted[int(np.argmax([float(each) for each in reach]))]
     camera, lens = solved.solution.at(number - 1)
     layers = _peel(solved.shot.scene.at(number), camera, lens, settings, None)
@@ -204,7 +205,9 @@ def _save_exr(
     disparity = disparity_map(scene, camera)
     with np.errstate(divide="ignore"):
         depth = 1.0 / disparity
-    save_exr(path, image, depth=depth, blur=np.asarray(blur_map(lens, camera, jnp.asarray(disparity, dtype=float))))
+    save_exr(
+        path, image, depth=depth, blur=np.asarray(blur_map(lens, camera, jnp.asarray(disparity, dtype=float)))
+    )
 
 
 def _read_done(folder: Path) -> dict[str, str]:

@@ -57,7 +57,8 @@ def save_report(
     facts = shot_summary(config, solved, rendered, seconds, compile_seconds)
     (folder / "report.json").write_text(json.dumps(facts, indent=2, ensure_ascii=False) + "\n")
     embedded = {
-        name: "data:image/png;base64," + base64.b64encode((folder / f"{name}.png").read_bytes()).decode("ascii")
+        name: "data:image/png;base64,"
+        + base64.b64encode((folder / f"{name}.png").read_bytes()).decode("ascii")
         for name in pictures
     }
     title = config.title or config.source.stem.replace("_", " ").capitalize()
@@ -91,7 +92,9 @@ def shot_summary(
                 "roughness_px2": float(solution.roughness),
                 "free": list(solution.free),
                 "undetermined": list(solution.undetermined),
-                "frames_at_bounds": int(np.sum(np.asarray(solution.at_lower) | np.asarray(solution.at_upper))),
+                "frames_at_bounds": int(
+                    np.sum(np.asarray(solution.at_lower) | np.asarray(solution.at_upper))
+                ),
             },
             "largest_changes": {
                 name: dataclasses.asdict(change) for name, change in solution.largest_changes().items()

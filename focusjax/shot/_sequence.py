@@ -85,8 +85,8 @@ def load_vertex_sequence(
 
     Args:
         path: an .npz or .npy file with one array [steps, vertices, 3] in the order of the mesh file's
-            vertices, or the path of numbered mesh files with # for the digits, such as "walk_####.ply": each has
-            the triangles of `item`, in its order, and other positions.
+            vertices, or the path of numbered mesh files with # for the digits, such as "walk_####.ply": each
+            has the triangles of `item`, in its order, and other positions.
         item: the object that is to change, as `load_mesh` made it.
         first_frame: frame of the first step.
         frames_per_step: frames from one step to the next; between them vertices go straight.
@@ -133,7 +133,9 @@ def _numbered(path: Path, item: SceneObject) -> Float[np.ndarray, "s n 3"]:
     missing = sorted(set(range(numbers[0], numbers[-1] + 1)) - set(numbers))
     if missing:
         raise ValueError(f"vertex sequence {path} lacks number {missing[0]}; number the files without gaps")
-    return np.stack([_own_vertices(load_mesh(numbered[number]), numbered[number], item) for number in numbers])
+    return np.stack(
+        [_own_vertices(load_mesh(numbered[number]), numbered[number], item) for number in numbers]
+    )
 
 
 def _own_vertices(mesh: SceneObject, path: Path, item: SceneObject) -> Float[np.ndarray, "n 3"]:
@@ -146,8 +148,8 @@ def _own_vertices(mesh: SceneObject, path: Path, item: SceneObject) -> Float[np.
     if not (same and any(np.array_equal(mesh.source[mesh.faces], each) for each in rows)):
         count = "" if same else f" ({len(mesh.faces)} against {len(item.faces)})"
         raise ValueError(
-            f"mesh file {path} has other triangles than object {item.name!r}{count}; export all steps from one"
-            " mesh, with vertices and faces in one order"
+            f"mesh file {path} has other triangles than object {item.name!r}{count}; export all steps from"
+            " one mesh, with vertices and faces in one order"
         )
     vertices = np.full((int(item.source.max()) + 1, 3), np.nan)
     vertices[mesh.source] = mesh.vertices

@@ -48,8 +48,8 @@ class Shot:
     def __post_init__(self) -> None:
         if not self.cameras or len(self.cameras) != len(self.lenses):
             raise ValueError(
-                f"the shot has {len(self.cameras)} cameras and {len(self.lenses)} lenses; expected one each per"
-                " frame"
+                f"the shot has {len(self.cameras)} cameras and {len(self.lenses)} lenses; expected one each"
+                " per frame"
             )
 
     @property

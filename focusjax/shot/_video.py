@@ -3,8 +3,9 @@
 import importlib.util
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-import imageio.v2 as iio2
+import imageio.v2
 import imageio.v3 as iio
 import numpy as np
 
@@ -36,9 +37,9 @@ def save_mp4(path: Path, pictures: Sequence[Path], fps: float) -> None:
         ValueError: as `check_video`.
     """
     check_video()
-    with iio2.get_writer(
-        path, format="FFMPEG", mode="I", fps=fps, codec="libx264", quality=8, macro_block_size=2  # type: ignore[arg-type]
-    ) as writer:
+    options = {"fps": fps, "codec": "libx264", "quality": 8, "macro_block_size": 2}
+    writer: Any = imageio.v2.get_writer(path, format="FFMPEG", mode="I", **options)  # type: ignore[arg-type]
+    with writer:
         for picture in pictures:
             frame = np.asarray(iio.imread(picture))
             if frame.dtype == np.uint16:

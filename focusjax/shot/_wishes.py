@@ -134,7 +134,9 @@ def find_wishes(
     visible = np.array([[_share(seen, m) for m in range(len(wishes))] for _, seen in found])
     acting = np.array([[wish.acts(t + 1) for wish in wishes] for t in range(len(found))])
     share = faded(np.where(acting, visible, 0.0), fade_frames)
-    nearest = max(float(np.max(np.asarray(seen.disparity) * (np.asarray(seen.weight) > 0))) for _, seen in found)
+    nearest = max(
+        float(np.max(np.asarray(seen.disparity) * (np.asarray(seen.weight) > 0))) for _, seen in found
+    )
     out = []
     for t, (points, seen) in enumerate(found):
         wish, disparity = np.asarray(seen.wish), np.asarray(seen.disparity)

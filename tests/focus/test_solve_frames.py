@@ -53,7 +53,9 @@ def test_sharp_wishes_give_the_smoothing_spline(make_setup, make_frames):
     disparity = rng.uniform(0.2, 1.0, (FRAMES, 1))
     weight = rng.uniform(0.0, 2.0, (FRAMES, 1))
     weight[4:7] = 0.0
-    solution = solve_focus(make_frames(disparity, weight=weight), camera, lens, smoothness=30.0, steadiness=0.5)
+    solution = solve_focus(
+        make_frames(disparity, weight=weight), camera, lens, smoothness=30.0, steadiness=0.5
+    )
     bend, pace = differences(FRAMES, 2), differences(FRAMES, 1)
     normal = np.diag(weight[:, 0]) + 30.0 * bend.T @ bend + 0.5 * pace.T @ pace
     expected = np.linalg.solve(normal, weight[:, 0] * disparity[:, 0])
@@ -179,7 +181,7 @@ def test_frames_without_wishes_are_filled_and_the_ends_come_to_rest(make_setup, 
 
 
 def test_frames_agree_on_a_side(make_setup, make_frames):
-    """A blur that either side would give: alone, frames choose by the small wish that wavers; together, one."""
+    """A blur that either side would give: alone, frames follow the small wish that wavers."""
     camera, lens = make_setup()
     waver = np.where(np.arange(FRAMES) % 2, 0.02, -0.02)
     disparity = np.stack([np.full(FRAMES, 1.0), 1.0 + waver], axis=1)

@@ -48,7 +48,8 @@ def locate(
 
     Raises:
         ValueError: no points; none that counts, unless that is fine; a pixel that is off screen; a place that
-            is not finite or not in the scene; a mask that is empty or of another size; an unknown name; a missing argument.
+            is not finite or not in the scene; a mask that is empty or of another size; an unknown name; a
+            missing argument.
 
     Example:
         >>> from focusjax.focus import AtPoint, Sharp

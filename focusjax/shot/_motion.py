@@ -39,8 +39,8 @@ def transforms(
     """Placements of an object by frame.
 
     Args:
-        keys: at least one; each may have `translate`, `rotate` and `scale`, as `load_mesh` takes them; one that
-            it lacks is as without a placement. Frames in ascending order.
+        keys: at least one; each may have `translate`, `rotate` and `scale`, as `load_mesh` takes them; one
+            that it lacks is as without a placement. Frames in ascending order.
         between: how the placement goes from one keyframe to the next; rotations take the shortest way.
 
     Raises:

@@ -168,11 +168,11 @@ def fingerprint(scene: Scene, camera: Camera, lens: ThinLens | TiltShiftLens, se
 
 def _widest(solved: SolvedShot, wanted: Sequence[int], settings: FrameSettings) -> tuple[Layers, int]:
     """Layers of the frame whose rays stray farthest, and the rays per pixel."""
-    reach = [
-        _reach(*solved.solution.at(t - 1)[::-1], jnp.asarray(solved.depths[t - 1], dtype=float))
-        for t in wanted
-    ]
-    number = wanted[int(np.argmax([float(each) for each in reach]))]
+    reach = []
+    for number in wanted:
+        camera, lens = solved.solution.at(number - 1)
+        reach.append(float(_reach(lens, camera, jnp.asarray(solved.depths[number - 1], dtype=float))))
+    number = wanted[int(np.argmax(reach))]
     camera, lens = solved.solution.at(number - 1)
     layers = _peel(solved.shot.scene.at(number), camera, lens, settings, None)
     if settings.quality is None:

@@ -9,12 +9,13 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 import pytest
+from compilations import compilations
 from typer.testing import CliRunner
 
 from focusjax.cli import app
 from focusjax.config import ConfigError, load_config
 from focusjax.io import load_exr
-from focusjax.shot import build_shot
+from focusjax.shot import build_settings, build_shot, render_frames, solve_shot
 
 CONFIG = """
 title = "Two cards"
@@ -126,6 +127,16 @@ def test_a_shot_leaves_frames_and_a_report(filmed):
     assert "Two cards" in page
     assert page.count("data:image/png;base64,") == 3
     assert (out / "contact.png").is_file()
+
+
+def test_frames_after_the_first_compile_nothing(config_file, tmp_path):
+    """The same shapes in every frame, whatever moves."""
+    config = load_config(config_file, ["shot.formats=['png']"])
+    solved, settings = solve_shot(build_shot(config)), build_settings(config)
+    render_frames(solved, tmp_path, settings, frames=[1, 2])
+    with compilations() as compiled:
+        render_frames(solved, tmp_path, settings, frames=[3])
+    assert compiled == []
 
 
 def test_frames_that_are_there_are_kept(filmed, config_file):

@@ -53,7 +53,10 @@ def solve_frames(
 
     Frames without wishes that count are filled in by smoothness alone. Wishes whose weight rises
     and falls over some frames come and go without a jump (see `focusjax.shot`). Where a wish leaves its side
-    open, all frames together choose, and one frame alone gives what `solve` gives.
+    open, all frames together choose, and one frame alone gives what `solve` gives. How sides
+    are best chosen over all frames is searched from the frames' own good answers only, so that a better
+    choice may be missed where wishes contradict each other. Unlike that of `solve`, the solution carries no
+    gradients.
 
     Args:
         points: every frame's wishes, the same in every frame, as `locate` finds them; there may be frames in

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from focusjax.cli import app
 from focusjax.config import ConfigError, load_config
 from focusjax.io import load_exr
-from focusjax.shot import build_settings, build_shot, render_frames, solve_shot
+from focusjax.shot import build_settings, build_shot, render_frames, save_mp4, solve_shot
 
 CONFIG = """
 title = "Two cards"
@@ -155,6 +155,21 @@ def test_frames_that_are_there_are_kept(filmed, config_file):
         "frames": [1], "kept": 0, "rays_per_pixel": 4, "layers_complete": True,
     }  # fmt: skip
     assert iio.imread(first).mean() > iio.imread(lost).mean() + 20
+
+
+# imageio's reader leaves the pipes to its ffmpeg for the garbage collector to close.
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_film_is_of_even_size_and_shows_the_frames(tmp_path):
+    pytest.importorskip("imageio_ffmpeg", reason="the extra `video` is not installed")
+    pictures = []
+    for level in (40, 220):
+        pictures.append(tmp_path / f"{level}.png")
+        iio.imwrite(pictures[-1], np.full((25, 33, 3), level, dtype=np.uint8))
+    save_mp4(tmp_path / "film.mp4", pictures, fps=24)
+    found = iio.imread(tmp_path / "film.mp4", plugin="FFMPEG")
+    assert found.shape == (2, 26, 34, 3)
+    # Compressed; observed within 1 of 255.
+    assert np.abs(found.mean(axis=(1, 2, 3)) - [40, 220]).max() < 4
 
 
 def test_a_film_without_ffmpeg_is_refused_before_anything_is_done(config_file, tmp_path, monkeypatch):

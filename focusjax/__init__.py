@@ -25,6 +25,7 @@ from focusjax.focus import diagnose as diagnose
 from focusjax.focus import locate as locate
 from focusjax.focus import solve as solve
 from focusjax.focus import solve_focal_surface as solve_focal_surface
+from focusjax.focus import solve_frames as solve_frames
 from focusjax.focus import solve_many as solve_many
 from focusjax.geometry import Camera as Camera
 from focusjax.geometry import look_at as look_at

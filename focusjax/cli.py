@@ -1,4 +1,4 @@
-"""The command line: `focusjax run`, `solve`, `render`, `batch` and `bench`."""
+"""The command line: `focusjax run`, `solve`, `render`, `batch`, `shot` and `bench`."""
 
 import logging
 import os
@@ -20,6 +20,7 @@ from focusjax.config import ConfigError, load_config
 from focusjax.focus import Solution, SurfaceSolution, WishResult, diagnose
 from focusjax.io import staged_folder
 from focusjax.report import FILES, angle, depth_of_field, f_number, metres, movements, save_outcome
+from focusjax.shot import SolvedShot, film
 
 FAILED, BAD_INPUT, MISSED = 1, 2, 3
 """Exit statuses beside 0: failed; bad usage or config; solved, but a wish is missed."""
@@ -35,6 +36,7 @@ _STAGES = {
     "render": "Tracing rays",
     "examine": "Examining the picture",
     "pinhole": "Sharp view",
+    "film": "Writing the film",
     "save": "Writing files",
 }
 
@@ -73,6 +75,36 @@ def solve(config: ConfigArgument, out: OutOption = None, set_: SetOption = None)
 def render(config: ConfigArgument, out: OutOption = None, set_: SetOption = None) -> None:
     """Render with the lens as the config has it."""
     _do(config, out, set_, solving=False, rendering=True)
+
+
+@app.command()
+def shot(
+    config: ConfigArgument,
+    out: OutOption = None,
+    set_: SetOption = None,
+    solve_only: Annotated[bool, typer.Option("--solve-only", help="Solve, and make no pictures.")] = False,
+    frames: Annotated[
+        str | None, typer.Option("--frames", metavar="N,N,...", help="Make pictures of these frames only.")
+    ] = None,
+) -> None:
+    """Solve all frames of a [shot] together, then render them; frames that are there already are kept."""
+    console, errors = Console(), Console(stderr=True)
+    folder = out if out is not None else Path("out") / config.stem
+    try:
+        read = load_config(config, set_ or ())
+        chosen = None if frames is None else _frames(frames)
+        with _progress(errors) as tell, _warnings_told(errors):
+            solved, _ = film(read, folder, rendering=not solve_only, frames=chosen, progress=tell)
+    except ConfigError as error:
+        _fail(errors, error, BAD_INPUT)
+    except (ValueError, RuntimeError, OSError, MemoryError) as error:
+        _fail(errors, error, FAILED)
+    except Exception as error:
+        _fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
+    _tell_shot(console, solved)
+    console.print(f"Report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
+    if solved.missed():
+        raise typer.Exit(MISSED)
 
 
 @bench_app.command("speed-error")
@@ -201,6 +233,38 @@ def _tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     seconds = ", ".join(f"{name.replace('_', ' ')} {_duration(value)}" for name, value in stages.items())
     console.print(f"[dim]{seconds}[/]", highlight=False, soft_wrap=True)
     console.print(f"Report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
+
+
+def _tell_shot(console: Console, solved: SolvedShot) -> None:
+    """How a shot went, in a few lines."""
+    solution = solved.solution
+    focus = 1.0 / solution.settings()["focus_per_m"]
+    console.print(
+        f"[bold]{solution.count} frames, focus from {metres(float(focus[0]))} to"
+        f" {metres(float(focus[-1]))}[/]"
+        f"  solved together in {int(solution.steps)} steps",
+        highlight=False,
+    )
+    for name, change in solution.largest_changes().items():
+        if change.per_frame:
+            console.print(
+                f"{name}: at most {change.per_frame:.3g} per frame, {change.per_frame2:.3g} per frame^2",
+                highlight=False,
+            )
+    for name, count, error in solved.missed():
+        console.print(
+            f"{name} is missed in {count} frame{'' if count == 1 else 's'}, by up to {error:.2f} px",
+            highlight=False,
+            markup=False,
+        )
+
+
+def _frames(text: str) -> list[int]:
+    """Frame numbers from text such as 1,24,48."""
+    parts = text.split(",")
+    if not all(part.strip().isdecimal() for part in parts):
+        raise ConfigError(f"--frames is {text}; expected frame numbers such as 1,24,48")
+    return [int(part) for part in parts]
 
 
 def _wishes(solution: Solution | SurfaceSolution) -> Table:

@@ -40,12 +40,26 @@ ALLOWED = {
         "job",
     },
     "batch": {"io", "config", "job", "report", "_parallel"},
-    "cli": {"focus", "io", "config", "job", "report", "bench", "batch"},
+    "shot": {
+        "geometry",
+        "lens",
+        "scene",
+        "focus",
+        "layers",
+        "trace",
+        "io",
+        "config",
+        "job",
+        "report",
+        "_stopwatch",
+    },
+    "cli": {"focus", "io", "config", "job", "report", "shot", "bench", "batch"},
 }
 # The public face re-exports from everywhere below the command line.
 ALLOWED["__init__"] = set(ALLOWED) - {
     "cli",
     "report",
+    "shot",
     "config",
     "_counts",
     "_parallel",

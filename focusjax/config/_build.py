@@ -1,6 +1,7 @@
 """From the tables of a config to the library's own objects, units converted."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -41,16 +42,30 @@ from focusjax.scene import (
 )
 
 
-def build_scene(config: Config) -> Scene:
-    """Load the meshes of `[scene]` and put them together.
+def build_objects(config: Config) -> tuple[SceneObject, ...]:
+    """Load the meshes of `[scene]`.
+
+    Raises:
+        ConfigError: a mesh that cannot be used.
+    """
+    folder = config.source.parent
+    try:
+        return tuple(_object(table, number, folder) for number, table in enumerate(config.scene.objects))
+    except ValueError as error:
+        raise located(error, config) from error
+
+
+def build_scene(config: Config, objects: Sequence[SceneObject] | None = None) -> Scene:
+    """Put the meshes of `[scene]` together, which are loaded when they are not given.
 
     Raises:
         ConfigError: a mesh that cannot be used, or objects that cannot stand together.
     """
     folder = config.source.parent
+    loaded = build_objects(config) if objects is None else objects
     try:
         return make_scene(
-            [_object(table, number, folder) for number, table in enumerate(config.scene.objects)],
+            loaded,
             lights=[_light(table) for table in config.scene.lights],
             ambient=config.scene.ambient,
             background=_background(config.scene, folder),

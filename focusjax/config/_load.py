@@ -9,6 +9,7 @@ from pydantic import Field, PrivateAttr, Strict, ValidationError, model_validato
 
 from focusjax.config._errors import ConfigError, key_path, sentence_for
 from focusjax.config._scene import SceneTable
+from focusjax.config._shot import ShotTable
 from focusjax.config._solve import SolveTable
 from focusjax.config._values import Table
 from focusjax.config._view import CameraTable, LensTable
@@ -27,6 +28,7 @@ class Config(Table):
     )
     solve: SolveTable = Field(default=SolveTable(), description="a [solve] table")
     render: RenderTable = Field(default=RenderTable(), description="a [render] table")
+    shot: ShotTable | None = Field(default=None, description="a [shot] table with the number of frames")
     _source: Path = PrivateAttr(Path())
 
     @model_validator(mode="after")

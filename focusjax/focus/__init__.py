@@ -4,6 +4,8 @@ from focusjax.focus._diagnose import Conflict as Conflict
 from focusjax.focus._diagnose import Diagnosis as Diagnosis
 from focusjax.focus._diagnose import Unreachable as Unreachable
 from focusjax.focus._diagnose import diagnose as diagnose
+from focusjax.focus._frames_solution import FramesSolution as FramesSolution
+from focusjax.focus._frames_solution import LargestChange as LargestChange
 from focusjax.focus._image_points import AT_LEAST as AT_LEAST
 from focusjax.focus._image_points import AT_MOST as AT_MOST
 from focusjax.focus._image_points import EQUAL as EQUAL
@@ -38,6 +40,7 @@ from focusjax.focus._solution import Result as Result
 from focusjax.focus._solution import Solution as Solution
 from focusjax.focus._solution import WishResult as WishResult
 from focusjax.focus._solve import solve as solve
+from focusjax.focus._solve_frames import solve_frames as solve_frames
 from focusjax.focus._solve_surface import SurfaceSolution as SurfaceSolution
 from focusjax.focus._solve_surface import solve_focal_surface as solve_focal_surface
 from focusjax.focus._units import Diameter as Diameter

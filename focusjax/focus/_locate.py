@@ -22,6 +22,7 @@ def locate(
     objects: Mapping[str, range] | None = None,
     disparity_map: Float[np.ndarray, "h w"] | Float[Array, "h w"] | None = None,
     favour_near: float = 0.0,
+    may_be_idle: bool = False,
 ) -> ImagePoints:
     """Where every wish is in the picture, and how far away (Lee10 §5).
 
@@ -43,10 +44,12 @@ def locate(
             only background; needed for pixels, masks and objects.
         favour_near: how much more near wishes count, to settle ambiguities: the weight is multiplied by
             1 + favour_near x disparity / (largest disparity of any wish).
+        may_be_idle: whether it is fine that no wish counts, as in some frames of a shot.
 
     Raises:
-        ValueError: no points; none that counts; a pixel that is off screen; a place that is not finite or
-            not in the scene; a mask that is empty or of another size; an unknown name; a missing argument.
+        ValueError: no points; none that counts, unless that is fine; a pixel that is off screen; a place that
+            is not finite or not in the scene; a mask that is empty or of another size; an unknown name; a
+            missing argument.
 
     Example:
         >>> from focusjax.focus import AtPoint, Sharp
@@ -73,7 +76,8 @@ def locate(
     others = [_other(point.wish, name, names, places) for point, name in zip(points, names, strict=True)]
     shares = shares * [1.0 if other is None or other.trouble != BEHIND else 0.0 for other in others]
     weight = np.array([float(point.weight) for point in points]) * shares
-    _check_some_count(points, names, places, weight)
+    if not may_be_idle:
+        _check_some_count(points, names, places, weight)
     nearness = rows[:, 2] / max(rows[:, 2].max(), np.finfo(float).tiny)
     reference = _references(places, others)
     return ImagePoints(

@@ -70,7 +70,7 @@ def search(objective: Objective, first: Float[Array, "k"], box: Box, *, many: bo
     """
     values, sides = first[None], objective.natural_side(first)[None]
     if many:
-        more_values, more_sides = _starts(objective, first, box)
+        more_values, more_sides = starts(objective, first, box)
         values = jnp.concatenate([values, more_values])
         sides = jnp.concatenate([sides, more_sides])
 
@@ -103,7 +103,7 @@ def search(objective: Objective, first: Float[Array, "k"], box: Box, *, many: bo
     )
 
 
-def _starts(
+def starts(
     objective: Objective, first: Float[Array, "k"], box: Box
 ) -> tuple[Float[Array, "s k"], Float[Array, "s n"]]:
     """Values to start from, and the sides to assume for each."""

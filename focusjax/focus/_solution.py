@@ -170,7 +170,9 @@ class Solution(eqx.Module):
 
 
 def wish_table(
-    points: ImagePoints, blur: Float[Array, "n"], error: Float[Array, "n"]
+    points: ImagePoints,
+    blur: Float[Array, "n"] | Float[np.ndarray, "n"],
+    error: Float[Array, "n"] | Float[np.ndarray, "n"],
 ) -> tuple[WishResult, ...]:
     """One line per wish, given the signed blur and the error in pixels at every point."""
     # Once to numpy: picking entries out of JAX arrays takes milliseconds each.

@@ -48,7 +48,7 @@ def walk(
     side: Float[Array, "n"],
     first: Float[Array, "k"],
     box: Box,
-    max_steps: int,
+    max_steps: int | Int[Array, ""],
 ) -> Walk:
     """The best parameters in the box for given sides, downhill from `first`."""
     least = 1e3 * jnp.finfo(first.dtype).eps

@@ -9,3 +9,4 @@ from focusjax.report._save import FILES as FILES
 from focusjax.report._save import save_outcome as save_outcome
 from focusjax.report._summary import movements as movements
 from focusjax.report._summary import summary as summary
+from focusjax.report._summary import versions as versions

@@ -26,7 +26,7 @@ def summary(outcome: Outcome) -> dict[str, Any]:
         {
             "config_file": str(outcome.config.source),
             "config": outcome.config.model_dump(mode="python"),
-            "versions": _versions(),
+            "versions": versions(),
             "lens": _lens(outcome),
             "wishes": _wishes(outcome),
             "solver": _solver(outcome),
@@ -38,7 +38,8 @@ def summary(outcome: Outcome) -> dict[str, Any]:
     )
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Of Python and of the libraries that make the results."""
     found = {"python": platform.python_version()}
     for name in _LIBRARIES:
         try:

@@ -18,6 +18,7 @@ from focusjax.scene._material import Material as Material
 from focusjax.scene._object import SceneObject as SceneObject
 from focusjax.scene._object import make_object as make_object
 from focusjax.scene._opacity import Opacity as Opacity
+from focusjax.scene._placement import placement as placement
 from focusjax.scene._scene import Scene as Scene
 from focusjax.scene._scene import make_scene as make_scene
 from focusjax.scene._shader import Shader as Shader

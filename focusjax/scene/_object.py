@@ -34,6 +34,8 @@ class SceneObject:
         textures: linear pictures [h, w, 3] the materials refer to.
         opacities: opacity pictures [h, w], 0 to 1, the materials refer to.
         vertex_opacity: 0 to 1 [v]; None where all are 1.
+        source: row of the mesh's own vertices [v] that each of `vertices` is, which may be there more than
+            once, where normals differ; those of a file's geometries count on from one to the next.
     """
 
     name: str
@@ -47,6 +49,7 @@ class SceneObject:
     textures: tuple[Float[np.ndarray, "_ _ 3"], ...] = ()
     opacities: tuple[Float[np.ndarray, "_ _"], ...] = ()
     vertex_opacity: Float[np.ndarray, "v"] | None = None
+    source: Int[np.ndarray, "v"] | None = None
 
 
 @dataclass(frozen=True)
@@ -221,14 +224,16 @@ def assemble(
     if not 0.0 <= smooth_angle <= 180.0:
         raise ValueError(f"smooth angle is {smooth_angle} degrees; expected 0 (facets) to 180 (smooth)")
     joined: dict[str, list[np.ndarray]] = {
-        key: [] for key in ("vertices", "faces", "normals", "uv", "colours", "opacity", "face_material")
+        key: []
+        for key in ("vertices", "faces", "normals", "uv", "colours", "opacity", "source", "face_material")
     }
-    offset = 0
+    offset = before = 0
     for number, part in enumerate(parts):
         piece = _place(part, world_from_object, smooth_angle, keep_normals)
         piece["faces"] = piece["faces"] + offset
+        piece["source"] = piece["source"] + before
         piece["face_material"] = np.full(len(part.faces), number)
-        offset += len(piece["vertices"])
+        offset, before = offset + len(piece["vertices"]), before + len(part.vertices)
         for key, values in piece.items():
             joined[key].append(values)
     arrays = {key: np.concatenate(values) for key, values in joined.items()}
@@ -244,6 +249,7 @@ def assemble(
         textures=textures,
         opacities=opacities,
         vertex_opacity=None if (arrays["opacity"] == 1.0).all() else arrays["opacity"],
+        source=arrays["source"],
     )
 
 
@@ -274,6 +280,7 @@ def _place(
         "uv": uv[source],
         "colours": colours[source],
         "opacity": opacity[source],
+        "source": source,
     }
 
 

@@ -1,0 +1,174 @@
+"""The shot table of a config: what changes over the frames of a film."""
+
+import itertools
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, Strict, model_validator
+
+from focusjax.config._values import Millimetres, NotNegative, Number, Positive, Table, Vector
+from focusjax.config._view import Row
+
+FrameCount = Annotated[int, Field(ge=1, le=100_000)]
+
+
+class Key(Table):
+    """A keyframe."""
+
+    frame: Number = Field(description="the keyframe's frame; the shot's first one is 1")
+
+
+def in_order(keys: tuple[Key, ...], what: str) -> None:
+    """Refuse keyframes that are not in ascending order."""
+    for earlier, later in itertools.pairwise(keys):
+        if not earlier.frame < later.frame:
+            raise ValueError(
+                f"has a keyframe of {what} at frame {later.frame:g} after one at frame {earlier.frame:g}; put"
+                " them in ascending order, each frame once"
+            )
+
+
+class CameraKey(Key):
+    """`[[shot.camera]]`: where the camera is in a frame."""
+
+    position: Vector | None = Field(default=None, description="the camera's place [x, y, z] in metres")
+    look_at: Vector | None = Field(default=None, description="a point [x, y, z] in metres on the view axis")
+    matrix: Annotated[tuple[Row, Row, Row, Row], Strict(False)] | None = Field(
+        default=None, description="the camera's pose as 4 rows of 4 numbers (world from camera, metres)"
+    )
+    focal_length_mm: Millimetres | None = Field(default=None, description="the focal length in mm")
+
+
+class LensKey(Key):
+    """`[[shot.lens]]`: the lens in a frame, as it is before solving."""
+
+    f_number: Positive = Field(description="the f-number, for example 2.8")
+
+
+class ObjectKey(Key):
+    """A keyframe of `[[shot.objects]]`; what it leaves out is as in `[[scene.objects]]`."""
+
+    translate: Vector | None = Field(default=None, description="a shift [x, y, z] in metres")
+    rotate_deg: Vector | Annotated[tuple[Number, Number, Number, Number], Strict(False)] | None = Field(
+        default=None,
+        description="degrees about the world's x, then y, then z axis, or an axis and degrees about it",
+    )
+    scale: Number | Vector | None = Field(default=None, description="one factor, or three for x, y and z")
+
+
+class MovingObjectTable(Table):
+    """`[[shot.objects]]`: how an object of the scene moves, deforms, or both."""
+
+    name: str = Field(description="the name of an object of the scene")
+    keys: Annotated[tuple[ObjectKey, ...], Strict(False)] = Field(
+        default=(), description="keyframes such as { frame = 1, translate = [0, 0, 0] }"
+    )
+    vertices: str | None = Field(
+        default=None,
+        description="an .npz file of one array [steps, vertices, 3], or numbered meshes as in walk_####.ply",
+    )
+    first_frame: Number | None = Field(default=None, description="the frame of the first set of vertices")
+    frames_per_step: Positive | None = Field(
+        default=None, description="the frames from one set of vertices to the next"
+    )
+
+    @model_validator(mode="after")
+    def _something_changes(self) -> "MovingObjectTable":
+        in_order(self.keys, repr(self.name))
+        if not self.keys and self.vertices is None:
+            raise ValueError("has neither keys nor vertices; give one of them, or remove the object")
+        if self.vertices is None and (self.first_frame, self.frames_per_step) != (None, None):
+            raise ValueError("has first_frame or frames_per_step without vertices; remove them")
+        return self
+
+
+class WishKey(Key):
+    """A keyframe of `[[shot.wishes]]`."""
+
+    weight: NotNegative | None = Field(default=None, description="how much the wish counts, 0 or more")
+    blur: Number | None = Field(
+        default=None, description="the wished blur (or limit to it), in the unit of the [[focus]] table"
+    )
+    point: Vector | None = Field(default=None, description="the wish's point [x, y, z] in metres")
+    pixel: Annotated[tuple[Number, Number], Strict(False)] | None = Field(
+        default=None, description="the wish's place [x, y] in the picture, in pixels"
+    )
+
+
+class TimedWishTable(Table):
+    """`[[shot.wishes]]`: when a wish of `[[focus]]` acts, and how it changes."""
+
+    name: str = Field(description="the name of a [[focus]] table")
+    from_frame: Number | None = Field(default=None, description="the first frame in which the wish acts")
+    to_frame: Number | None = Field(default=None, description="the last frame in which the wish acts")
+    keys: Annotated[tuple[WishKey, ...], Strict(False)] = Field(
+        default=(), description="keyframes such as { frame = 1, weight = 1 }"
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "TimedWishTable":
+        in_order(self.keys, repr(self.name))
+        if self.from_frame is not None and self.to_frame is not None and self.from_frame > self.to_frame:
+            raise ValueError(
+                f"has from_frame = {self.from_frame:g} after to_frame = {self.to_frame:g}; swap the two"
+            )
+        return self
+
+
+class ShotTable(Table):
+    """`[shot]`: a film of the config's scene, for `focusjax shot`.
+
+    What it does not mention is in all frames as in the rest of the config.
+    """
+
+    frames: FrameCount = Field(description="the number of frames, for example 48")
+    fps: Positive = Field(default=24.0, description="frames per second of the film")
+    smoothness: NotNegative = Field(
+        default=100.0,
+        description="the weight of a blur whose change quickens by 1 px per frame^2, for example 100",
+    )
+    steadiness: NotNegative = Field(
+        default=1.0, description="the weight of a blur that changes by 1 px per frame"
+    )
+    fade_frames: NotNegative = Field(
+        default=6.0, description="the frames over which wishes come and go, 0 for none"
+    )
+    between: Literal["smooth", "linear"] = Field(
+        default="smooth", description='"smooth" or "linear", the way from one keyframe to the next'
+    )
+    formats: Annotated[tuple[Literal["png", "exr", "mp4"], ...], Strict(False), Field(min_length=1)] = Field(
+        default=("png",), description='some of ["png", "exr", "mp4"]'
+    )
+    camera: Annotated[tuple[CameraKey, ...], Strict(False)] = Field(
+        default=(), description="[[shot.camera]] tables, each with a frame"
+    )
+    lens: Annotated[tuple[LensKey, ...], Strict(False)] = Field(
+        default=(), description="[[shot.lens]] tables, each with a frame"
+    )
+    objects: Annotated[tuple[MovingObjectTable, ...], Strict(False)] = Field(
+        default=(), description="[[shot.objects]] tables, each with a name"
+    )
+    wishes: Annotated[tuple[TimedWishTable, ...], Strict(False)] = Field(
+        default=(), description="[[shot.wishes]] tables, each with a name"
+    )
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> "ShotTable":
+        in_order(self.camera, "the camera")
+        in_order(self.lens, "the lens")
+        for what, tables in (("objects", self.objects), ("wishes", self.wishes)):
+            names = [table.name for table in tables]
+            twice = [name for name in names if names.count(name) > 1]
+            if twice:
+                raise ValueError(f"has two {what} named {twice[0]!r}; join their tables")
+        aimed = any(key.position is not None or key.look_at is not None for key in self.camera)
+        if aimed and any(key.matrix is not None for key in self.camera):
+            raise ValueError(
+                "has keyframes of the camera with position or look_at and others with a matrix; give all of"
+                " one kind"
+            )
+        return self
+
+
+def values_of(keys: tuple[Any, ...], name: str) -> dict[float, Any]:
+    """One key's values by frame, of the keyframes that have it."""
+    return {key.frame: value for key in keys if (value := getattr(key, name)) is not None}

@@ -1,0 +1,137 @@
+"""What a solve of all frames found: a lens for each, and how much they change from one to the next."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from focusjax.focus._image_points import ImagePoints
+from focusjax.focus._solution import Result, WishResult, wish_table
+from focusjax.geometry import Camera
+from focusjax.lens import ThinLens, TiltShiftLens
+
+
+@dataclasses.dataclass(frozen=True)
+class LargestChange:
+    """How unsteady one setting is over a shot.
+
+    Attributes:
+        per_frame: largest change from one frame to the next, in the setting's unit.
+        per_frame2: largest second difference.
+        pixels_per_frame: what the first is in the solve's own measure (see `solve_frames`); None for
+            settings that were not solved for.
+        pixels_per_frame2: the same for the second.
+    """
+
+    per_frame: float
+    per_frame2: float
+    pixels_per_frame: float | None
+    pixels_per_frame2: float | None
+
+
+class FramesSolution(eqx.Module):
+    """The solved lenses of a shot. A pytree; every array has a leading axis t of frames.
+
+    Attributes:
+        lens: the solved lenses; `at` gives one frame's.
+        camera: the cameras, with the solved focal lengths when these were free.
+        points: what was asked, where the cameras see it; frames have as many rows each, of which some
+            are without weight.
+        blur: signed blur diameter in pixels at every point.
+        error: difference from the wish in pixels at every point (see `errors`).
+        pixels: every frame's free parameters in the solve's own measure.
+        cost: half the sum of weight x error^2, of squared priors and of smoothness, in px^2.
+        roughness: the share of `cost` that is smoothness.
+        result: how the solve ended.
+        steps: steps the solver took.
+        at_lower: for every free parameter, whether the lower bound keeps it from a better value.
+        at_upper: the same for upper bounds.
+        open: for every free parameter, whether the wishes of all frames together leave it open.
+        free: what was solved for, in the order of `PARAMETERS` (static).
+    """
+
+    lens: ThinLens | TiltShiftLens
+    camera: Camera
+    points: ImagePoints
+    blur: Float[Array, "t n"]
+    error: Float[Array, "t n"]
+    pixels: Float[Array, "t k"]
+    cost: Float[Array, ""]
+    roughness: Float[Array, ""]
+    result: Result
+    steps: Int[Array, ""]
+    at_lower: Bool[Array, "t k"]
+    at_upper: Bool[Array, "t k"]
+    open: Bool[Array, "k"]
+    free: tuple[str, ...] = eqx.field(static=True)
+
+    @property
+    def count(self) -> int:
+        """Number of frames."""
+        return self.blur.shape[0]
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Parameters that the wishes leave open in all frames, such as "f_number"."""
+        return tuple(name for name, is_open in zip(self.free, np.asarray(self.open), strict=True) if is_open)
+
+    def at(self, frame: int) -> tuple[Camera, ThinLens | TiltShiftLens]:
+        """Camera and lens of one frame, counted from 0."""
+        # By numpy, which compiles nothing.
+        return jax.tree.map(lambda leaf: jax.numpy.asarray(np.asarray(leaf)[frame]), (self.camera, self.lens))
+
+    def table(self, frame: int) -> tuple[WishResult, ...]:
+        """One line per wish for one frame, counted from 0."""
+        points, blur, error = jax.tree.map(
+            lambda leaf: np.asarray(leaf)[frame], (self.points, self.blur, self.error)
+        )
+        return wish_table(points, blur, error)
+
+    def settings(self) -> dict[str, Float[np.ndarray, "t"]]:
+        """Each setting of every frame in a photographer's units, by a name that ends in its unit.
+
+        The focus is given in dioptres (1/m), which, unlike metres, are finite and change evenly with blur.
+        """
+        lens, camera = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), (self.lens, self.camera))
+        length = camera.focal_length
+        with np.errstate(divide="ignore"):
+            number = length / (2.0 * lens.aperture_radius)
+        found = {"f_number": number, "focal_length_mm": 1000.0 * length}
+        if not isinstance(self.lens, TiltShiftLens):
+            return {"focus_per_m": lens.focus_disparity} | found
+        right, up = (lens.plane[:, :2] * length[:, None]).T
+        ahead = np.sqrt(np.maximum(1.0 - right**2 - up**2, 0.0))
+        turned = {"tilt_deg": np.degrees(-np.arcsin(up)), "swing_deg": np.degrees(np.arctan2(right, ahead))}
+        return {"focus_per_m": lens.plane[:, 2]} | found | turned
+
+    def largest_changes(self) -> dict[str, LargestChange]:
+        """How unsteady each setting is; the same names as in `settings`."""
+        names = {
+            "focus_per_m": "focus",
+            "f_number": "f_number",
+            "focal_length_mm": "focal_length",
+            "tilt_deg": "tilt",
+            "swing_deg": "swing",
+        }
+        pixels = np.asarray(self.pixels, dtype=float)
+        found = {}
+        for name, values in self.settings().items():
+            free = names[name] in self.free
+            own = pixels[:, self.free.index(names[name])] if free else None
+            found[name] = LargestChange(
+                _largest(values, 1),
+                _largest(values, 2),
+                None if own is None else _largest(own, 1),
+                None if own is None else _largest(own, 2),
+            )
+        return found
+
+
+def _largest(values: Float[np.ndarray, "t"], order: int) -> float:
+    """Largest difference of that order in size; 0 where there are too few frames for one."""
+    # Settings that stay infinite, as the f-number of a pinhole does, do not change.
+    with np.errstate(invalid="ignore"):
+        steps = np.abs(np.diff(values, n=order))
+    return float(np.nan_to_num(steps, nan=0.0).max(initial=0.0))

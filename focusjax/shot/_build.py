@@ -1,0 +1,208 @@
+"""From a config with a `[shot]` table to a shot."""
+
+import difflib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from focusjax.config import (
+    Config,
+    ConfigError,
+    ShotTable,
+    build_camera,
+    build_focus_points,
+    build_lens,
+    build_objects,
+    build_scene,
+    build_solve_options,
+    values_of,
+)
+from focusjax.focus import FocusPoint
+from focusjax.geometry import Camera
+from focusjax.lens import ThinLens, TiltShiftLens
+from focusjax.scene import SceneObject, placement
+from focusjax.shot._camera import camera_path, pose_path
+from focusjax.shot._keyframes import Keyframes, keyframes
+from focusjax.shot._motion import Motion, MovingScene, transforms
+from focusjax.shot._render import FrameSettings
+from focusjax.shot._sequence import load_vertex_sequence
+from focusjax.shot._solve import Shot
+from focusjax.shot._wishes import TimedWish
+
+
+def build_shot(config: Config) -> Shot:
+    """Everything that `[shot]` and the tables it changes ask for, loaded and checked.
+
+    Raises:
+        ConfigError: no `[shot]` table, a focal surface, an unknown name, or a value that does not fit.
+    """
+    table = config.shot
+    if table is None:
+        raise ConfigError(f"{config.source}: there is no [shot] table; add one with frames = 48")
+    if config.lens.focal_surface is not None:
+        raise ConfigError(
+            f"{config.source}: there is a [shot] and a lens.focal_surface, which does not change over time;"
+            " leave one of them out"
+        )
+    camera = build_camera(config)
+    first = build_lens(config, camera, solved=True)
+    assert isinstance(first, ThinLens | TiltShiftLens)
+    objects = build_objects(config)
+    scene = build_scene(config, objects)
+    points = build_focus_points(config, scene)
+    options = build_solve_options(config)
+    try:
+        cameras = _cameras(config, table, camera)
+        return Shot(
+            scene=MovingScene(scene, objects, _motions(config, table, objects)),
+            cameras=cameras,
+            lenses=_lenses(config, table, cameras, camera, first),
+            wishes=_wishes(table, points),
+            smoothness=table.smoothness,
+            steadiness=table.steadiness,
+            fade_frames=table.fade_frames,
+            favour_near=config.solve.favour_near,
+            options=options,
+        )
+    except ValueError as error:
+        raise ConfigError(f"{config.source}: shot: {error}") from error
+
+
+def build_settings(config: Config) -> FrameSettings:
+    """How carefully `[render]` wants the frames."""
+    table = config.render
+    return FrameSettings(
+        rays=table.rays,
+        quality=table.quality,
+        supersampling=table.supersampling,
+        max_layers=table.max_layers,
+        view_dependent=table.view_dependent,
+        seed=table.seed,
+        exposure=table.exposure,
+        bits=table.png_bits,
+    )
+
+
+def _cameras(config: Config, table: ShotTable, camera: Camera) -> tuple[Camera, ...]:
+    view = config.camera
+    size = {
+        "width": camera.width,
+        "height": camera.height,
+        "sensor_width": view.sensor_width_mm / 1000,
+        "shift": view.shift_mm / 1000,
+        "rise": view.rise_mm / 1000,
+    }
+    lengths = _keys(table, values_of(table.camera, "focal_length_mm"))
+    length: float | Keyframes = float(camera.focal_length)
+    if lengths is not None:
+        length = Keyframes(lengths.frames, lengths.values / 1000, lengths.between)
+    positions = _keys(table, values_of(table.camera, "position"))
+    targets = _keys(table, values_of(table.camera, "look_at"))
+    if positions is not None or targets is not None:
+        # What has no keyframes stays; a camera given by a matrix has no such point to look at.
+        if view.position is None or view.look_at is None:
+            raise ValueError(
+                "the camera has a matrix and keyframes of position or look_at; give one or the other"
+            )
+        return camera_path(
+            table.frames,
+            focal_length=length,
+            position=positions or keyframes({1: view.position}),
+            target=targets or keyframes({1: view.look_at}),
+            up=view.up,
+            **size,
+        )
+    matrices = values_of(table.camera, "matrix") or {1: np.asarray(camera.world_from_camera, dtype=float)}
+    pose = pose_path({frame: np.asarray(matrix) for frame, matrix in matrices.items()}, between=table.between)
+    return camera_path(table.frames, focal_length=length, pose=pose, **size)
+
+
+def _lenses(
+    config: Config,
+    table: ShotTable,
+    cameras: Sequence[Camera],
+    camera: Camera,
+    first: ThinLens | TiltShiftLens,
+) -> tuple[ThinLens | TiltShiftLens, ...]:
+    """The lens before solving, of every frame; it keeps its f-number and angles while the camera zooms."""
+    numbers = _keys(table, values_of(table.lens, "f_number"))
+    if numbers is None and all(float(each.focal_length) == float(camera.focal_length) for each in cameras):
+        return (first,) * len(cameras)
+    if numbers is not None and config.lens.f_number is None:
+        raise ValueError(
+            "the lens has aperture_radius_mm and keyframes of its f-number; give f_number instead"
+        )
+    found: list[ThinLens | TiltShiftLens] = []
+    for frame, each in enumerate(cameras, start=1):
+        changes = {} if numbers is None else {"f_number": float(numbers(frame))}
+        lens_table = config.lens.model_copy(update=changes)
+        lens = build_lens(config.model_copy(update={"lens": lens_table}), each, solved=True)
+        assert isinstance(lens, ThinLens | TiltShiftLens)
+        found.append(lens)
+    return tuple(found)
+
+
+def _motions(config: Config, table: ShotTable, objects: Sequence[SceneObject]) -> dict[str, Motion]:
+    names = [item.name for item in objects]
+    found = {}
+    for moving in table.objects:
+        number = _named(moving.name, names, "objects", "the scene")
+        placed, item = config.scene.objects[number], objects[number]
+        path = None
+        if moving.keys:
+            keys: dict[float, Mapping[str, Any]] = {
+                key.frame: {
+                    "translate": placed.translate if key.translate is None else key.translate,
+                    "rotate": placed.rotate_deg if key.rotate_deg is None else key.rotate_deg,
+                    "scale": placed.scale if key.scale is None else key.scale,
+                }
+                for key in moving.keys
+            }
+            path = transforms(keys, between=table.between)
+        shape = None
+        if moving.vertices is not None:
+            shape = load_vertex_sequence(
+                config.source.parent / moving.vertices,
+                item,
+                first_frame=1.0 if moving.first_frame is None else moving.first_frame,
+                frames_per_step=1.0 if moving.frames_per_step is None else moving.frames_per_step,
+            )
+        found[item.name] = Motion(placement(placed.translate, placed.rotate_deg, placed.scale), path, shape)
+    return found
+
+
+def _wishes(table: ShotTable, points: Sequence[FocusPoint]) -> tuple[TimedWish, ...]:
+    names = [point.name for point in points]
+    changed = {}
+    for timed in table.wishes:
+        number = _named(timed.name, names, "wishes", "[[focus]]")
+        places = values_of(timed.keys, "point"), values_of(timed.keys, "pixel")
+        if all(places):
+            raise ValueError(
+                f"wish {timed.name!r} has keyframes of point and of pixel; give one or the other"
+            )
+        changed[number] = TimedWish(
+            points[number],
+            from_frame=timed.from_frame,
+            to_frame=timed.to_frame,
+            weight=_keys(table, values_of(timed.keys, "weight")),
+            diameter=_keys(table, values_of(timed.keys, "blur")),
+            place=_keys(table, places[0] or places[1]),
+        )
+    return tuple(changed.get(number, TimedWish(point)) for number, point in enumerate(points))
+
+
+def _keys(table: ShotTable, values: Mapping[float, Any]) -> Keyframes | None:
+    return keyframes(values, between=table.between) if values else None
+
+
+def _named(name: str, names: Sequence[str], what: str, where: str) -> int:
+    """The position of a name that is there once."""
+    if name not in names:
+        near = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
+        hint = f"did you mean {near[0]!r}?" if near else f"{where} has {', '.join(map(repr, names))}"
+        raise ValueError(f"{what}: {where} has no {name!r}; {hint}")
+    if list(names).count(name) > 1:
+        raise ValueError(f"{what}: {where} has {name!r} more than once; give each its own name")
+    return list(names).index(name)

@@ -1,0 +1,102 @@
+"""A camera that moves: poses and focal lengths by frame."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from focusjax.geometry import Camera, look_at, make_camera
+from focusjax.shot._keyframes import Keyframes, keyframes, turns
+
+Pose = Callable[[float], Float[np.ndarray, "4 4"]]
+"""The matrix world_from_camera at a frame."""
+
+
+def pose_path(keys: Mapping[float, np.ndarray], *, between: str = "smooth") -> Pose:
+    """A pose between keyframes: positions number by number, rotations by the shortest turn.
+
+    Args:
+        keys: rigid matrices world_from_camera [4, 4] by frame, in ascending order.
+        between: how the pose goes from one keyframe to the next.
+
+    Raises:
+        ValueError: as `keyframes` and `turns`.
+
+    Example:
+        >>> dolly = pose_path({1: np.eye(4), 25: np.diag([1.0, 1, 1, 1]) + np.eye(4, k=3) * 2})
+        >>> dolly(13)[0, 3]
+        np.float64(1.0)
+    """
+    matrices = {frame: np.asarray(matrix, dtype=float) for frame, matrix in keys.items()}
+    for frame, matrix in matrices.items():
+        if matrix.shape != (4, 4):
+            raise ValueError(
+                f"the pose at frame {frame:g} has shape {matrix.shape}; expected 4 rows of 4 numbers"
+            )
+    place = keyframes({frame: matrix[:3, 3] for frame, matrix in matrices.items()}, between=between)
+    turn = turns({frame: matrix[:3, :3] for frame, matrix in matrices.items()}, between=between)
+
+    def pose(frame: float) -> Float[np.ndarray, "4 4"]:
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = turn(frame), place(frame)
+        return matrix
+
+    return pose
+
+
+def camera_path(
+    frames: int,
+    *,
+    focal_length: float | Keyframes,
+    pose: Pose | None = None,
+    position: Keyframes | None = None,
+    target: Keyframes | None = None,
+    up: Sequence[float] = (0.0, 1.0, 0.0),
+    **size: Any,
+) -> tuple[Camera, ...]:
+    """The cameras of a shot, one a frame.
+
+    Args:
+        frames: how many; the first is frame 1.
+        focal_length: metres.
+        pose: world_from_camera by frame; give this, or `position` and `target`.
+        position: of the camera, in world metres.
+        target: a point on the view axis, in world metres, which stays in the middle while both move.
+        up: world direction that is up in the picture, with `target`.
+        size: width, height, sensor_width, shift and rise, as for `make_camera`.
+
+    Raises:
+        ValueError: not one full pose, or a value that `make_camera` or `look_at` refuses, with the frame.
+
+    Example:
+        >>> orbit = keyframes({1: (0, 0, 2), 25: (2, 0, 0)})
+        >>> still = keyframes({1: (0, 0, 0)})
+        >>> cameras = camera_path(25, focal_length=0.05, position=orbit, target=still, width=64, height=48)
+        >>> cameras[24].position.tolist()
+        [2.0, 0.0, 0.0]
+    """
+    if (pose is None) == (position is None and target is None) or (position is None) != (target is None):
+        raise ValueError("give either a pose, or both position and target")
+    found: list[Camera] = []
+    known: dict[tuple[Any, ...], Camera] = {}
+    for frame in range(1, frames + 1):
+        length = float(focal_length(frame)) if isinstance(focal_length, Keyframes) else focal_length
+        if pose is not None:
+            placed = pose(frame)
+        else:
+            assert position is not None
+            assert target is not None
+            placed = np.stack([position(frame), target(frame)])
+        # A camera that stands still is one camera: what is known of one frame serves the others.
+        key = (length, placed.tobytes())
+        if key not in known:
+            try:
+                if pose is not None:
+                    known[key] = make_camera(placed, focal_length=length, **size)
+                else:
+                    known[key] = look_at(placed[0], placed[1], up, focal_length=length, **size)
+            except ValueError as error:
+                raise ValueError(f"frame {frame}: {error}") from None
+        found.append(known[key])
+    return tuple(found)

@@ -1,0 +1,70 @@
+"""One run from a config with a `[shot]` to a folder of frames, a film and a report."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from focusjax._stopwatch import Stopwatch
+from focusjax.config import Config
+from focusjax.io import staged_folder
+from focusjax.shot._build import build_settings, build_shot
+from focusjax.shot._render import RenderedFrames, render_frames
+from focusjax.shot._report import REPORT_FILES, save_report
+from focusjax.shot._solve import Progress, SolvedShot, solve_shot
+from focusjax.shot._video import check_video, save_mp4
+
+
+def film(
+    config: Config,
+    folder: Path,
+    *,
+    rendering: bool = True,
+    frames: Sequence[int] | None = None,
+    progress: Progress | None = None,
+) -> tuple[SolvedShot, dict[str, Any]]:
+    """Solve a config's shot, and write its frames, film and report.
+
+    Frames go to the folder `frames` inside `folder` as they are made, and those that are there already
+    from the same input are kept; all else appears when everything is done.
+
+    Args:
+        config: a checked config with a `[shot]` table.
+        folder: where results go; made when it is not there.
+        rendering: make the pictures.
+        frames: numbers of the frames to render, from 1; all when None. Always all are solved, and a film
+            is made only of all.
+        progress: told how far it is.
+
+    Returns:
+        The solved shot, and what report.json holds.
+
+    Raises:
+        ValueError: something in the config turns out impossible; one sentence says what and what to do.
+    """
+    tell: Progress = progress if progress is not None else lambda stage, share: None
+    watch = Stopwatch(on_stage=lambda stage: tell(stage, None))
+    formats = () if config.shot is None or not rendering else config.shot.formats
+    wants_film = "mp4" in formats and frames is None
+    if wants_film:
+        check_video()
+    with watch.stage("load"):
+        shot = build_shot(config)
+    assert config.shot is not None
+    with staged_folder(folder, owned=REPORT_FILES) as stage:
+        with watch.stage("solve"):
+            solved = solve_shot(shot, progress=tell)
+        rendered: RenderedFrames | None = None
+        if rendering:
+            pictures = folder / "frames"
+            pictures.mkdir(exist_ok=True)
+            with watch.stage("render"):
+                rendered = render_frames(
+                    solved, pictures, build_settings(config), formats=formats, frames=frames, progress=tell
+                )
+        if wants_film:
+            assert rendered is not None
+            with watch.stage("film"):
+                save_mp4(stage / "shot.mp4", [files[0] for files in rendered.files], config.shot.fps)
+        tell("save", None)
+        facts = save_report(stage, config, solved, rendered, watch.seconds, watch.compile_seconds)
+    return solved, facts

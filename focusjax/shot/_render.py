@@ -1,0 +1,223 @@
+"""The pictures of a shot, one file a frame; frames that are there already are not made again."""
+
+import dataclasses
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from focusjax.geometry import Camera
+from focusjax.io import save_exr, save_png
+from focusjax.job import blur_map
+from focusjax.layers import Layers, disparity_map, peel
+from focusjax.lens import ThinLens, TiltShiftLens
+from focusjax.scene import Scene
+from focusjax.shot._solve import Progress, SolvedShot
+from focusjax.trace import plan_rays, render
+
+FORMATS = ("png", "exr", "mp4")
+"""Kinds of files that a shot can be made to."""
+
+_DONE = "frames.json"
+
+
+@dataclasses.dataclass(frozen=True)
+class FrameSettings:
+    """How carefully frames are rendered; names and meanings as in `peel`, `render` and `save_png`.
+
+    Attributes:
+        rays: lens rays per pixel on the average.
+        quality: decibels or a name instead of `rays`: planned once, for the most blurred frame.
+        supersampling: layer samples along a pixel's side.
+        max_layers: most layers to peel.
+        view_dependent: whether every lens ray sees highlights for itself.
+        seed: chooses the rays, the same ones in every frame, so that noise does not flicker.
+        exposure: stops, for PNG files.
+        bits: 8 or 16, of PNG files.
+    """
+
+    rays: int = 64
+    quality: str | float | None = None
+    supersampling: int = 2
+    max_layers: int = 8
+    view_dependent: bool = False
+    seed: int = 0
+    exposure: float = 0.0
+    bits: int = 8
+
+
+@dataclasses.dataclass(frozen=True)
+class RenderedFrames:
+    """What rendering left.
+
+    Attributes:
+        frames: numbers of the frames, from 1.
+        files: the files of each frame.
+        kept: how many frames were there already, made from the same scene, camera, lens and settings.
+        rays: rays per pixel on the average; None when all frames were there and a quality was asked for.
+        complete: whether no surface was left out for want of layers.
+    """
+
+    frames: tuple[int, ...]
+    files: tuple[tuple[Path, ...], ...]
+    kept: int
+    rays: int | None
+    complete: bool
+
+
+def render_frames(
+    solved: SolvedShot,
+    folder: Path,
+    settings: FrameSettings,
+    *,
+    formats: Sequence[str] = ("png",),
+    frames: Sequence[int] | None = None,
+    progress: Progress | None = None,
+) -> RenderedFrames:
+    """Write frame_0001.png, frame_0002.png, ... (and .exr) of a solved shot.
+
+    Each file is complete as soon as it has its name, and `frames.json` beside them says what each was made
+    from: a run that was cut short goes on where it was. All frames are peeled `like` the most blurred one, so
+    that programs are compiled once.
+
+    Args:
+        solved: the shot with its lenses.
+        folder: an existing folder.
+        settings: how carefully.
+        formats: "png", "exr" or both; frames of an mp4 are PNG files.
+        frames: numbers of the frames to make, from 1; all when None.
+        progress: told how far it is.
+
+    Raises:
+        ValueError: a frame that the shot does not have, or as `peel` and `render`.
+    """
+    tell: Progress = progress if progress is not None else lambda stage, share: None
+    shot, wanted = solved.shot, tuple(range(1, solved.shot.count + 1)) if frames is None else tuple(frames)
+    for number in wanted:
+        if not 1 <= number <= shot.count:
+            raise ValueError(f"frame {number} is not in the shot; it has frames 1 to {shot.count}")
+    kinds = [kind for kind in ("png", "exr") if kind in formats or (kind == "png" and "mp4" in formats)]
+    done = _read_done(folder)
+    widest: Layers | None = None
+    rays = None if settings.quality is not None else settings.rays
+    kept, complete, files = 0, True, []
+    for position, number in enumerate(wanted):
+        tell("render", position / len(wanted))
+        camera, lens = solved.solution.at(number - 1)
+        scene = shot.scene.at(number)
+        names = [f"frame_{number:04d}.{kind}" for kind in kinds]
+        files.append(tuple(folder / name for name in names))
+        mark = fingerprint(scene, camera, lens, settings)
+        if done.get(str(number)) == mark and all(path.is_file() for path in files[-1]):
+            kept += 1
+            continue
+        if widest is None:
+            widest, rays = _widest(solved, wanted, settings)
+        assert rays is not None
+        layers = _peel(scene, camera, lens, settings, widest)
+        complete &= layers.complete
+        image = np.asarray(render(layers, lens, rays=rays, seed=settings.seed))
+        for kind, path in zip(kinds, files[-1], strict=True):
+            unfinished = path.with_name(f".{path.name}")
+            if kind == "png":
+                save_png(unfinished, image, exposure=settings.exposure, bits=settings.bits)
+            else:
+                _save_exr(unfinished, image, scene, camera, lens)
+            os.replace(unfinished, path)
+        done[str(number)] = mark
+        _write_done(folder, done)
+    tell("render", 1.0)
+    return RenderedFrames(wanted, tuple(files), kept, rays, complete)
+
+
+def fingerprint(scene: Scene, camera: Camera, lens: ThinLens | TiltShiftLens, settings: FrameSettings) -> str:
+    """A short text that changes with anything a picture is made from."""
+    digest = hashlib.sha256()
+
+    def add(value: Any) -> None:
+        if isinstance(value, np.ndarray | jax.Array):
+            array = np.ascontiguousarray(value)
+            digest.update(f"{array.dtype}{array.shape}".encode())
+            digest.update(array.tobytes())
+        elif isinstance(value, Mapping):
+            for key, item in value.items():
+                digest.update(str(key).encode())
+                add(item)
+        elif isinstance(value, list | tuple):
+            for item in value:
+                add(item)
+        elif dataclasses.is_dataclass(value):
+            digest.update(type(value).__name__.encode())
+            for field in dataclasses.fields(value):
+                digest.update(field.name.encode())
+                add(getattr(value, field.name))
+        else:
+            digest.update(repr(value).encode())
+
+    add((scene, camera, lens, settings))
+    return digest.hexdigest()[:32]
+
+
+def _widest(solved: SolvedShot, wanted: Sequence[int], settings: FrameSettings) -> tuple[Layers, int]:
+    """Layers of the frame whose rays stray farthest, and the rays per pixel."""
+    reach = []
+    for number in wanted:
+        camera, lens = solved.solution.at(number - 1)
+        reach.append(float(_reach(lens, camera, jnp.asarray(solved.depths[number - 1], dtype=float))))
+    number = wanted[int(np.argmax(reach))]
+    camera, lens = solved.solution.at(number - 1)
+    layers = _peel(solved.shot.scene.at(number), camera, lens, settings, None)
+    if settings.quality is None:
+        return layers, settings.rays
+    return layers, plan_rays(layers, lens, settings.quality, seed=settings.seed).rays
+
+
+@eqx.filter_jit
+def _reach(lens: ThinLens | TiltShiftLens, camera: Camera, depths: Float[Array, "2"]) -> Float[Array, ""]:
+    return jnp.max(jax.vmap(lambda w: lens.reach(camera, w))(depths))
+
+
+def _peel(
+    scene: Scene, camera: Camera, lens: ThinLens | TiltShiftLens, settings: FrameSettings, like: Layers | None
+) -> Layers:
+    return peel(
+        scene,
+        camera,
+        lens,
+        supersampling=settings.supersampling,
+        max_layers=settings.max_layers,
+        view_dependent=settings.view_dependent,
+        like=like,
+    )
+
+
+def _save_exr(
+    path: Path, image: np.ndarray, scene: Scene, camera: Camera, lens: ThinLens | TiltShiftLens
+) -> None:
+    disparity = disparity_map(scene, camera)
+    with np.errstate(divide="ignore"):
+        depth = 1.0 / disparity
+    save_exr(
+        path, image, depth=depth, blur=np.asarray(blur_map(lens, camera, jnp.asarray(disparity, dtype=float)))
+    )
+
+
+def _read_done(folder: Path) -> dict[str, str]:
+    try:
+        return json.loads((folder / _DONE).read_text())
+    except (OSError, ValueError):
+        return {}
+
+
+def _write_done(folder: Path, done: dict[str, str]) -> None:
+    unfinished = folder / f".{_DONE}"
+    unfinished.write_text(json.dumps(done, indent=1, sort_keys=True) + "\n")
+    os.replace(unfinished, folder / _DONE)

@@ -1,0 +1,157 @@
+"""What a shot leaves behind beside its frames: report.json, report.html and the curves."""
+
+import base64
+import dataclasses
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+
+from focusjax.config import Config
+from focusjax.focus import Result
+from focusjax.io import for_json
+from focusjax.report import versions
+from focusjax.shot._curves import save_blur_curves, save_contact_sheet, save_settings_curves
+from focusjax.shot._render import RenderedFrames
+from focusjax.shot._solve import SolvedShot
+
+REPORT_FILES = ("report.json", "report.html", "settings.png", "blur.png", "contact.png", "shot.mp4")
+"""Every file that a shot can leave in its folder, beside the folder `frames`."""
+
+_RESULTS = ("solved", "undetermined", "max_steps_reached", "not_finite")
+_TEMPLATES = jinja2.Environment(
+    loader=jinja2.PackageLoader("focusjax.shot", "."),
+    autoescape=True,
+    undefined=jinja2.StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+_NAMES = {
+    "focus_per_m": ("Focus", "dioptres"),
+    "f_number": ("f-number", ""),
+    "focal_length_mm": ("Focal length", "mm"),
+    "tilt_deg": ("Tilt", "°"),
+    "swing_deg": ("Swing", "°"),
+}
+
+
+def save_report(
+    folder: Path,
+    config: Config,
+    solved: SolvedShot,
+    rendered: RenderedFrames | None,
+    seconds: Mapping[str, float],
+    compile_seconds: Mapping[str, float],
+) -> dict[str, Any]:
+    """Write the report's files into an existing folder, and return what report.json holds."""
+    save_settings_curves(folder / "settings.png", solved)
+    save_blur_curves(folder / "blur.png", solved)
+    pictures = ["settings", "blur"]
+    if rendered is not None:
+        pngs = [path for files in rendered.files for path in files if path.suffix == ".png"]
+        if pngs:
+            save_contact_sheet(folder / "contact.png", pngs)
+            pictures.append("contact")
+    facts = shot_summary(config, solved, rendered, seconds, compile_seconds)
+    (folder / "report.json").write_text(json.dumps(facts, indent=2, ensure_ascii=False) + "\n")
+    embedded = {
+        name: "data:image/png;base64,"
+        + base64.b64encode((folder / f"{name}.png").read_bytes()).decode("ascii")
+        for name in pictures
+    }
+    title = config.title or config.source.stem.replace("_", " ").capitalize()
+    text = _TEMPLATES.get_template("shot.html.j2").render(
+        title=title, facts=facts, pictures=embedded, names=_NAMES
+    )
+    (folder / "report.html").write_text(text, encoding="utf-8")
+    return facts
+
+
+def shot_summary(
+    config: Config,
+    solved: SolvedShot,
+    rendered: RenderedFrames | None,
+    seconds: Mapping[str, float],
+    compile_seconds: Mapping[str, float],
+) -> dict[str, Any]:
+    """A shot in values JSON can hold; keys carry their units, and infinite values are the text "inf"."""
+    solution = solved.solution
+    settings = solution.settings()
+    return for_json(
+        {
+            "config_file": str(config.source),
+            "config": config.model_dump(mode="python"),
+            "versions": versions(),
+            "solver": {
+                "status": next(name for name in _RESULTS if solution.result == getattr(Result, name)),
+                "message": str(Result[solution.result]),
+                "steps": int(solution.steps),
+                "cost_px2": float(solution.cost),
+                "roughness_px2": float(solution.roughness),
+                "free": list(solution.free),
+                "undetermined": list(solution.undetermined),
+                "frames_at_bounds": int(
+                    np.sum(np.asarray(solution.at_lower) | np.asarray(solution.at_upper))
+                ),
+            },
+            "largest_changes": {
+                name: dataclasses.asdict(change) for name, change in solution.largest_changes().items()
+            },
+            "wishes": _wishes(solved),
+            "frames": [
+                {"frame": t + 1}
+                | {name: float(values[t]) for name, values in settings.items()}
+                | {"wishes": _rows(solved, t)}
+                for t in range(solution.count)
+            ],
+            "pictures": None
+            if rendered is None
+            else {
+                "frames": list(rendered.frames),
+                "kept": rendered.kept,
+                "rays_per_pixel": rendered.rays,
+                "layers_complete": rendered.complete,
+            },
+            "seconds": dict(seconds) | {"compile": sum(compile_seconds.values())},
+            "compile_seconds": dict(compile_seconds),
+        }
+    )
+
+
+def _wishes(solved: SolvedShot) -> list[dict[str, Any]]:
+    """One entry per wish over the whole shot."""
+    missed = {name: (count, error) for name, count, error in solved.missed()}
+    found = []
+    for number, name in enumerate(solved.solution.points.names):
+        share = solved.share[:, number]
+        count, error = missed.get(name, (0, 0.0))
+        found.append(
+            {
+                "name": name,
+                "frames_in_full": int(np.sum(share > 1.0 - 1e-6)),
+                "frames_in_part": int(np.sum((share > 0) & (share <= 1.0 - 1e-6))),
+                "frames_missed": count,
+                "worst_miss_px": error,
+            }
+        )
+    return found
+
+
+def _rows(solved: SolvedShot, frame: int) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": row.name,
+            "wished_px": row.wished,
+            "got_px": row.got,
+            "residual_px": row.residual,
+            "met": row.met,
+            "weight": row.weight,
+            "share": float(solved.share[frame, number]),
+            "pixel": row.xy,
+            "distance_m": row.distance,
+        }
+        for number, row in enumerate(solved.solution.table(frame))
+    ]

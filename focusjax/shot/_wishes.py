@@ -1,0 +1,170 @@
+"""Wishes over time: when they act, how much, and what they wish, without jumps as they come and go."""
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from focusjax.focus import AtPixel, AtPoint, FocusPoint, ImagePoints, locate
+from focusjax.geometry import Camera
+from focusjax.shot._keyframes import Keyframes
+
+
+@dataclasses.dataclass(frozen=True)
+class TimedWish:
+    """A wish that acts in some frames, and may change over them.
+
+    Attributes:
+        point: the wish as it is where nothing of the following changes it.
+        from_frame: first frame in which it acts; the shot's first when None.
+        to_frame: last frame in which it acts; the shot's last when None.
+        weight: its weight over time, instead of the point's.
+        diameter: the wished blur diameter over time, in the unit that the point's wish has.
+        place: world position [3] over time of a wish at a point, or pixel [2] of one at a pixel.
+    """
+
+    point: FocusPoint
+    from_frame: float | None = None
+    to_frame: float | None = None
+    weight: Keyframes | None = None
+    diameter: Keyframes | None = None
+    place: Keyframes | None = None
+
+    def __post_init__(self) -> None:
+        label = f"wish {self.point.name!r}"
+        if None not in (self.from_frame, self.to_frame) and not self.from_frame <= self.to_frame:  # type: ignore[operator]
+            raise ValueError(
+                f"{label} acts from frame {self.from_frame:g} to frame {self.to_frame:g}; swap the two"
+            )
+        if self.weight is not None and not np.all(self.weight.values >= 0):
+            raise ValueError(f"{label} has a weight of {self.weight.values.min():g}; expected 0 or more")
+        if self.diameter is not None and not hasattr(self.point.wish, "diameter"):
+            raise ValueError(f"{label} has a blur over time but wishes for no blur; give it a blur to change")
+        if self.diameter is not None and not getattr(self.point.wish, "signed", False):
+            least = float(self.diameter.values.min())
+            if least < 0:
+                raise ValueError(f"{label} has a blur of {least:g}; expected 0 or more, or a signed wish")
+        if self.place is not None:
+            wanted = {AtPoint: 3, AtPixel: 2}.get(type(self.point.where))
+            if wanted is None or self.place.values.shape[1:] != (wanted,):
+                raise ValueError(
+                    f"{label} has places over time; expected the positions [3] of a wish at a point, or the"
+                    " pixels [2] of one at a pixel"
+                )
+
+    def acts(self, frame: int) -> bool:
+        """Whether the wish acts in a frame."""
+        after = self.from_frame is None or frame >= self.from_frame
+        return after and (self.to_frame is None or frame <= self.to_frame)
+
+    def at(self, frame: int) -> FocusPoint:
+        """The wish in one frame; without weight where it does not act."""
+        changes: dict[str, Any] = {}
+        if self.weight is not None:
+            changes["weight"] = float(self.weight(frame))
+        if not self.acts(frame):
+            changes["weight"] = 0.0
+        if self.diameter is not None:
+            old = self.point.wish.diameter  # type: ignore[union-attr]
+            value = float(self.diameter(frame))
+            kind = type(old) if dataclasses.is_dataclass(old) else float
+            changes["wish"] = dataclasses.replace(self.point.wish, diameter=kind(value))  # type: ignore[call-arg]
+        if self.place is not None:
+            place = self.place(frame)
+            pixel = isinstance(self.point.where, AtPixel)
+            changes["where"] = AtPixel(*map(float, place)) if pixel else AtPoint(place)
+        return dataclasses.replace(self.point, **changes)
+
+
+@dataclasses.dataclass(frozen=True)
+class FoundWishes:
+    """The wishes of all frames where the cameras see them.
+
+    Attributes:
+        points: of every frame, weights faded.
+        share: part of its weight that each wish has after fading [t, m]: 1 when it counts in full.
+    """
+
+    points: tuple[ImagePoints, ...]
+    share: Float[np.ndarray, "t m"]
+
+
+def find_wishes(
+    wishes: Sequence[TimedWish],
+    cameras: Sequence[Camera],
+    views: Iterable[dict[str, Any]],
+    *,
+    fade_frames: float = 6.0,
+    favour_near: float = 0.0,
+) -> FoundWishes:
+    """Where the wishes are in every frame, with weights that come and go gradually.
+
+    A wish counts where it acts, is in the frame and is to be seen (`locate`). Its weight is multiplied by the
+    largest share that is nowhere above that and changes by no more than 1 / fade_frames per frame:
+    it rises only after the point has appeared and is gone again before it vanishes. What acts in the
+    first or the last frame is taken to have acted before or to go on.
+
+    Args:
+        wishes: at least one.
+        cameras: one a frame.
+        views: one a frame: what `locate` needs of the scene (vertices, faces, objects, disparity_map).
+        fade_frames: frames from nothing to full weight; 0 lets weights jump.
+        favour_near: how much more near wishes count, relative to the nearest of all frames (see `locate`).
+
+    Raises:
+        ValueError: as `locate`, with the frame.
+    """
+    if not wishes:
+        raise ValueError("there are no wishes; give at least one")
+    if not 0 <= fade_frames < np.inf:
+        raise ValueError(f"fade_frames is {fade_frames}; expected zero or a positive finite number of frames")
+    found = []
+    for number, (camera, view) in enumerate(zip(cameras, views, strict=True), start=1):
+        points = [wish.at(number) for wish in wishes]
+        # The share that is to be seen is told from a weight of 1, whatever the weight over time is.
+        unit = [dataclasses.replace(point, weight=1.0) for point in points]
+        try:
+            seen = locate(unit, camera, may_be_idle=True, **view)
+        except ValueError as error:
+            raise ValueError(f"frame {number}: {error}") from None
+        found.append((points, seen))
+    visible = np.array([[_share(seen, m) for m in range(len(wishes))] for _, seen in found])
+    acting = np.array([[wish.acts(t + 1) for wish in wishes] for t in range(len(found))])
+    share = faded(np.where(acting, visible, 0.0), fade_frames)
+    nearest = max(
+        float(np.max(np.asarray(seen.disparity) * (np.asarray(seen.weight) > 0))) for _, seen in found
+    )
+    out = []
+    for t, (points, seen) in enumerate(found):
+        wish, disparity = np.asarray(seen.wish), np.asarray(seen.disparity)
+        factor = np.array([float(point.weight) for point in points]) * share[t]
+        factor = factor / np.where(visible[t] > 0, visible[t], 1.0)
+        near = 1.0 + favour_near * disparity / max(nearest, np.finfo(float).tiny)
+        weight = np.asarray(seen.weight) * factor[wish] * near
+        out.append(dataclasses.replace(seen, weight=jnp.asarray(weight, dtype=float)))
+    return FoundWishes(tuple(out), share)
+
+
+def faded(share: Float[np.ndarray, "t m"], fade_frames: float) -> Float[np.ndarray, "t m"]:
+    """The largest shares nowhere above `share` that change by at most 1 / fade_frames per frame.
+
+    Example:
+        >>> faded(np.array([[0.0], [1.0], [1.0], [1.0], [1.0]]), 4.0).ravel().tolist()
+        [0.0, 0.25, 0.5, 0.75, 1.0]
+    """
+    if fade_frames == 0:
+        return share
+    result = np.array(share)
+    for frame in range(1, len(result)):
+        result[frame] = np.minimum(result[frame], result[frame - 1] + 1.0 / fade_frames)
+    for frame in range(len(result) - 2, -1, -1):
+        result[frame] = np.minimum(result[frame], result[frame + 1] + 1.0 / fade_frames)
+    return result
+
+
+def _share(points: ImagePoints, wish: int) -> float:
+    """The part of a wish of weight 1 that is to be seen."""
+    return float(np.sum(np.asarray(points.weight)[np.asarray(points.wish) == wish]))

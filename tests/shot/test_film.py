@@ -1,0 +1,225 @@
+"""From a config with a shot to frames, a film and a report; and what a config may get wrong."""
+
+import json
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+from compilations import compilations
+from typer.testing import CliRunner
+
+from focusjax.cli import app
+from focusjax.config import ConfigError, load_config
+from focusjax.io import load_exr
+from focusjax.shot import build_settings, build_shot, render_frames, save_mp4, solve_shot
+
+CONFIG = """
+title = "Two cards"
+[scene]
+unlit = true
+background = { kind = "constant", colour = [0.1, 0.1, 0.2] }
+objects = [
+    { file = "near.ply", name = "near", colour = [0.8, 0.2, 0.1] },
+    { file = "far.ply", name = "far" },
+]
+[camera]
+position = [0, 0, 0]
+look_at = [0, 0, -1]
+field_of_view_deg = 40
+resolution = [33, 24]
+[lens]
+aperture_radius_mm = 40
+[[focus]]
+name = "near card"
+point = [-0.2, 0, -1]
+sharp = true
+[[focus]]
+object = "far"
+samples = 8
+blur_px = 1.5
+[render]
+rays = 4
+supersampling = 1
+[shot]
+frames = 3
+fade_frames = 1
+formats = ["png", "exr"]
+[[shot.camera]]
+frame = 1
+position = [0, 0, 0]
+[[shot.camera]]
+frame = 3
+position = [0.05, 0, 0]
+[[shot.objects]]
+name = "far"
+keys = [{ frame = 1, translate = [0, 0, 0] }, { frame = 3, translate = [0, 0.2, 0], scale = 1.2 }]
+[[shot.wishes]]
+name = "near card"
+to_frame = 2
+[[shot.wishes]]
+name = "far"
+from_frame = 2
+keys = [{ frame = 1, blur = 1.5 }, { frame = 3, blur = 2.5 }]
+"""
+
+CARD = """ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+element face 2
+property list uchar int vertex_indices
+end_header
+{0} {1} {4}
+{2} {1} {4}
+{2} {3} {4}
+{0} {3} {4}
+3 0 1 2
+3 0 2 3
+"""
+
+
+@pytest.fixture(scope="module")
+def config_file(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("shot")
+    (folder / "near.ply").write_text(CARD.format(-0.6, -0.3, 0.0, 0.3, -1.0))
+    (folder / "far.ply").write_text(CARD.format(-2.0, -2.0, 2.0, 2.0, -4.0))
+    path = folder / "cards.toml"
+    path.write_text(CONFIG)
+    return path
+
+
+@pytest.fixture(scope="module")
+def filmed(config_file, tmp_path_factory):
+    """The output folder of a whole run, and what it said."""
+    out = tmp_path_factory.mktemp("out")
+    result = CliRunner().invoke(app, ["shot", str(config_file), "--out", str(out)])
+    return out, result
+
+
+def test_a_shot_leaves_frames_and_a_report(filmed):
+    out, result = filmed
+    assert result.exit_code in (0, 3), result.output
+    assert "3 frames, focus from" in result.output
+    for number in (1, 2, 3):
+        picture = iio.imread(out / "frames" / f"frame_{number:04d}.png")
+        assert picture.shape == (24, 33, 3)
+        assert picture.std() > 10
+        channels = load_exr(out / "frames" / f"frame_{number:04d}.exr")
+        assert set(channels) == {"R", "G", "B", "Z", "blur"}
+        assert np.isfinite(channels["blur"]).all()
+    report = json.loads((out / "report.json").read_text())
+    assert [frame["frame"] for frame in report["frames"]] == [1, 2, 3]
+    assert report["solver"]["status"] == "solved"
+    assert report["pictures"]["kept"] == 0
+    assert set(report["largest_changes"]) == {"focus_per_m", "f_number", "focal_length_mm"}
+    # What the wishes were in each frame: the blur's keyframes, and who acts when.
+    wished = [[wish["wished_px"] for wish in frame["wishes"]] for frame in report["frames"]]
+    assert wished == [[0.0, 1.5], [0.0, pytest.approx(2.0)], [0.0, 2.5]]
+    acting = [[wish["share"] for wish in frame["wishes"]] for frame in report["frames"]]
+    assert acting == [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+    page = (out / "report.html").read_text()
+    assert "Two cards" in page
+    assert page.count("data:image/png;base64,") == 3
+    assert (out / "contact.png").is_file()
+
+
+def test_frames_after_the_first_compile_nothing(config_file, tmp_path):
+    """The same shapes in every frame, whatever moves."""
+    config = load_config(config_file, ["shot.formats=['png']"])
+    solved, settings = solve_shot(build_shot(config)), build_settings(config)
+    render_frames(solved, tmp_path, settings, frames=[1, 2])
+    with compilations() as compiled:
+        render_frames(solved, tmp_path, settings, frames=[3])
+    assert compiled == []
+
+
+def test_frames_that_are_there_are_kept(filmed, config_file):
+    """A frame that was lost is made again, the same; other settings make all of them again."""
+    out, _ = filmed
+    first, lost = (out / "frames" / f"frame_000{number}.png" for number in (1, 2))
+    before, made = lost.read_bytes(), first.stat().st_mtime_ns
+    lost.unlink()
+    CliRunner().invoke(app, ["shot", str(config_file), "--out", str(out)])
+    assert json.loads((out / "report.json").read_text())["pictures"]["kept"] == 2
+    assert lost.read_bytes() == before
+    assert first.stat().st_mtime_ns == made
+    brighter = ["--set", "render.exposure=1", "--frames", "1"]
+    CliRunner().invoke(app, ["shot", str(config_file), "--out", str(out), *brighter])
+    assert json.loads((out / "report.json").read_text())["pictures"] == {
+        "frames": [1], "kept": 0, "rays_per_pixel": 4, "layers_complete": True,
+    }  # fmt: skip
+    assert iio.imread(first).mean() > iio.imread(lost).mean() + 20
+
+
+# imageio's reader leaves the pipes to its ffmpeg for the garbage collector to close.
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_film_is_of_even_size_and_shows_the_frames(tmp_path):
+    pytest.importorskip("imageio_ffmpeg", reason="the extra `video` is not installed")
+    pictures = []
+    for level in (40, 220):
+        pictures.append(tmp_path / f"{level}.png")
+        iio.imwrite(pictures[-1], np.full((25, 33, 3), level, dtype=np.uint8))
+    save_mp4(tmp_path / "film.mp4", pictures, fps=24)
+    found = iio.imread(tmp_path / "film.mp4", plugin="FFMPEG")
+    assert found.shape == (2, 26, 34, 3)
+    # Compressed; observed within 1 of 255.
+    assert np.abs(found.mean(axis=(1, 2, 3)) - [40, 220]).max() < 4
+
+
+def test_a_film_without_ffmpeg_is_refused_before_anything_is_done(config_file, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    options = ["--out", str(tmp_path / "new"), "--set", "shot.formats=['mp4']"]
+    result = CliRunner().invoke(app, ["shot", str(config_file), *options])
+    assert result.exit_code == 1
+    message = " ".join(result.output.split())
+    assert "an mp4 needs the package imageio-ffmpeg, which is not installed; run `pip install" in message
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        (
+            "shot.wishes.0.name=near crd",
+            "shot: wishes: [[focus]] has no 'near crd'; did you mean 'near card'?",
+        ),
+        ("shot.objects.0.name=fir", "shot: objects: the scene has no 'fir'; did you mean 'far'?"),
+        ("shot.objects.0.vertices='walk.npz'", "walk.npz does not exist; check the path"),
+        ("shot.camera.1.frame=1", "shot has a keyframe of the camera at frame 1 after one at frame 1; put"),
+        ("shot.objects.0.keys.1.frame=-3", "has a keyframe of 'far' at frame -3 after one at frame 1; put"),
+        ("shot.wishes.1.to_frame=1", "has from_frame = 2 after to_frame = 1; swap the two"),
+        ("shot.camera.0.matrix=[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]", "give all of one kind"),
+        ("shot.frames=0", "shot.frames is 0; expected a number of at least 1; give the number of frames"),
+        ("shot.wishes.0.keys=[{frame=1, blur=2}]", "has a blur over time but wishes for no blur"),
+        ("shot.lens=[{frame=1, f_number=2}]", "aperture_radius_mm and keyframes of its f-number"),
+        ("shot.objects.0.first_frame=3", "has first_frame or frames_per_step without vertices; remove them"),
+    ],
+)
+def test_what_a_config_gets_wrong_is_told(config_file, override, message):
+    with pytest.raises(ConfigError, match=re.escape(message)):
+        build_shot(load_config(config_file, [override]))
+
+
+def test_commands_that_cannot_be_done_are_refused(config_file, tmp_path):
+    still = tmp_path / "still.toml"
+    still.write_text(CONFIG[: CONFIG.index("[shot]")])
+    for path, options, status, message in (
+        (still, [], 2, "there is no [shot] table; add one with frames = 48"),
+        (config_file, ["--frames", "1,x"], 2, "--frames is 1,x; expected frame numbers such as 1,24,48"),
+        (config_file, ["--frames", "4"], 1, "frame 4 is not in the shot; it has frames 1 to 3"),
+    ):
+        result = CliRunner().invoke(app, ["shot", str(path), "--out", str(tmp_path / "out"), *options])
+        assert result.exit_code == status, result.output
+        assert message in " ".join(result.output.split())
+
+
+def test_the_shipped_shots_are_of_48_frames_and_more():
+    for name in ("rack_focus", "follow_focus"):
+        path = Path(__file__).parents[2] / "configs" / f"{name}.toml"
+        assert tomllib.loads(path.read_text())["shot"]["frames"] >= 48

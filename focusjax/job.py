@@ -158,10 +158,18 @@ def run(
         assert points is not None
         solution = _solve(config, points, camera, lens, watch)
         lens, points = solution.lens, solution.points
-        if "focal_length" in config.solve.free:
+        if set(config.solve.free) & {"focal_length", "shift", "rise"}:
             camera = solution.camera
             with watch.stage("locate_again"):
                 disparity = np.asarray(disparity_map(scene, camera))
+        if set(config.solve.free) & {"shift", "rise"}:
+            # The frame has moved, and with it what is inside.
+            with watch.stage("solve_again", compile_apart=False):
+                points = find_points(
+                    wishes, scene, camera, disparity=disparity, favour_near=config.solve.favour_near
+                )
+                solution = solve(points, camera, lens, **build_solve_options(config))
+            lens, points, camera = solution.lens, solution.points, solution.camera
     picture = _render(config, scene, camera, lens, watch, tell) if rendering else None
     return Outcome(
         config=config,

@@ -131,9 +131,11 @@ def test_limits_hold():
     assert held.active_bounds == ("max_rise",)
     np.testing.assert_allclose(held.camera.rise, 0.002, rtol=1e-12)
     assert "The largest rise stands in the way" in " ".join(diagnose(held).sentences)
-    with pytest.raises(ValueError, match="the starting rise in metres is 0.03; expected a value in the rise"):
+    with pytest.raises(
+        ValueError, match=r"the starting rise in metres is 0.03; expected a value in the rise"
+    ):
         solved(top, start=camera(rise=0.03))
-    with pytest.raises(ValueError, match="shift range's end in metres is -0.01; expected a finite length"):
+    with pytest.raises(ValueError, match=r"shift range's end in metres is -0.01; expected a finite length"):
         solved(top, shift_range=(0.0, -0.01))
 
 
@@ -175,12 +177,8 @@ def by_scipy(wishes: list[FocusPoint], limits: dict) -> float:
         rows = [np.array([(shift - 0.001) / 1e-4])]
         for wish in wishes:
             x, y, z = np.asarray(wish.where.position) * [1, 1, -1]
-            shown = np.array(
-                [
-                    WIDTH / 2 + DENSITY * (length * x / z - shift),
-                    HEIGHT / 2 + DENSITY * (rise - length * y / z),
-                ]
-            )
+            slide = np.array([length * x / z - shift, rise - length * y / z])
+            shown = np.array([WIDTH, HEIGHT]) / 2 + DENSITY * slide
             match wish.wish:
                 case ShownAt(u, v):
                     miss = shown - [u, v]
@@ -212,19 +210,20 @@ def test_random_problems_are_solved_as_scipy_solves_them():
         wishes = random_wishes(seed)
         found = solve(locate(wishes, camera()), camera(), lens(), **ZOOM, **limits)
         cost = by_scipy(wishes, limits)
-        # Observed: 2e-9 relative, which is scipy's.
+        # Observed: once 2.5e-6 relative, where scipy stops at the edge of a margin, else 1e-9.
         assert float(found.cost) <= cost * (1 + 1e-8) + 1e-9, seed
-        np.testing.assert_allclose(float(found.cost), cost, rtol=1e-6, atol=1e-6, err_msg=str(seed))
+        np.testing.assert_allclose(float(found.cost), cost, rtol=1e-5, atol=1e-6, err_msg=str(seed))
         bounds |= set(found.active_bounds) or {"inside"}
     assert bounds >= {"max_rise", "min_shift", "inside"}
 
 
-class TestLocate:
-    vertices = np.array([(x, y, -4.0) for x in (-0.4, 0.5) for y in (-0.2, 3.0)])
-    mesh = {"vertices": vertices, "faces": np.array([(0, 1, 2), (1, 2, 3)]), "objects": {"door": range(2)}}
+DOOR = np.array([(x, y, -4.0) for x in (-0.4, 0.5) for y in (-0.2, 3.0)])
+MESH = {"vertices": DOOR, "faces": np.array([(0, 1, 2), (1, 2, 3)]), "objects": {"door": range(2)}}
 
+
+class TestLocate:
     def test_an_object_is_its_whole_extent_in_the_frame_or_not(self):
-        points = locate([FocusPoint(OnObject("door"), InFrame(3.0))], camera(), **self.mesh)
+        points = locate([FocusPoint(OnObject("door"), InFrame(3.0))], camera(), **MESH)
         scale = DENSITY * LENGTH / 4
         x, y = 320 + scale * np.array([-0.4, 0.5]), 240 - scale * np.array([3.0, -0.2])
         shown = np.where(points.quantity == ACROSS, *points.xy.T)
@@ -234,7 +233,7 @@ class TestLocate:
         np.testing.assert_allclose(points.target, [3, 637, 3, 477])
         np.testing.assert_allclose(points.weight, 1.0)
         assert points.notes == ("",)
-        middle = locate([FocusPoint(OnObject("door"), ShownAt(9, 8))], camera(), **self.mesh)
+        middle = locate([FocusPoint(OnObject("door"), ShownAt(9, 8))], camera(), **MESH)
         np.testing.assert_allclose(middle.xy, np.tile([x.mean(), y.mean()], (2, 1)), rtol=1e-12)
         np.testing.assert_allclose(middle.target, [9, 8])
 

@@ -143,7 +143,8 @@ def run(
         if config.lens.focal_surface is not None:
             assert isinstance(lens, ThinLens)
             controls = build_control_points(config, scene)
-            found = find_points(controls, scene, camera, disparity=disparity)
+            near = config.lens.focal_surface.favour_near
+            found = find_points(controls, scene, camera, disparity=disparity, favour_near=near)
             surface = build_focal_surface(config, found, camera, lens)
     solution = None
     if surface is not None and solving:

@@ -174,7 +174,8 @@ def _where(table: FocusTable, number: int, scene: Scene, folder: Path) -> Attach
 def _read_mask(path: Path, key: str) -> Bool[np.ndarray, "h w"]:
     """Which pixels of an image are more white than black; its alpha channel is left out."""
     try:
-        image = iio.imread(path)
+        # Without a plugin's name imageio tries all it has, of which some only warn that they are old.
+        image = iio.imread(path, plugin="pillow")
     except FileNotFoundError:
         raise ValueError(f"{key} is {path}, which does not exist; check the path") from None
     except (OSError, ValueError) as error:

@@ -12,6 +12,7 @@ from focusjax.focus import AtPoint as AtPoint
 from focusjax.focus import Blur as Blur
 from focusjax.focus import FocusPoint as FocusPoint
 from focusjax.focus import InDepthRange as InDepthRange
+from focusjax.focus import InFrame as InFrame
 from focusjax.focus import OfHeight as OfHeight
 from focusjax.focus import OnMask as OnMask
 from focusjax.focus import OnObject as OnObject
@@ -20,6 +21,7 @@ from focusjax.focus import OnTriangle as OnTriangle
 from focusjax.focus import Prior as Prior
 from focusjax.focus import SameBlur as SameBlur
 from focusjax.focus import Sharp as Sharp
+from focusjax.focus import ShownAt as ShownAt
 from focusjax.focus import Solution as Solution
 from focusjax.focus import diagnose as diagnose
 from focusjax.focus import locate as locate

@@ -219,7 +219,7 @@ def _tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
             highlight=False,
         )
     if moved["rise_mm"] or moved["shift_mm"]:
-        console.print(f"Rise {moved['rise_mm']:+g} mm, shift {moved['shift_mm']:+g} mm", highlight=False)
+        console.print(f"Rise {moved['rise_mm']:+.2f} mm, shift {moved['shift_mm']:+.2f} mm", highlight=False)
     if outcome.config.lens.focal_surface is not None:
         console.print("In the middle of the picture; a focal surface sets it from place to place.")
     if outcome.solution is not None:
@@ -281,6 +281,10 @@ def _wished(row: WishResult) -> str:
     """A wish in a few words."""
     if row.relation == "same":
         return "as another"
+    if row.relation == "shown at":
+        return "at its place"
+    if row.relation == "in frame":
+        return f"{row.wished:g} px inside"
     if row.relation != "equal":
         return f"{row.relation} {row.wished:g} px"
     return "sharp" if not row.wished else f"{row.wished:+g} px" if row.signed else f"{row.wished:g} px"

@@ -154,7 +154,8 @@ def run(
         if config.lens.focal_surface is not None:
             assert isinstance(lens, ThinLens)
             controls = build_control_points(config, scene)
-            found = find_points(controls, scene, camera, disparity=disparity)
+            near = config.lens.focal_surface.favour_near
+            found = find_points(controls, scene, camera, disparity=disparity, favour_near=near)
             surface = build_focal_surface(config, found, camera, lens)
     solution = None
     if surface is not None and solving:
@@ -169,10 +170,18 @@ def run(
         assert points is not None
         solution = _solve(config, points, camera, lens, watch)
         lens, points = solution.lens, solution.points
-        if "focal_length" in config.solve.free:
+        if set(config.solve.free) & {"focal_length", "shift", "rise"}:
             camera = solution.camera
             with watch.stage("locate_again"):
                 disparity = np.asarray(disparity_map(scene, camera))
+        if set(config.solve.free) & {"shift", "rise"}:
+            # The frame has moved, and with it what is inside.
+            with watch.stage("solve_again", compile_apart=False):
+                points = find_points(
+                    wishes, scene, camera, disparity=disparity, favour_near=config.solve.favour_near
+                )
+                solution = solve(points, camera, lens, **build_solve_options(config))
+            lens, points, camera = solution.lens, solution.points, solution.camera
     picture = _render(config, scene, camera, lens, like, watch, tell) if rendering else None
     return Outcome(
         config=config,

@@ -39,15 +39,18 @@ def build_control_points(config: Config, scene: Scene) -> tuple[FocusPoint, ...]
 def build_focal_surface(config: Config, points: ImagePoints, camera: Camera, lens: ThinLens) -> FocalSurface:
     """The surface through the control points, found in the picture as `points`.
 
-    A point of wished blur d and disparity w is passed at w + d / (2 f E s), where it has that blur.
+    A point of wished blur d and disparity w is passed at w + d / (2 f E s), where it has that blur. Its
+    weight is its own times what `points` has: less when farther away, and less the more it is hidden, so
+    that of points which overlap and contradict each other the near and the visible one wins (Lee10 section
+    5.2). Points outside the frame have none, unless told otherwise.
 
     Raises:
-        ConfigError: a control point that is not in the picture.
+        ConfigError: a control point behind the camera.
     """
     table = config.lens.focal_surface
     assert table is not None
-    for name, note, weight in zip(points.names, points.notes, np.asarray(points.weight), strict=True):
-        if weight == 0:
+    for name, note in zip(points.names, points.notes, strict=True):
+        if note == "behind the camera":
             raise ConfigError(f"{config.source}: control point {name!r} is {note}; move it, or the camera")
     scale = np.array([point.aperture_scale for point in table.points])
     slope = 2.0 * float(lens.parallax(camera)) * scale
@@ -55,7 +58,7 @@ def build_focal_surface(config: Config, points: ImagePoints, camera: Camera, len
         points.xy,
         np.asarray(points.disparity) + np.asarray(points.target) / slope,
         aperture_scale=scale,
-        weight=np.array([point.weight for point in table.points]),
+        weight=points.weight,
         kernel=_kernel(config),
         basis=table.basis,
     )
@@ -73,8 +76,10 @@ def _control_point(table: ControlPointTable, number: int, scene: Scene) -> Focus
     return FocusPoint(
         where,
         Blur(table.blur_px, signed=True),
+        weight=table.weight,
         name=table.name or f"lens.focal_surface.points.{number}",
-        even_hidden=table.point is not None,
+        even_outside=table.even_outside,
+        even_hidden=table.even_hidden,
     )
 
 

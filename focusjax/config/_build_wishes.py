@@ -23,6 +23,7 @@ from focusjax.focus import (
     Diameter,
     FocusPoint,
     InDepthRange,
+    InFrame,
     OfHeight,
     OnMask,
     OnObject,
@@ -31,6 +32,7 @@ from focusjax.focus import (
     Prior,
     SameBlur,
     Sharp,
+    ShownAt,
     Wish,
 )
 from focusjax.scene import Scene
@@ -75,6 +77,13 @@ def build_solve_options(config: Config) -> dict[str, Any]:
         assert table.focal_length_max_mm is not None
         options["focal_length_range"] = (table.focal_length_min_mm / 1000, table.focal_length_max_mm / 1000)
         options["keep_field_of_view"] = table.keep_field_of_view
+    half = config.camera.sensor_width_mm / 2
+    for name in {"shift", "rise"} & set(table.free):
+        least, most = getattr(table, f"{name}_min_mm"), getattr(table, f"{name}_max_mm")
+        options[f"{name}_range"] = (
+            (-half if least is None else least) / 1000,
+            (half if most is None else most) / 1000,
+        )
     priors = _priors(config)
     return options | ({"priors": priors} if priors else {})
 
@@ -89,8 +98,10 @@ def _priors(config: Config) -> dict[str, Prior]:
     for name, angle in (("tilt", table.tilt), ("swing", table.swing)):
         if angle is not None:
             found[name] = Prior(math.radians(angle.angle_deg), math.radians(angle.sigma_deg))
-    if table.focal_length is not None:
-        found["focal_length"] = Prior(table.focal_length.length_mm / 1000, table.focal_length.sigma_mm / 1000)
+    lengths = (("focal_length", table.focal_length), ("shift", table.shift), ("rise", table.rise))
+    for name, length in lengths:
+        if length is not None:
+            found[name] = Prior(length.length_mm / 1000, length.sigma_mm / 1000)
     return found
 
 
@@ -115,6 +126,10 @@ def _wish(table: FocusTable) -> Wish:
         return AtLeast(least)
     if table.same_blur_as is not None:
         return SameBlur(table.same_blur_as, same_side=table.signed)
+    if table.shown_at is not None:
+        return ShownAt(*table.shown_at)
+    if (margin := _diameter(table, "in_frame")) is not None:
+        return InFrame(margin)
     return Sharp()
 
 
@@ -159,7 +174,8 @@ def _where(table: FocusTable, number: int, scene: Scene, folder: Path) -> Attach
 def _read_mask(path: Path, key: str) -> Bool[np.ndarray, "h w"]:
     """Which pixels of an image are more white than black; its alpha channel is left out."""
     try:
-        image = iio.imread(path)
+        # Without a plugin's name imageio tries all it has, of which some only warn that they are old.
+        image = iio.imread(path, plugin="pillow")
     except FileNotFoundError:
         raise ValueError(f"{key} is {path}, which does not exist; check the path") from None
     except (OSError, ValueError) as error:

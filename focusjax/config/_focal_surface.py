@@ -27,6 +27,13 @@ class ControlPointTable(Table):
     )
     weight: NotNegative = Field(default=1.0, description="how widely the point rules, 0 or more")
 
+    even_outside: bool = Field(
+        default=False, description="true to let the point count even outside the frame"
+    )
+    even_hidden: bool = Field(
+        default=False, description="true to let the point count in full even when something hides it"
+    )
+
     @model_validator(mode="after")
     def _one_place(self) -> "ControlPointTable":
         if sum(place is not None for place in (self.pixel, self.point, self.object)) != 1:
@@ -75,6 +82,11 @@ class FocalSurfaceTable(Table):
     smoothness: NotNegative = Field(
         default=1e-3,
         description="the weight of a blur that changes by 1 px per 100 px, against wishes, for example 0.001",
+    )
+
+    favour_near: NotNegative = Field(
+        default=1.0,
+        description="how much more near points count where several overlap: 1 makes the nearest count twice",
     )
 
     @model_validator(mode="after")

@@ -43,7 +43,7 @@ class Config(Table):
                 " its points is solved for; leave one of them out"
             )
         for number, wish in enumerate(self.focus):
-            if wish.limits_or_compares:
+            if not wish.wants_a_value:
                 raise ValueError(
                     f"has lens.focal_surface, but focus.{number} wishes for neither sharp nor a blur; a"
                     " focal surface is solved for these two alone"

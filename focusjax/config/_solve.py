@@ -7,7 +7,7 @@ from pydantic import Field, Strict, model_validator
 from focusjax.config._values import Millimetres, NotNegative, Number, Positive, Table
 
 Degrees = Annotated[float, Field(gt=-90, lt=90)]
-Name = Literal["focus", "f_number", "tilt", "swing", "focal_length"]
+Name = Literal["focus", "f_number", "tilt", "swing", "focal_length", "shift", "rise"]
 
 
 class FocusPrior(Table):
@@ -38,6 +38,13 @@ class FocalLengthPrior(Table):
     sigma_mm: Positive = Field(description="how far off it may be, in mm")
 
 
+class SlidePrior(Table):
+    """`[solve.prior.shift]` and `[solve.prior.rise]`."""
+
+    length_mm: Number = Field(description="how far the lens is expected to slide, in mm")
+    sigma_mm: Positive = Field(description="how far off it may be, in mm")
+
+
 class PriorTable(Table):
     """`[solve.prior]`: what the settings are expected to be; one sigma off weighs as a pixel."""
 
@@ -46,13 +53,16 @@ class PriorTable(Table):
     tilt: AnglePrior | None = Field(default=None, description="angle_deg and sigma_deg")
     swing: AnglePrior | None = Field(default=None, description="angle_deg and sigma_deg")
     focal_length: FocalLengthPrior | None = Field(default=None, description="length_mm and sigma_mm")
+    shift: SlidePrior | None = Field(default=None, description="length_mm and sigma_mm")
+    rise: SlidePrior | None = Field(default=None, description="length_mm and sigma_mm")
 
 
 class SolveTable(Table):
     """`[solve]`: which settings may change, and how far."""
 
     free: Annotated[tuple[Name, ...], Strict(False), Field(min_length=1)] = Field(
-        default=("focus",), description='some of ["focus", "f_number", "tilt", "swing", "focal_length"]'
+        default=("focus",),
+        description='some of ["focus", "f_number", "tilt", "swing", "focal_length", "shift", "rise"]',
     )
     min_focus_distance_m: Positive | None = Field(
         default=None, description="the closest focus distance in metres, for example 0.45"
@@ -74,6 +84,14 @@ class SolveTable(Table):
     focal_length_max_mm: Millimetres | None = Field(
         default=None, description="the longest focal length in mm, for example 70"
     )
+    shift_min_mm: Number | None = Field(
+        default=None, description="the least shift in mm, for example -12; half the sensor's width by default"
+    )
+    shift_max_mm: Number | None = Field(default=None, description="the largest shift in mm, for example 12")
+    rise_min_mm: Number | None = Field(
+        default=None, description="the least rise in mm, for example -12; half the sensor's width by default"
+    )
+    rise_max_mm: Number | None = Field(default=None, description="the largest rise in mm, for example 12")
     keep_field_of_view: bool = Field(
         default=False, description="true to let the sensor grow with the focal length, instead of zooming"
     )
@@ -94,6 +112,8 @@ class SolveTable(Table):
                 "focal_length_min_mm", self.focal_length_min_mm,
                 "focal_length_max_mm", self.focal_length_max_mm, "focal_length",
             ),
+            ("shift_min_mm", self.shift_min_mm, "shift_max_mm", self.shift_max_mm, "shift"),
+            ("rise_min_mm", self.rise_min_mm, "rise_max_mm", self.rise_max_mm, "rise"),
         ]  # fmt: skip
         for low_key, low, high_key, high, name in pairs:
             if low is not None and high is not None and low >= high:

@@ -56,6 +56,17 @@ class FocusTable(Table):
     same_blur_as: str | None = Field(
         default=None, description="the name of the focus point whose blur this one is to have"
     )
+    shown_at: Annotated[tuple[Number, Number], Strict(False)] | None = Field(
+        default=None,
+        description="the place [x, y] in the picture, in pixels from the top left, where it is to be shown",
+    )
+    in_frame_px: NotNegative | None = Field(
+        default=None, description="how far inside the frame all of it is to be at least, in pixels"
+    )
+    in_frame_mm: NotNegative | None = Field(default=None, description="the same in mm on the sensor")
+    in_frame_height: NotNegative | None = Field(
+        default=None, description="the same as a share of the image's height"
+    )
     signed: bool = Field(
         default=False,
         description="signed = true to choose the side of the focus: by the sign of blur_px, or that of"
@@ -94,14 +105,16 @@ class FocusTable(Table):
 
     @model_validator(mode="after")
     def _one_wish(self) -> "FocusTable":
-        wishes = ["sharp", "same_blur_as"] + [
-            f"{kind}_{unit}" for kind in ("blur", "at_most", "at_least") for unit in ("px", "mm", "height")
+        wishes = ["sharp", "same_blur_as", "shown_at"] + [
+            f"{kind}_{unit}"
+            for kind in ("blur", "at_most", "at_least", "in_frame")
+            for unit in ("px", "mm", "height")
         ]
         given = [wish for wish in wishes if getattr(self, wish) is not None]
         if len(given) != 1:
             raise ValueError(
-                "needs exactly one of sharp = true, blur_px, at_most_px, at_least_px and same_blur_as to say"
-                " what is wished (blurs in _px, _mm or _height)"
+                "needs exactly one of sharp = true, blur_px, at_most_px, at_least_px, same_blur_as, shown_at"
+                " and in_frame_px to say what is wished (lengths in _px, _mm or _height)"
                 + (f"; it has {' and '.join(given)}" if given else "")
             )
         blur = given[0] if given[0].startswith("blur") else None
@@ -112,6 +125,10 @@ class FocusTable(Table):
                 f"has {blur} = {getattr(self, blur)} without a sign's meaning; add signed = true, or give 0"
                 " or more"
             )
+        if self.depth_m is not None and given[0].startswith(("shown_at", "in_frame")):
+            raise ValueError(
+                f"has depth_m, which is nowhere in the picture, and {given[0]}; give another place"
+            )
         tolerances = (self.tolerance_px, self.tolerance_mm, self.tolerance_height)
         if sum(tolerance is not None for tolerance in tolerances) > 1:
             raise ValueError(
@@ -120,10 +137,9 @@ class FocusTable(Table):
         return self
 
     @property
-    def limits_or_compares(self) -> bool:
-        """Whether the wish is for less or more than a blur, or for that of another point."""
-        keys = [f"{kind}_{unit}" for kind in ("at_most", "at_least") for unit in ("px", "mm", "height")]
-        return any(getattr(self, key) is not None for key in [*keys, "same_blur_as"])
+    def wants_a_value(self) -> bool:
+        """Whether the wish is for sharpness or a blur, and not for a limit, another's blur or a place."""
+        return any(getattr(self, key) is not None for key in ("sharp", "blur_px", "blur_mm", "blur_height"))
 
 
 class RenderTable(Table):

@@ -6,8 +6,11 @@ from focusjax.focus._diagnose import Unreachable as Unreachable
 from focusjax.focus._diagnose import diagnose as diagnose
 from focusjax.focus._frames_solution import FramesSolution as FramesSolution
 from focusjax.focus._frames_solution import LargestChange as LargestChange
+from focusjax.focus._image_points import ACROSS as ACROSS
 from focusjax.focus._image_points import AT_LEAST as AT_LEAST
 from focusjax.focus._image_points import AT_MOST as AT_MOST
+from focusjax.focus._image_points import BLUR as BLUR
+from focusjax.focus._image_points import DOWN as DOWN
 from focusjax.focus._image_points import EQUAL as EQUAL
 from focusjax.focus._image_points import SAME as SAME
 from focusjax.focus._image_points import ImagePoints as ImagePoints
@@ -29,11 +32,13 @@ from focusjax.focus._points import Attachment as Attachment
 from focusjax.focus._points import Blur as Blur
 from focusjax.focus._points import FocusPoint as FocusPoint
 from focusjax.focus._points import InDepthRange as InDepthRange
+from focusjax.focus._points import InFrame as InFrame
 from focusjax.focus._points import OnMask as OnMask
 from focusjax.focus._points import OnObject as OnObject
 from focusjax.focus._points import OnTriangle as OnTriangle
 from focusjax.focus._points import SameBlur as SameBlur
 from focusjax.focus._points import Sharp as Sharp
+from focusjax.focus._points import ShownAt as ShownAt
 from focusjax.focus._points import Wish as Wish
 from focusjax.focus._priors import Prior as Prior
 from focusjax.focus._solution import Result as Result

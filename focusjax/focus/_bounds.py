@@ -11,10 +11,16 @@ from focusjax.focus._checks import require
 from focusjax.geometry import Camera
 from focusjax.lens import MAX_TILT
 
-LOWER_NAMES = ("max_focus_distance", "max_f_number", "max_tilt", "min_swing", "min_focal_length")
+LOWER_NAMES = (
+    "max_focus_distance", "max_f_number", "max_tilt", "min_swing", "min_focal_length",
+    "min_shift", "min_rise",
+)  # fmt: skip
 """What the lower ends of the box are called: some parameters fall as what is limited grows."""
 
-UPPER_NAMES = ("min_focus_distance", "min_f_number", "min_tilt", "max_swing", "max_focal_length")
+UPPER_NAMES = (
+    "min_focus_distance", "min_f_number", "min_tilt", "max_swing", "max_focal_length",
+    "max_shift", "max_rise",
+)  # fmt: skip
 """What the upper ends of the box are called."""
 
 LIFE_SIZE = 2.0
@@ -50,6 +56,8 @@ class Limits(eqx.Module):
         tilt: least and largest tilt in radians.
         swing: least and largest swing in radians.
         focal_length: shortest and longest focal length in metres.
+        shift: least and largest shift in metres.
+        rise: least and largest rise in metres.
     """
 
     near: Float[Array, ""]
@@ -58,6 +66,8 @@ class Limits(eqx.Module):
     tilt: Ends
     swing: Ends
     focal_length: Ends
+    shift: Ends
+    rise: Ends
 
     def box(self, camera: Camera) -> Box:
         """The same bounds on the whole vector of parameters."""
@@ -68,8 +78,12 @@ class Limits(eqx.Module):
         radius = [length / (2.0 * number) for number in self.f_number]
         zoom = [end / length for end in self.focal_length]
         return Box(
-            lower=jnp.stack([1.0 / self.far, radius[1], up[1], right[0], zoom[0]]),
-            upper=jnp.stack([1.0 / self.near, radius[0], up[0], right[1], zoom[1]]),
+            lower=jnp.stack(
+                [1.0 / self.far, radius[1], up[1], right[0], zoom[0], self.shift[0], self.rise[0]]
+            ),
+            upper=jnp.stack(
+                [1.0 / self.near, radius[0], up[0], right[1], zoom[1], self.shift[1], self.rise[1]]
+            ),
         )
 
 
@@ -82,6 +96,8 @@ def make_limits(
     tilt_range: Range | None = None,
     swing_range: Range | None = None,
     focal_length_range: Range | None = None,
+    shift_range: Range | None = None,
+    rise_range: Range | None = None,
 ) -> Limits:
     """Checked limits; arguments as for `solve`.
 
@@ -131,7 +147,28 @@ def make_limits(
         tilt=_angles("tilt", tilt_range),
         swing=_angles("swing", swing_range),
         focal_length=(shortest, longest),
+        shift=_slides("shift", shift_range, camera),
+        rise=_slides("rise", rise_range, camera),
     )
+
+
+def _slides(name: str, ends: Range | None, camera: Camera) -> Ends:
+    """How far the lens may slide; half the sensor's width both ways when nothing is said."""
+    half = camera.sensor_width / 2.0
+    least, most = (-half, half) if ends is None else ends
+    least = require(
+        jnp.asarray(least, dtype=float),
+        lambda v: abs(v) < np.inf,
+        f"the {name} range's start in metres",
+        "a finite length such as -0.011",
+    )
+    most = require(
+        jnp.asarray(most, dtype=float),
+        lambda v: (v >= least) & (v < np.inf),
+        f"the {name} range's end in metres",
+        "a finite length, not below the range's start",
+    )
+    return least, most
 
 
 def _angles(name: str, ends: Range | None) -> Ends:

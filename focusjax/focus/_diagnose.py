@@ -29,6 +29,10 @@ _BOUNDS = {
     "max_swing": "largest swing",
     "min_focal_length": "shortest focal length",
     "max_focal_length": "longest focal length",
+    "min_shift": "least shift",
+    "max_shift": "largest shift",
+    "min_rise": "least rise",
+    "max_rise": "largest rise",
 }
 
 

@@ -16,6 +16,9 @@ from focusjax.lens import AbstractLens
 EQUAL, AT_MOST, AT_LEAST, SAME = range(4)
 """What a row of `ImagePoints` wishes of its blur: a value, a limit, or that of the row's reference."""
 
+BLUR, ACROSS, DOWN = range(3)
+"""What a row is about: its signed blur, or how far across or down the picture it is shown; all in pixels."""
+
 
 class ImagePoints(eqx.Module):
     """One row per point; a wish about an object has several rows that share its weight.
@@ -26,8 +29,8 @@ class ImagePoints(eqx.Module):
     Attributes:
         xy: image positions in pixels.
         disparity: 1 / depth along the view axis, in 1/m; 0 at infinity.
-        target: wished blur diameter in pixels, signed when `signed`, else not negative.
-        signed: whether the wish says on which side of the focus the point is to be.
+        target: wished blur diameter in pixels, signed when `signed`, else not negative; or wished place.
+        signed: whether the wish says on which side of the focus the point is to be; true of places.
         weight: factor of the squared error in pixels.
         tolerance: error in pixels up to which the wish is met.
         wish: which wish the row belongs to, as an index into `names`.
@@ -36,6 +39,7 @@ class ImagePoints(eqx.Module):
         reference: for `SAME` rows, image position and disparity of the point whose blur is to be had;
             None when there are no such rows.
         notes: for every wish what limits its weight, such as "hidden", or nothing (static).
+        quantity: `BLUR`, `ACROSS` or `DOWN` per row; all are `BLUR` when None.
     """
 
     xy: Float[Array, "*p n 2"]
@@ -49,6 +53,7 @@ class ImagePoints(eqx.Module):
     relation: Int[Array, "*p n"] | None = None
     reference: Float[Array, "*p n 3"] | None = None
     notes: tuple[str, ...] = eqx.field(static=True, default=())
+    quantity: Int[Array, "*p n"] | None = None
 
 
 def blurs(points: ImagePoints, camera: Camera, lens: AbstractLens) -> Float[Array, "n"]:
@@ -56,16 +61,25 @@ def blurs(points: ImagePoints, camera: Camera, lens: AbstractLens) -> Float[Arra
     return jax.vmap(lambda xy, disparity: lens.blur(camera, xy, disparity))(points.xy, points.disparity)
 
 
+def values(points: ImagePoints, camera: Camera, lens: AbstractLens) -> Float[Array, "n"]:
+    """What every row is about, in pixels: signed blur, or the place across or down where it is shown."""
+    blur = blurs(points, camera, lens)
+    if points.quantity is None:
+        return blur
+    across, down = points.xy.T
+    return jnp.where(points.quantity == BLUR, blur, jnp.where(points.quantity == ACROSS, across, down))
+
+
 def errors(points: ImagePoints, camera: Camera, lens: AbstractLens) -> Float[Array, "n"]:
-    """How far each point's blur is from its wish, in pixels.
+    """How far each point's blur, or the place where it is shown, is from its wish, in pixels.
 
     The error is blur - target when the wish is signed and |blur| - target otherwise; positive means
     too much blur for an unsigned wish. A sharp wish is signed with target 0, so it is smooth. That
     of an `AT_MOST` row is not negative, and that of an `AT_LEAST` row not positive: their good side
     has no error. The target of a `SAME` row is the blur of its reference.
     """
-    blur = blurs(points, camera, lens)
-    excess = jnp.where(points.signed, blur, jnp.abs(blur)) - points.target
+    value = values(points, camera, lens)
+    excess = jnp.where(points.signed, value, jnp.abs(value)) - points.target
     if points.reference is not None:
         other = jax.vmap(lambda row: lens.blur(camera, row[:2], row[2]))(points.reference)
         excess = excess - jnp.where(points.signed, other, jnp.abs(other)) * (points.relation == SAME)
@@ -140,9 +154,10 @@ def stacked(problems: Sequence[ImagePoints]) -> ImagePoints:
     size = max(each.disparity.shape[0] for each in problems)
     related = any(each.relation is not None for each in problems)
     referring = any(each.reference is not None for each in problems)
+    placing = any(each.quantity is not None for each in problems)
     alike = [
         dataclasses.replace(
-            padded(with_relations(each, related=related, referring=referring), size),
+            padded(with_relations(each, related=related, referring=referring, placing=placing), size),
             names=problems[0].names,
             notes=(),
         )
@@ -151,11 +166,13 @@ def stacked(problems: Sequence[ImagePoints]) -> ImagePoints:
     return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *alike)
 
 
-def with_relations(points: ImagePoints, *, related: bool, referring: bool) -> ImagePoints:
-    """The points with `relation` and `reference` filled in, where they are wanted and None."""
+def with_relations(points: ImagePoints, *, related: bool, referring: bool, placing: bool) -> ImagePoints:
+    """The points with `relation`, `reference` and `quantity` filled in, where they are wanted and None."""
     if related and points.relation is None:
         points = dataclasses.replace(points, relation=jnp.zeros(points.wish.shape, dtype=int))
     if referring and points.reference is None:
         own = jnp.concatenate([points.xy, points.disparity[..., None]], axis=-1)
         points = dataclasses.replace(points, reference=own)
+    if placing and points.quantity is None:
+        points = dataclasses.replace(points, quantity=jnp.zeros(points.wish.shape, dtype=int))
     return points

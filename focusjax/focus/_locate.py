@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Integer
 
+from focusjax.focus._framing import ends, frames, with_framing
 from focusjax.focus._image_points import AT_LEAST, AT_MOST, EQUAL, SAME, ImagePoints
 from focusjax.focus._places import BEHIND, OUTSIDE, Finder, Place, did_you_mean
 from focusjax.focus._points import AtLeast, AtMost, Blur, FocusPoint, SameBlur, Wish
@@ -32,7 +33,8 @@ def locate(
 
     A place outside the frame, or behind the camera, does not count unless the focus point says so; of one
     that is hidden the weight fades to 0, for points and triangles softly (`visibility`). `notes` says
-    which wishes that happened to. Without a disparity map nothing is taken to be hidden.
+    which wishes that happened to. Without a disparity map nothing is taken to be hidden. Wishes for where
+    a place is shown count outside the frame and hidden, too, since they are to change that.
 
     Args:
         points: the wishes, at least one.
@@ -66,7 +68,10 @@ def locate(
     names = tuple(point.name or f"point {index + 1}" for index, point in enumerate(points))
     finder = Finder(camera, vertices, faces, objects or {}, _checked_map(disparity_map, camera))
     places = [
-        finder.find(point.where, f"focus point {name!r}") for point, name in zip(points, names, strict=True)
+        ends(finder.extent(point.where, f"focus point {name!r}"), point.wish)
+        if frames(point.wish)
+        else finder.find(point.where, f"focus point {name!r}")
+        for point, name in zip(points, names, strict=True)
     ]
     targets, relations, signed = zip(*(_meaning(point.wish, camera) for point in points), strict=True)
     counts = np.array([len(place.rows) for place in places])
@@ -80,7 +85,7 @@ def locate(
         _check_some_count(points, names, places, weight)
     nearness = rows[:, 2] / max(rows[:, 2].max(), np.finfo(float).tiny)
     reference = _references(places, others)
-    return ImagePoints(
+    found = ImagePoints(
         xy=jnp.asarray(rows[:, :2], dtype=float),
         disparity=jnp.asarray(rows[:, 2], dtype=float),
         target=jnp.asarray(np.array(targets)[wish], dtype=float),
@@ -95,6 +100,7 @@ def locate(
         reference=None if reference is None else jnp.asarray(reference, dtype=float),
         notes=tuple(_note(place, share) for place, share in zip(places, shares, strict=True)),
     )
+    return with_framing(found, [point.wish for point in points], camera)
 
 
 def _meaning(wish: Wish, camera: Camera) -> tuple[float, int, bool]:
@@ -116,6 +122,8 @@ def _share(point: FocusPoint, place: Place) -> float:
     """Factor of a wish's weight for what is to be seen of its place."""
     if place.trouble == BEHIND:
         return 0.0
+    if frames(point.wish):
+        return 1.0
     if place.trouble == OUTSIDE:
         return 1.0 if point.even_outside else 0.0
     return 1.0 if point.even_hidden else place.shown

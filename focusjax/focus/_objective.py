@@ -14,7 +14,7 @@ _ROUNDING = 4.0
 
 
 class Objective(eqx.Module):
-    """Errors in pixels of all points, for given sides, as a function of the free parameters.
+    """Errors in pixels of all rows, for given sides, as a function of the free parameters.
 
     A point's side is the sign that its blur is assumed to have; for a `SAME` row, that of the product
     with its reference's blur. With the right sides the errors are the true ones, with wrong ones they are no
@@ -22,7 +22,7 @@ class Objective(eqx.Module):
 
     Attributes:
         points: the wishes, of which disparities and positions are in the models.
-        own: blur of every point.
+        own: blur of every point, or the place where it is shown.
         other: blur of every point's reference, when there are any.
         priors: expectations.
         start: all parameters, of which the free ones are replaced.
@@ -33,7 +33,7 @@ class Objective(eqx.Module):
     own: BlurModel
     other: BlurModel | None
     priors: PriorRows
-    start: Float[Array, "5"]
+    start: Float[Array, "7"]
     columns: tuple[int, ...] = eqx.field(static=True)
 
     @property
@@ -62,29 +62,29 @@ class Objective(eqx.Module):
         open_ = ~self.points.signed & self.counted
         return open_ if self.relation is None else open_ & (self.relation != AT_MOST)
 
-    def parameters(self, value: Float[Array, "k"]) -> Float[Array, "5"]:
+    def parameters(self, value: Float[Array, "k"]) -> Float[Array, "7"]:
         """All parameters, with `value` for the free ones."""
         return self.start.at[jnp.array(self.columns)].set(value)
 
     def natural_side(self, value: Float[Array, "k"]) -> Float[Array, "n"]:
         """The sides on which the points are with `value`; 1 for those whose side is wished for."""
         parameters = self.parameters(value)
-        sign = jnp.where(self.own.blur(parameters) >= 0, 1.0, -1.0)
+        sign = jnp.where(self.own.value(parameters) >= 0, 1.0, -1.0)
         if self.other is not None:
-            other = jnp.where(self.other.blur(parameters) >= 0, 1.0, -1.0)
+            other = jnp.where(self.other.value(parameters) >= 0, 1.0, -1.0)
             sign = jnp.where(self.relation == SAME, sign * other, sign)
         return jnp.where(self.points.signed, 1.0, sign)
 
     def excess(self, value: Float[Array, "k"], side: Float[Array, "n"]) -> Float[Array, "n"]:
-        """Blur over what is wished, in pixels, also where that is allowed."""
+        """Blur, or place, over what is wished, in pixels, also where that is allowed."""
         parameters = self.parameters(value)
-        blur = self.own.blur(parameters)
-        led = side * blur
+        own = self.own.value(parameters)
+        led = side * own
         if self.relation is not None:
-            led = jnp.where((self.relation == AT_MOST) & ~self.points.signed, jnp.abs(blur), led)
+            led = jnp.where((self.relation == AT_MOST) & ~self.points.signed, jnp.abs(own), led)
         led = led - self.points.target
         if self.other is not None:
-            led = led - jnp.where(self.relation == SAME, self.other.blur(parameters), 0.0)
+            led = led - jnp.where(self.relation == SAME, self.other.value(parameters), 0.0)
         return led
 
     def errors(self, value: Float[Array, "k"], side: Float[Array, "n"]) -> Float[Array, "n"]:

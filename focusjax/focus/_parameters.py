@@ -1,13 +1,17 @@
 """What a solve may change of a lens and camera, as one vector, and back.
 
-The vector holds (focus disparity u, aperture radius E, n_y, n_x, zoom): lengths in metres, n in 1/m of
-the plane in focus (0 on an upright lens). Zoom is focal length over starting focal length; E and n
-are given for the starting focal length, so that zooming keeps the f-number, tilt and swing.
+The vector holds (focus disparity u, aperture radius E, n_y, n_x, zoom, shift, rise): lengths in metres, n
+in 1/m of the plane in focus (0 on an upright lens). Zoom is focal length over starting focal length; E and
+n are given for the starting focal length, so that zooming keeps the f-number, tilt and swing, and shift and
+rise for the starting sensor.
 In these the blur of a point with view tangents (x, y) at disparity w is
 
     2 f E zoom^p (u + (n_y y + n_x x) / zoom - w),
 
-with p = 1 when the field of view is kept (the sensor grows along) and 2 when it is not.
+with p = 1 when the field of view is kept (the sensor grows along) and 2 when it is not. Shift and rise slide
+the picture and leave x, y and with them all blur as they are; a point is shown, with g pixels per metre, at
+
+    (width / 2 - g shift + zoom^(p - 1) f x,  height / 2 + g rise - zoom^(p - 1) f y).
 """
 
 import dataclasses
@@ -15,16 +19,19 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from focusjax.focus._image_points import ImagePoints
+from focusjax.focus._image_points import ACROSS, BLUR, DOWN, ImagePoints
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens, as_tilt_shift, view_tangents
 
-PARAMETERS = ("focus", "f_number", "tilt", "swing", "focal_length")
+PARAMETERS = ("focus", "f_number", "tilt", "swing", "focal_length", "shift", "rise")
 """What can be solved for, in the order of the vector."""
 
-FOCUS, RADIUS, TILT, SWING, ZOOM = range(5)
+FRAMING = ("focal_length", "shift", "rise")
+"""Those of them that are the camera's, and change where things are shown."""
+
+FOCUS, RADIUS, TILT, SWING, ZOOM, SHIFT, RISE = range(7)
 
 
 class Start(eqx.Module):
@@ -47,30 +54,32 @@ class Start(eqx.Module):
         """Positions of the free parameters in the vector."""
         return tuple(PARAMETERS.index(name) for name in self.free)
 
-    def vector(self) -> Float[Array, "5"]:
+    def vector(self) -> Float[Array, "7"]:
         """All parameters, where the start has them."""
         across = self.lens.plane[:2] if isinstance(self.lens, TiltShiftLens) else jnp.zeros(2)
         radius = self.lens.aperture_radius
         focus = self.lens.focus_disparity
-        one = jnp.ones_like(radius)
-        return jnp.stack([focus, radius, across[1].astype(one.dtype), across[0].astype(one.dtype), one])
+        slide = (self.camera.shift, self.camera.rise)
+        rest = (across[1], across[0], jnp.ones_like(radius), *slide)
+        return jnp.stack([focus, radius, *(one.astype(radius.dtype) for one in rest)])
 
-    def whole(self, value: Float[Array, "k"]) -> Float[Array, "5"]:
+    def whole(self, value: Float[Array, "k"]) -> Float[Array, "7"]:
         """All parameters, with `value` for the free ones."""
         return self.vector().at[jnp.array(self.columns)].set(value)
 
     def camera_at(self, value: Float[Array, "k"]) -> Camera:
         """The camera with `value` for the free parameters."""
-        if "focal_length" not in self.free:
-            return self.camera
-        zoom = value[self.free.index("focal_length")]
-        length = self.camera.focal_length * zoom
-        sensor = self.camera.sensor_width * (zoom if self.keep_view else 1.0)
-        return dataclasses.replace(self.camera, focal_length=length, sensor_width=sensor)
+        camera = self.camera
+        if "focal_length" in self.free:
+            zoom = value[self.free.index("focal_length")]
+            length = camera.focal_length * zoom
+            sensor = camera.sensor_width * (zoom if self.keep_view else 1.0)
+            camera = dataclasses.replace(camera, focal_length=length, sensor_width=sensor)
+        return dataclasses.replace(camera, principal_point=self._principal_point(value))
 
     def lens_at(self, value: Float[Array, "k"]) -> ThinLens | TiltShiftLens:
         """The lens with `value` for the free parameters."""
-        focus, radius, up, right, zoom = self.whole(value)
+        focus, radius, up, right, zoom = self.whole(value)[:SHIFT]
         if "focal_length" in self.free:
             radius, up, right = radius * zoom, up / zoom, right / zoom
         if isinstance(self.lens, TiltShiftLens):
@@ -82,17 +91,28 @@ class Start(eqx.Module):
 
     def points_at(self, value: Float[Array, "k"], points: ImagePoints) -> ImagePoints:
         """The points where the camera with `value` for the free parameters sees them."""
-        if "focal_length" not in self.free or self.keep_view:
+        if not set(self.free) & set(FRAMING):
             return points
-        middle, zoom = self.camera.principal_point, value[self.free.index("focal_length")]
+        before, after = self.camera.principal_point, self._principal_point(value)
+        zoom = 1.0 if self.keep_view else self.whole(value)[ZOOM]
 
         def moved(xy: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
-            return middle[None] + zoom * (xy - middle[None])
+            return after[None] + zoom * (xy - before[None])
 
         reference = points.reference
         if reference is not None:
             reference = jnp.concatenate([moved(reference[:, :2]), reference[:, 2:]], axis=-1)
         return dataclasses.replace(points, xy=moved(points.xy), reference=reference)
+
+    def _principal_point(self, value: Float[Array, "k"]) -> Float[Array, "2"]:
+        """Where the view axis meets the picture, in pixels."""
+        point, camera = self.camera.principal_point, self.camera
+        density = camera.width / camera.sensor_width
+        if "shift" in self.free:
+            point = point.at[0].set(camera.width / 2 - density * value[self.free.index("shift")])
+        if "rise" in self.free:
+            point = point.at[1].set(camera.height / 2 + density * value[self.free.index("rise")])
+        return point
 
 
 def make_start(
@@ -115,49 +135,107 @@ def in_order(free: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name in PARAMETERS if name in free)
 
 
+class FrameModel(eqx.Module):
+    """Where in the picture points are shown, in closed form, for the rows that wish for that.
+
+    Attributes:
+        shown: whether a row is about a place in the picture, and not about blur.
+        middle: of the picture across or down, whichever the row is about, in pixels.
+        slide: pixels per metre of shift and of rise.
+        away: pixels from the principal point at the starting focal length.
+        zooms: whether the focal length changes the distance from the principal point (static).
+    """
+
+    shown: Bool[Array, "n"]
+    middle: Float[Array, "n"]
+    slide: Float[Array, "n 2"]
+    away: Float[Array, "n"]
+    zooms: bool = eqx.field(static=True)
+
+    def place(self, parameters: Float[Array, "7"]) -> Float[Array, "n"]:
+        """Pixels across or down."""
+        return self.middle + self.slide @ parameters[SHIFT:] + self._scale(parameters) * self.away
+
+    def size(self, parameters: Float[Array, "7"]) -> Float[Array, "n"]:
+        """Sum of the sizes of the terms of `place`."""
+        moved = jnp.abs(self.slide) @ jnp.abs(parameters[SHIFT:])
+        return self.middle + moved + self._scale(parameters) * jnp.abs(self.away)
+
+    def _scale(self, parameters: Float[Array, "7"]) -> Float[Array, ""] | float:
+        return parameters[ZOOM] if self.zooms else 1.0
+
+
 class BlurModel(eqx.Module):
-    """The blur of every point in closed form: quick to evaluate, and to find the best start with.
+    """What every row is about in closed form: quick to evaluate, and to find the best start with.
 
     Attributes:
         gain: 2 f in pixels.
         across: factors of (n_y, n_x): view tangents of every point, up and to the right.
         disparity: of every point, in 1/m.
+        frame: for rows about places in the picture; None when there are none.
         power: exponent of the zoom (static).
     """
 
     gain: Float[Array, ""]
     across: Float[Array, "n 2"]
     disparity: Float[Array, "n"]
+    frame: FrameModel | None
     power: int = eqx.field(static=True)
 
-    def blur(self, parameters: Float[Array, "5"]) -> Float[Array, "n"]:
-        """Signed diameters in pixels."""
-        focus, radius, up, right, zoom = parameters
+    def value(self, parameters: Float[Array, "7"]) -> Float[Array, "n"]:
+        """Signed diameters, or places, in pixels."""
+        focus, radius, up, right, zoom = parameters[:SHIFT]
         tilted = self.across @ (jnp.stack([up, right]) / zoom)
         scale = self.gain * radius * zoom**self.power
-        return scale * (focus + tilted - self.disparity)
+        blur = scale * (focus + tilted - self.disparity)
+        if self.frame is None:
+            return blur
+        return jnp.where(self.frame.shown, self.frame.place(parameters), blur)
 
-    def size(self, parameters: Float[Array, "5"]) -> Float[Array, "n"]:
-        """Sum of the sizes of the terms of `blur`, of which rounding is a share."""
-        focus, radius, up, right, zoom = jnp.abs(parameters)
+    def size(self, parameters: Float[Array, "7"]) -> Float[Array, "n"]:
+        """Sum of the sizes of the terms of `value`, of which rounding is a share."""
+        focus, radius, up, right, zoom = jnp.abs(parameters[:SHIFT])
         tilted = jnp.abs(self.across) @ (jnp.stack([up, right]) / zoom)
         scale = self.gain * radius * zoom**self.power
-        return scale * (focus + tilted + jnp.abs(self.disparity))
+        blur = scale * (focus + tilted + jnp.abs(self.disparity))
+        if self.frame is None:
+            return blur
+        return jnp.where(self.frame.shown, self.frame.size(parameters), blur)
 
 
 def blur_models(points: ImagePoints, start: Start) -> tuple[BlurModel, BlurModel | None]:
-    """The blur of the points and that of their references, if there are any."""
+    """What the points are about, and the blur of their references, if there are any."""
 
-    def model(xy: Float[Array, "n 2"], disparity: Float[Array, "n"]) -> BlurModel:
+    def model(
+        xy: Float[Array, "n 2"], disparity: Float[Array, "n"], frame: FrameModel | None = None
+    ) -> BlurModel:
         tangents = jax.vmap(lambda one: view_tangents(start.camera, one))(xy)
         return BlurModel(
             gain=2.0 * start.camera.focal_px,
             across=tangents[:, ::-1],
             disparity=disparity,
+            frame=frame,
             power=1 if start.keep_view else 2,
         )
 
-    own = model(points.xy, points.disparity)
+    own = model(points.xy, points.disparity, _frame_model(points, start))
     if points.reference is None:
         return own, None
     return own, model(points.reference[:, :2], points.reference[:, 2])
+
+
+def _frame_model(points: ImagePoints, start: Start) -> FrameModel | None:
+    if points.quantity is None:
+        return None
+    camera, across = start.camera, points.quantity == ACROSS
+    density = camera.width / camera.sensor_width
+    away = points.xy - camera.principal_point[None]
+    return FrameModel(
+        shown=points.quantity != BLUR,
+        middle=jnp.where(across, camera.width / 2.0, camera.height / 2.0).astype(away.dtype),
+        slide=jnp.stack(
+            [jnp.where(across, -density, 0.0), jnp.where(points.quantity == DOWN, density, 0.0)], axis=1
+        ),
+        away=jnp.where(across, away[:, 0], away[:, 1]),
+        zooms="focal_length" in start.free and not start.keep_view,
+    )

@@ -75,6 +75,25 @@ class Finder:
                 disparity = np.linspace(1.0 / float(near), 1.0 / float(far), samples)
                 return Place(np.column_stack([np.tile(self._middle(), (samples, 1)), disparity]))
 
+    def extent(self, where: Attachment, label: str) -> Place:
+        """All of a place, seen or not: every vertex of an object, every pixel of a mask."""
+        match where:
+            case OnObject(name, _):
+                vertices, faces = self._mesh(label)
+                span = self._span(name, label)
+                corners = vertices[np.unique(faces[span.start : span.stop])].astype(float)
+                drawn = _project(self.camera, corners)
+                ahead = drawn[(drawn[:, 2] > 0) & np.isfinite(drawn).all(axis=-1)]
+                return Place(ahead) if len(ahead) else self._nowhere(BEHIND)
+            case OnMask(mask, _):
+                line, column = np.nonzero(mask)
+                middle = self._mask(mask, 1, label).rows
+                edges = np.array([(column.min(), line.min()), (column.max() + 1, line.max() + 1)])
+                return Place(np.column_stack([edges, np.repeat(middle[:, 2], 2)]))
+            case _:
+                found = self.find(where, label)
+                return found if found.trouble == BEHIND else Place(found.rows)
+
     def _pixel(self, xy: Float[np.ndarray, "2"], label: str) -> Place:
         if self.disparity_map is None:
             raise ValueError(f"{label} is given as a pixel; that needs the disparity map")
@@ -121,16 +140,20 @@ class Finder:
             )
         return weights @ vertices[faces[face]].astype(float)
 
-    def _object(self, name: str, samples: int, label: str) -> Place:
+    def _span(self, name: str, label: str) -> range:
+        """An object's faces."""
         if name not in self.objects:
             hint = did_you_mean(name, self.objects, f"the scene has {sorted(self.objects)}")
             raise ValueError(f"{label} is on object {name!r}, which the scene does not have; {hint}")
+        return self.objects[name]
+
+    def _object(self, name: str, samples: int, label: str) -> Place:
+        span = self._span(name, label)
         if self.disparity_map is None:
             raise ValueError(
                 f"{label} is on object {name!r}; to see which part shows, give the disparity map"
             )
         vertices, faces = self._mesh(label)
-        span = self.objects[name]
         corners = vertices[faces[span.start : span.stop]].astype(float)
         drawn = _project(self.camera, surface_samples(corners, _CANDIDATES * samples))
         ahead = drawn[(drawn[:, 2] > 0) & np.isfinite(drawn).all(axis=-1)]

@@ -176,19 +176,56 @@ class SameBlur:
     same_side: bool = False
 
 
-Wish: TypeAlias = Sharp | Blur | AtMost | AtLeast | SameBlur
+@dataclasses.dataclass(frozen=True)
+class ShownAt:
+    """The place is shown at a position in the picture; of an object, the middle of its extent there.
+
+    Shift and rise make it so, or the focal length where that is a zoom. The wish counts wherever its place is
+    at first, unless that is behind the camera, and whether or not it is hidden.
+
+    Attributes:
+        x: pixels to the right of the frame's left edge.
+        y: pixels below the frame's top edge.
+    """
+
+    x: SupportsFloat
+    y: SupportsFloat
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(float(self.x)) or not math.isfinite(float(self.y)):
+            raise ValueError(f"the place to be shown at is ({self.x}, {self.y}); expected finite pixels")
+
+
+@dataclasses.dataclass(frozen=True)
+class InFrame:
+    """All of the place, of an object all of its extent, is inside the frame; counts as `ShownAt` does.
+
+    Attributes:
+        margin: least distance to the frame's edges in output pixels, or a length of another kind.
+    """
+
+    margin: Diameter = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 <= amount(self.margin) < math.inf:
+            raise ValueError(
+                f"the frame's margin is {self.margin}; expected zero or a positive finite number"
+            )
+
+
+Wish: TypeAlias = Sharp | Blur | AtMost | AtLeast | SameBlur | ShownAt | InFrame
 
 
 @dataclasses.dataclass(frozen=True)
 class FocusPoint:
     """One wish about one place.
 
-    A wish adds weight x (error in pixels)^2 to what the solve minimises. `AtMost` and `AtLeast` have
-    no error on their good side.
+    A wish adds weight x (error in pixels)^2 to what the solve minimises. `AtMost`, `AtLeast` and `InFrame`
+    have no error on their good side.
 
     Attributes:
         where: the place.
-        wish: sharp, a blur diameter, a limit to it, or that of another point.
+        wish: sharp, a blur diameter, a limit to it, or that of another point; or where it is to be shown.
         weight: importance; 0 reports the point without letting it count.
         tolerance: error up to which the wish is called met, in pixels or a length of another kind.
         name: how reports call the wish; "point 1", "point 2", ... in order when empty.
@@ -211,6 +248,10 @@ class FocusPoint:
 
     def __post_init__(self) -> None:
         label = f"focus point {self.name!r}" if self.name else "a focus point"
+        if isinstance(self.where, InDepthRange) and isinstance(self.wish, ShownAt | InFrame):
+            raise ValueError(
+                f"{label} is a depth range, which is nowhere in the picture; give it another wish"
+            )
         for what, value in (("weight", float(self.weight)), ("tolerance", amount(self.tolerance))):
             if not 0 <= value < math.inf:
                 raise ValueError(f"{label} has {what} {value}; expected zero or a positive finite number")

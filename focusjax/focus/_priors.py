@@ -22,7 +22,8 @@ class Prior:
     One sigma costs as much as a wish of weight 1 that is missed by one pixel.
 
     Attributes:
-        value: focus distance in metres, f-number, tilt or swing in radians, focal length in metres.
+        value: focus distance in metres, f-number, tilt or swing in radians, focal length, shift or rise in
+            metres.
         sigma: in dioptres for the focus, in stops for the f-number, else in the unit of `value`. Stops
             and angles are taken as proportional to the aperture's radius and to the plane's slope, as
             they are near `value`.
@@ -103,5 +104,7 @@ def _row(
         return radius, 1.0 / (_STOP * radius * sigma)
     if name == "focal_length":
         return value / length, length / sigma
+    if name in ("shift", "rise"):
+        return value, 1.0 / sigma
     slope = jnp.sin(value) / length
     return (-slope if name == "tilt" else slope), length / (jnp.cos(value) * sigma)

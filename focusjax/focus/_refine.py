@@ -10,7 +10,7 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._bounds import Box
-from focusjax.focus._image_points import SAME, ImagePoints, blurs, root_weight
+from focusjax.focus._image_points import SAME, ImagePoints, root_weight, values
 from focusjax.focus._jaxopt import least_squares_in_box
 from focusjax.focus._parameters import Start
 from focusjax.focus._priors import PriorRows
@@ -51,7 +51,7 @@ class Problem(eqx.Module):
         """Square root of each row's share of the weight x error in pixels, points before expectations."""
         camera, lens = self.start.camera_at(value), self.start.lens_at(value)
         points = self.start.points_at(value, self.points)
-        miss = self.side * blurs(points, camera, lens) - self.points.target
+        miss = self.side * values(points, camera, lens) - self.points.target
         if points.reference is not None:
             other = jax.vmap(lambda row: lens.blur(camera, row[:2], row[2]))(points.reference)
             miss = miss - jnp.where(points.relation == SAME, other, 0.0)

@@ -41,6 +41,8 @@ def check_start(
         "tilt": ("the starting tilt in radians", -np.arcsin(across[1]), limits.tilt, "tilt"),
         "swing": ("the starting swing in radians", np.arcsin(across[0]), limits.swing, "swing"),
         "focal_length": ("the starting focal length in metres", length, limits.focal_length, "focal length"),
+        "shift": ("the starting shift in metres", float(camera.shift), limits.shift, "shift"),
+        "rise": ("the starting rise in metres", float(camera.rise), limits.rise, "rise"),
     }
     for name in free:
         if name in starts:

@@ -16,7 +16,7 @@ from focusjax.focus._bounds import Box
 from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._image_points import SAME
 from focusjax.focus._objective import Objective
-from focusjax.focus._parameters import FOCUS, SWING, TILT, BlurModel
+from focusjax.focus._parameters import FOCUS, SWING, TILT, ZOOM, BlurModel
 from focusjax.focus._walk import Walk, walk
 
 MOST_CUTS = 16
@@ -138,7 +138,7 @@ def starts(
 def _cut(objective: Objective, base: Float[Array, "k"], share: Float[Array, ""]) -> Float[Array, ""]:
     """The focus disparity in 1/m that has that share of the wishes without a side behind it."""
     parameters = objective.parameters(base)
-    slope = parameters[jnp.array([TILT, SWING])] / parameters[-1]
+    slope = parameters[jnp.array([TILT, SWING])] / parameters[ZOOM]
 
     def sharp_at(model: BlurModel) -> Float[Array, "n"]:
         """The focus disparity of which blur changes its sign."""

@@ -1,12 +1,12 @@
-"""How blur depends on the solved parameters, by numpy: nothing is compiled for it."""
+"""How blur, and where things are shown, depend on the solved parameters, by numpy: it compiles nothing."""
 
 import dataclasses
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
-from focusjax.focus._image_points import AT_LEAST, AT_MOST, SAME
-from focusjax.focus._parameters import FOCUS, PARAMETERS, RADIUS, SWING, TILT, ZOOM
+from focusjax.focus._image_points import ACROSS, AT_LEAST, AT_MOST, BLUR, DOWN, SAME
+from focusjax.focus._parameters import FOCUS, PARAMETERS, RADIUS, RISE, SHIFT, SWING, TILT, ZOOM
 from focusjax.focus._priors import prior_rows
 from focusjax.focus._solution import Asked, Solution
 from focusjax.lens import TiltShiftLens
@@ -54,9 +54,10 @@ def sensitivity(solution: Solution, asked: Asked) -> Sensitivity:
     inverse = np.asarray(priors.inverse, dtype=float)
     scaled = np.concatenate([jacobian[counted], np.diag(inverse)]) * span
     _, values, rows = np.linalg.svd(scaled[:, moves], full_matrices=False)
-    tangents = _tangents(solution, np.asarray(solution.points.xy, dtype=float))[counted]
+    focused = counted & ~_framed(solution)
+    tangents = _tangents(solution, np.asarray(solution.points.xy, dtype=float))[focused]
     in_line, angle = _line(tangents)
-    depths = np.asarray(solution.points.disparity, dtype=float)[counted]
+    depths = np.asarray(solution.points.disparity, dtype=float)[focused]
     return Sensitivity(
         names=tuple(name for name, free in zip(solution.free, moves, strict=True) if free),
         singular_values=values,
@@ -64,8 +65,16 @@ def sensitivity(solution: Solution, asked: Asked) -> Sensitivity:
         standard_errors=_standard_errors(solution, asked, jacobian, inverse, span, moves),
         points_in_line=in_line,
         line=angle,
-        one_depth=bool(np.ptp(depths) <= 1e-6 * max(depths.max(), 1e-12)),
+        one_depth=bool(focused.any()) and bool(np.ptp(depths) <= 1e-6 * max(depths.max(), 1e-12)),
     )
+
+
+def _framed(solution: Solution) -> Bool[np.ndarray, "n"]:
+    """Rows about where something is shown."""
+    points = solution.points
+    if points.quantity is None:
+        return np.zeros(points.wish.shape, dtype=bool)
+    return np.asarray(points.quantity) != BLUR
 
 
 def _tangents(solution: Solution, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
@@ -75,11 +84,15 @@ def _tangents(solution: Solution, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndar
     return (xy - middle) / float(camera.focal_px) * np.array([1.0, -1.0])
 
 
-def _slopes(solution: Solution, asked: Asked) -> Float[np.ndarray, "n 5"]:
+def _slopes(solution: Solution, asked: Asked) -> Float[np.ndarray, "n 7"]:
     """Change of every error in pixels with every parameter, in the units of the solve's vector."""
     points = solution.points
     own = _blur_slopes(solution, asked, np.asarray(points.xy, float), np.asarray(points.disparity, float))
     signed, blur = np.asarray(points.signed), np.asarray(solution.blur)
+    if points.quantity is not None:
+        quantity, xy = np.asarray(points.quantity), np.asarray(points.xy, dtype=float)
+        blur = np.where(quantity == BLUR, blur, np.where(quantity == ACROSS, *xy.T))
+        own = np.where((quantity == BLUR)[:, None], own, _place_slopes(solution, asked, quantity, xy))
     side = np.where(signed, 1.0, np.where(blur >= 0, 1.0, -1.0))[:, None]
     slopes = side * own
     if points.relation is None:
@@ -97,7 +110,7 @@ def _slopes(solution: Solution, asked: Asked) -> Float[np.ndarray, "n 5"]:
 
 def _blur_slopes(
     solution: Solution, asked: Asked, xy: Float[np.ndarray, "n 2"], disparity: Float[np.ndarray, "n"]
-) -> Float[np.ndarray, "n 5"]:
+) -> Float[np.ndarray, "n 7"]:
     """The derivative of the formula in `_parameters`, about the solved camera and lens."""
     lens = solution.lens
     tangents = _tangents(solution, xy)
@@ -114,6 +127,21 @@ def _blur_slopes(
     slopes[:, SWING] = gain * radius * tangents[:, 0] / zoom
     power = 1 if asked.plan.keep_view else 2
     slopes[:, ZOOM] = gain * radius * (power * defocus - tangents @ across) / zoom
+    return slopes
+
+
+def _place_slopes(
+    solution: Solution, asked: Asked, quantity: Int[np.ndarray, "n"], xy: Float[np.ndarray, "n 2"]
+) -> Float[np.ndarray, "n 7"]:
+    """How places in the picture follow zoom, shift and rise."""
+    density = asked.camera.width / float(asked.camera.sensor_width)
+    slopes = np.zeros((len(xy), len(PARAMETERS)))
+    slopes[:, SHIFT] = np.where(quantity == ACROSS, -density, 0.0)
+    slopes[:, RISE] = np.where(quantity == DOWN, density, 0.0)
+    if not asked.plan.keep_view:
+        zoom = float(solution.camera.focal_length) / float(asked.camera.focal_length)
+        away = (xy - np.asarray(solution.camera.principal_point, dtype=float)) / zoom
+        slopes[:, ZOOM] = np.where(quantity == ACROSS, *away.T)
     return slopes
 
 
@@ -148,12 +176,16 @@ def _standard_errors(
         "tilt": started / cosines[1],
         "swing": started / cosines[0],
         "focal_length": started,
+        "shift": 1.0,
+        "rise": 1.0,
     }
     return {name: float(spread[index] * units[name]) for index, name in enumerate(solution.free)}
 
 
 def _line(tangents: Float[np.ndarray, "n 2"]) -> tuple[bool, float | None]:
     """Whether points lie on one line in the picture, and its angle from level in degrees."""
+    if not len(tangents):
+        return True, None
     around = tangents - tangents.mean(axis=0)
     _, spread, axes = np.linalg.svd(np.concatenate([around, np.zeros((2, 2))]), full_matrices=False)
     if spread[0] < _IN_LINE:

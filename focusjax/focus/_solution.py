@@ -10,13 +10,15 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._bounds import LOWER_NAMES, UPPER_NAMES, Limits
-from focusjax.focus._image_points import AT_LEAST, AT_MOST, EQUAL, SAME, ImagePoints
+from focusjax.focus._image_points import ACROSS, AT_LEAST, AT_MOST, BLUR, EQUAL, SAME, ImagePoints
 from focusjax.focus._parameters import PARAMETERS
 from focusjax.focus._priors import Numbers
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens
 
 _RELATIONS = {EQUAL: "equal", AT_MOST: "at most", AT_LEAST: "at least", SAME: "same"}
+SHOWN_AT, IN_FRAME = "shown at", "in frame"
+"""Relations of wishes about where something is shown, which are not about blur."""
 
 
 class Result(eqx.Enumeration):
@@ -35,9 +37,13 @@ class Result(eqx.Enumeration):
 class WishResult:
     """One line of the table of wishes; for an object, its worst sample speaks.
 
+    Of a wish for where something is shown, `wished` and `got` are distances in pixels: from the wished place
+    (0 is wished), or inside the frame from its nearest edge, negative outside; `xy` is where it is shown.
+
     Attributes:
         name: the focus point's name.
-        relation: "equal", "at most", "at least", or "same" (as another point's blur).
+        relation: "equal", "at most", "at least", or "same" (as another point's blur); "shown at",
+            "in frame".
         wished: blur diameter in pixels, signed when `signed`.
         signed: whether the wish says on which side of the focus the point is to be.
         got: signed blur diameter in pixels.
@@ -183,17 +189,23 @@ def wish_table(
         rows = np.flatnonzero(points.wish == index)
         worst = rows[np.argmax(np.abs(error[rows]))]
         disparity = float(points.disparity[worst])
+        relation = _RELATIONS[EQUAL if points.relation is None else int(points.relation[worst])]
+        wished, got, residual = (float(of[worst]) for of in (points.target, blur, error))
+        weight = float(points.weight[rows].sum())
+        if points.quantity is not None and points.quantity[worst] != BLUR:
+            relation, wished, got, residual = _framing(points, rows, np.asarray(error))
+            weight = float(points.weight[worst])
         lines.append(
             WishResult(
                 name=name,
-                relation=_RELATIONS[EQUAL if points.relation is None else int(points.relation[worst])],
-                wished=float(points.target[worst]),
+                relation=relation,
+                wished=wished,
                 signed=bool(points.signed[worst]),
-                got=float(blur[worst]),
-                residual=float(error[worst]),
+                got=got,
+                residual=residual,
                 tolerance=float(points.tolerance[worst]),
                 met=bool(met[rows].all()),
-                weight=float(points.weight[rows].sum()),
+                weight=weight,
                 note=points.notes[index] if points.notes else "",
                 xy=(float(points.xy[worst, 0]), float(points.xy[worst, 1])),
                 distance=1.0 / disparity if disparity > 0 else float("inf"),
@@ -201,6 +213,23 @@ def wish_table(
             )
         )
     return tuple(lines)
+
+
+def _framing(
+    points: ImagePoints, rows: Int[np.ndarray, "r"], error: Float[np.ndarray, "n"]
+) -> tuple[str, float, float, float]:
+    """Relation, wished, got and residual of a wish about where something is shown."""
+    if len(rows) < 4:
+        off = float(np.hypot.reduce(error[rows]))
+        return SHOWN_AT, 0.0, off, off
+    assert points.quantity is not None
+    assert points.relation is not None
+    # The left and upper ends are to be at least at the margin.
+    margin = float(points.target[rows[0]])
+    short = np.abs(error[rows]).max()
+    place = np.where(points.quantity[rows] == ACROSS, *points.xy[rows].T)
+    room = np.where(points.relation[rows] == AT_LEAST, 1.0, -1.0) * (place - points.target[rows])
+    return IN_FRAME, margin, margin + float(room.min()), -float(short)
 
 
 def first_rows(leaf: Array, count: int) -> Array:

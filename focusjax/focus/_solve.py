@@ -15,7 +15,17 @@ from focusjax.focus._bounds import Box, Range, make_limits
 from focusjax.focus._global import find_optimum
 from focusjax.focus._image_points import ImagePoints, blurs, errors, padded, room_for
 from focusjax.focus._objective import make_objective
-from focusjax.focus._parameters import FOCUS, RADIUS, SWING, TILT, Start, blur_models, in_order, make_start
+from focusjax.focus._parameters import (
+    FOCUS,
+    FRAMING,
+    RADIUS,
+    SWING,
+    TILT,
+    Start,
+    blur_models,
+    in_order,
+    make_start,
+)
 from focusjax.focus._priors import Prior, checked_priors, prior_rows
 from focusjax.focus._refine import METHODS, Problem
 from focusjax.focus._refuse import check_start, checked_points
@@ -40,6 +50,8 @@ def solve(
     tilt_range: Range | None = None,
     swing_range: Range | None = None,
     focal_length_range: Range | None = None,
+    shift_range: Range | None = None,
+    rise_range: Range | None = None,
     keep_field_of_view: bool = False,
     priors: Mapping[str, Prior] | None = None,
     method: str = "optimistix",
@@ -65,8 +77,9 @@ def solve(
         camera: the pinhole that frames the picture.
         lens: where to start, and the values of what is not free. With tilt or swing free, a thin lens
             becomes a tilt-shift lens.
-        free: parameters to solve for, of "focus", "f_number", "tilt", "swing" and "focal_length". Shift and
-            rise change no blur, so that no wish about blur determines them.
+        free: parameters to solve for, of "focus", "f_number", "tilt", "swing", "focal_length", "shift" and
+            "rise". Shift and rise move the frame and change neither perspective nor blur: wishes for where
+            things are shown (`ShownAt`, `InFrame`) determine them, and those for blur do not.
         min_focus_distance: metres along the view axis, more than the focal length; twice the (longest)
             focal length when not given.
         max_focus_distance: metres, or infinity.
@@ -75,6 +88,8 @@ def solve(
         swing_range: the same for the angle of the lens's axis to the right, which is the swing of a lens
             without tilt.
         focal_length_range: metres; needed when the focal length is free, which keeps the f-number.
+        shift_range: least and largest shift in metres; half the sensor's width both ways when not given.
+        rise_range: the same for the rise.
         keep_field_of_view: let the sensor grow with the focal length; the picture then stays as it is
             framed. Otherwise the focal length is a zoom.
         priors: expectations of free parameters, by name.
@@ -101,7 +116,8 @@ def solve(
         points, camera, lens, free=free, method=method, max_steps=max_steps,
         keep_field_of_view=keep_field_of_view, priors=priors, min_focus_distance=min_focus_distance,
         max_focus_distance=max_focus_distance, f_number_range=f_number_range, tilt_range=tilt_range,
-        swing_range=swing_range, focal_length_range=focal_length_range,
+        swing_range=swing_range, focal_length_range=focal_length_range, shift_range=shift_range,
+        rise_range=rise_range,
     )  # fmt: skip
     solution, failed = solve_asked(asked)
     # A known success skips the machinery of errors inside compiled code.
@@ -116,7 +132,7 @@ def solve_asked(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
     count = points.disparity.shape[0]
     padded_ = dataclasses.replace(padded(points, room_for(count)), names=(), notes=())
     solution, failed = _solve(dataclasses.replace(asked, points=padded_))
-    if "focal_length" in asked.plan.free:
+    if set(asked.plan.free) & set(FRAMING):
         seen = jax.tree.map(lambda leaf: first_rows(leaf, count), solution.points)
         points = dataclasses.replace(seen, names=points.names, notes=points.notes)
     solution = dataclasses.replace(
@@ -155,7 +171,8 @@ def prepared(
     numbers = checked_priors(priors or {}, free)
     points = checked_points(points)
     check_start(camera, lens, limits, free)
-    exact = points.relation is None and not numbers and free in (("focus",), ("focus", "f_number"))
+    plain = points.relation is None and points.quantity is None and not numbers
+    exact = plain and free in (("focus",), ("focus", "f_number"))
     plan = Plan(
         free=free,
         keep_view=keep_field_of_view,

@@ -119,6 +119,10 @@ def solve_focal_surface(
 
 def _without_relations(points: ImagePoints) -> ImagePoints:
     """The points without relations, when each wishes a blur of its own."""
+    if points.quantity is not None:
+        raise ValueError(
+            "a wish is for a place in the picture, which a focal surface does not change; remove it"
+        )
     if points.relation is None:
         return points
     others = points.relation != EQUAL

@@ -4,6 +4,9 @@ Parameters at a bound that the gradient pushes against stay there during a step;
 step and are cut off at their bounds. With enough damping that is a step of projected gradient descent, so
 it helps in the end (Bertsekas 1982). Blur is linear in (E, E n) for aperture radius E and plane n, so a
 step in these is tried first where both are free: inside the bounds it ends at the optimum for the sides.
+
+Parameters that no error follows by as much as `UNDETERMINED_PX` over their whole range stay where they are:
+what slope they have is rounding, once the wishes that would move them are met.
 """
 
 import equinox as eqx
@@ -13,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._bounds import Box
+from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._objective import Objective
 from focusjax.focus._parameters import FOCUS, RADIUS, SWING, TILT
 
@@ -99,7 +103,9 @@ def _moved(
     residual = jnp.concatenate([root * error, prior_root * objective.priors(value)])
     gradient = residual @ jacobian
     stuck = ((value <= box.lower) & (gradient > 0)) | ((value >= box.upper) & (gradient < 0))
-    moves = ~stuck
+    effect = jnp.linalg.norm(jnp.where(objective.counted[:, None], slopes, 0.0), axis=0)
+    idle = (effect * (box.upper - box.lower) < UNDETERMINED_PX) & (objective.priors.inverse == 0)
+    moves = ~stuck & ~idle
     products = np.isin(columns, (FOCUS, TILT, SWING)) & (RADIUS in columns)
     if products.any():
         which = columns.index(RADIUS)

@@ -51,6 +51,16 @@ class Camera(eqx.Module):
         return self.focal_length / self.sensor_width * self.width
 
     @property
+    def shift(self) -> Float[Array, ""]:
+        """Metres that the lens is slid to the right over the sensor; 0 with the axis in mid-frame."""
+        return (self.width / 2 - self.principal_point[0]) * self.sensor_width / self.width
+
+    @property
+    def rise(self) -> Float[Array, ""]:
+        """Metres that the lens is slid up over the sensor."""
+        return (self.principal_point[1] - self.height / 2) * self.sensor_width / self.width
+
+    @property
     def position(self) -> Float[Array, "3"]:
         """The lens centre in world metres."""
         return self.world_from_camera[:3, 3]

@@ -43,19 +43,21 @@ class FocalSurface(eqx.Module):
 
     def at(self, place: Float[Array, "2 *p"]) -> tuple[Float[Array, "*p"], Float[Array, "*p"]]:
         """Focal disparity in 1/m and aperture scale at pixel positions (x, y)."""
-        (focus,) = self._interpolated(place, self.focus_disparity[:, None], self.basis)
-        (scale,) = self._interpolated(place, self.aperture_scale[:, None], "constant")
+        focus, scale = self._interpolated(place, self.focus_disparity[:, None], self.aperture_scale[:, None])
         return focus, scale
 
     def shares(self, place: Float[Array, "2 *p"]) -> Float[Array, "k *p"]:
         """How much the focal disparity at pixel positions changes per change at each control point."""
         each = jnp.eye(self.xy.shape[0], dtype=self.xy.dtype)
-        return self._interpolated(place, each, self.basis)
+        return self._interpolated(place, each)
 
     def _interpolated(
-        self, place: Float[Array, "2 *p"], values: Float[Array, "k m"], basis: Basis
-    ) -> Float[Array, "m *p"]:
-        return moving_least_squares(place, self.xy, values, self.weight, self.kernel, basis)
+        self,
+        place: Float[Array, "2 *p"],
+        values: Float[Array, "k m"],
+        levels: Float[Array, "k l"] | None = None,
+    ) -> Float[Array, "surfaces *p"]:
+        return moving_least_squares(place, self.xy, values, self.weight, self.kernel, self.basis, levels)
 
 
 def focal_surface(
@@ -73,7 +75,9 @@ def focal_surface(
         xy: k places (x, y) in pixels.
         focus_disparity: 1/m.
         aperture_scale: 0 or more.
-        weight: 0 or more, above 0 somewhere.
+        weight: 0 or more, above 0 somewhere. Where points overlap and contradict each other, Lee10 section
+            5.2 lets near points count more and hidden ones fade out: `ImagePoints.weight` of points that
+            were found by `locate` with `favour_near=1` is such a weight.
         kernel: `InverseDistance` with exponent 2 when not given.
         basis: degree of the polynomial.
 

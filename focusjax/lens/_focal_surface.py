@@ -11,7 +11,8 @@ from focusjax.lens._base import AbstractLens
 from focusjax.lens._control_points import FocalSurface
 from focusjax.lens._thin import ThinLens
 
-_AT_ONCE = 2048
+_TILE = (16, 32)
+"""Rows and columns of places that are worked out together: what they need fits into a core's cache."""
 
 
 class FocalSurfaceLens(AbstractLens):
@@ -126,12 +127,17 @@ def focal_surface_lens(surface: FocalSurface, camera: Camera, lens: ThinLens) ->
         1.0
     """
     width, height = camera.width + 1, camera.height + 1
-    count = width * height
-    index = jnp.arange(-(-count // _AT_ONCE) * _AT_ONCE).reshape(-1, _AT_ONCE)
+    tall, wide = _TILE
+    down, across = -(-height // tall), -(-width // wide)
 
-    def some(index: Int[Array, " p"]) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-        return surface.at(jnp.stack([index % width, index // width]).astype(surface.xy.dtype))
+    def tile(number: Int[Array, ""]) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+        rows = number // across * tall + jnp.repeat(jnp.arange(tall), wide)
+        columns = number % across * wide + jnp.tile(jnp.arange(wide), tall)
+        return surface.at(jnp.stack([columns, rows]).astype(surface.xy.dtype))
 
-    fields = jax.lax.map(some, index)
-    focus, scale = (field.reshape(-1)[:count].reshape(height, width) for field in fields)
+    def joined(tiles: Float[Array, "tiles p"]) -> Float[Array, "rows columns"]:
+        rows = tiles.reshape(down, across, tall, wide).swapaxes(1, 2)
+        return rows.reshape(down * tall, across * wide)[:height, :width]
+
+    focus, scale = (joined(tiles) for tiles in jax.lax.map(tile, jnp.arange(down * across)))
     return FocalSurfaceLens(focus, scale, lens.aperture_radius, lens.aperture)

@@ -53,13 +53,15 @@ def moving_least_squares(
     weight: Float[Array, "k"],
     kernel: AbstractKernel,
     basis: Basis,
-) -> Float[Array, "m *p"]:
+    levels: Float[Array, "k l"] | None = None,
+) -> Float[Array, "surfaces *p"]:
     """The surfaces through `values` at one place, or at many along trailing axes.
 
     Linear in `values`, and differentiable in everything, at control points too. At a place shared by
     several control points the surface takes the mean of their values weighted by `weight`.
 
     Places are the last axis, not a batch of their own, since sums over points are then four times as quick.
+    Places close together are best: first moments are taken about their middle, and rounded there.
 
     Args:
         at: x and y of the place in pixels.
@@ -70,6 +72,10 @@ def moving_least_squares(
         kernel: fall-off with distance.
         basis: degree of the polynomial: "constant" stays within the range of the values, "affine" and
             "quadratic" go on with the trend.
+        levels: values of more surfaces, whose basis is constant.
+
+    Returns:
+        The surfaces through `values`, then those through `levels`.
     """
     along = (slice(None), *[None] * (at.ndim - 1))
     x, y = (xy[:, axis][along] - at[axis][None] for axis in (0, 1))
@@ -79,9 +85,14 @@ def moving_least_squares(
     def total(u: Float[Array, "k *_"]) -> Float[Array, "1 *_"]:
         return jnp.sum(omega * u, axis=0, keepdims=True)
 
-    columns = [values[:, number][along] for number in range(values.shape[1])]
-    answer = [total(v) for v in columns]
-    rest = [v - mean for v, mean in zip(columns, answer, strict=True)]
+    count = values.shape[1]
+    # What has one value per point is summed by a product of matrices, which is quicker than a sum.
+    middle = jax.lax.stop_gradient(jnp.mean(at.reshape(2, -1), axis=1))
+    ones = jnp.ones_like(xy[:, :1])
+    table = jnp.concatenate([ones, xy - middle[None], values, *([] if levels is None else [levels])], axis=1)
+    means = _products(table, omega)[:, None]
+    answer = [*means[3 : 3 + count]]
+    rest = [values[:, number][along] - mean for number, mean in enumerate(answer)]
     # Terms are scaled such that the squares of each degree sum to |t|^(2 n) in every direction. Beside
     # each column of what is not explained yet at the points is the same at x, where t = 0.
     degrees = [[x, y], [x * x, 2.0**0.5 * x * y, y * y]][: DEGREES[basis]]
@@ -93,21 +104,53 @@ def moving_least_squares(
     size = squared + SOFTENING_PX**2
     for number, (A, a) in enumerate(zip(degrees, here, strict=True)):
         ridge = _ETA * total((1.0 - omega + _DELTA) * size ** (number + 1))
-        solve = _iterated_tikhonov([[total(u * v) for v in A] for u in A], ridge)
+        weighted = jax.lax.optimization_barrier(tuple(omega * term for term in A))
 
-        def explain(column: Float[Array, "k *_"], solve=solve, A=A, a=a):
-            """What this degree leaves of a column, and what it adds to it at x."""
-            c = solve([total(u * column) for u in A])
-            return column - _combined(c, A), _combined(c, a)
+        def against(column: Float[Array, "k *_"], weighted=weighted) -> list[Array]:
+            return [jnp.sum(row * column, axis=0, keepdims=True) for row in weighted]
 
+        if number == 0:
+            normal, right = _first_moments(weighted, table[:, : 3 + count], means)
+        else:
+            normal, right = [against(term) for term in A], [against(column) for column in rest]
+        solve = _iterated_tikhonov(normal, ridge)
         for index, column in enumerate(rest):
-            rest[index], step = explain(column)
-            answer[index] = answer[index] + step
+            c = solve(right[index])
+            rest[index] = column - _combined(c, A)
+            answer[index] = answer[index] + _combined(c, a)
         for later in range(number + 1, len(degrees)):
             for index, column in enumerate(degrees[later]):
-                degrees[later][index], step = explain(column)
-                here[later][index] = here[later][index] - step
-    return jnp.concatenate(answer)
+                c = solve(against(column))
+                degrees[later][index] = column - _combined(c, A)
+                here[later][index] = here[later][index] - _combined(c, a)
+            # The sums to come would work them out again and again.
+            degrees[later] = list(jax.lax.optimization_barrier(tuple(degrees[later])))
+    return jnp.concatenate([*answer, *means[3 + count :]])
+
+
+def _first_moments(
+    weighted: Sequence[Array], table: Float[Array, "k n"], means: Float[Array, "columns 1 *p"]
+) -> tuple[list[list[Array]], list[list[Array]]]:
+    """Normal equations and right sides of degree 1.
+
+    Args:
+        weighted: omega times the terms of that degree.
+        table: 1, x, y and values of every point.
+        means: of its columns, weighted by omega; what is summed is a column less its mean.
+    """
+
+    def about_means(row: Array) -> list[Array]:
+        sums = _products(table, row)[:, None]
+        return [sums[number] - means[number] * sums[0] for number in range(1, table.shape[1])]
+
+    products = [about_means(row) for row in weighted]
+    return [sums[:2] for sums in products], [list(sums) for sums in zip(*products, strict=True)][2:]
+
+
+def _products(table: Float[Array, "k n"], omega: Float[Array, "k *p"]) -> Float[Array, "n *p"]:
+    """Sums over the control points of each column times omega, in full precision on every machine."""
+    flat = omega.reshape(omega.shape[0], -1)
+    return jnp.matmul(table.T, flat, precision=jax.lax.Precision.HIGHEST).reshape(-1, *omega.shape[1:])
 
 
 def _shares(

@@ -18,6 +18,7 @@ _STAGES = {
     "locate_again": "depths through the solved lens",
     "solve_first": "solve, first time (with its compile)",
     "solve": "solve, once compiled",
+    "solve_again": "solve in the moved frame",
     "peel": "peel layers",
     "plan": "plan rays",
     "render": "trace rays",
@@ -93,6 +94,8 @@ def _spread(name: str, error: float | str) -> str:
         "focus": (1.0, " dioptres"),
         "f_number": (1.0, " f-numbers"),
         "focal_length": (1000.0, " mm"),
+        "shift": (1000.0, " mm"),
+        "rise": (1000.0, " mm"),
     }.get(name, (180.0 / math.pi, "°"))
     return f"± {scale * error:.2g}{unit}"
 

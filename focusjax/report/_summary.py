@@ -6,6 +6,7 @@ import platform
 from typing import Any
 
 import numpy as np
+from jaxtyping import Array, Float
 
 from focusjax.focus import Result, Solution, SurfaceSolution, diagnose
 from focusjax.io import for_json
@@ -76,16 +77,20 @@ def _lens(outcome: Outcome) -> dict[str, Any]:
 def movements(outcome: Outcome) -> dict[str, float]:
     """How the lens is turned and slid against the sensor."""
     camera, lens = outcome.camera, outcome.middle_lens
-    table = outcome.config.camera
     found = as_tilt_shift(lens).movements(camera)
     return {
         "tilt_deg": math.degrees(float(found.tilt)),
         "swing_deg": math.degrees(float(found.swing)),
         "image_distance_mm": 1000 * float(found.image_distance),
         "hinge_distance_m": float(found.hinge_distance),
-        "rise_mm": table.rise_mm,
-        "shift_mm": table.shift_mm,
+        "rise_mm": _millimetres(camera.rise),
+        "shift_mm": _millimetres(camera.shift),
     }
+
+
+def _millimetres(metres: Float[Array, ""]) -> float:
+    """Without the last bits, which are the rounding of positions in pixels."""
+    return round(1000 * float(metres), 6) + 0.0
 
 
 def _focal_surface(outcome: Outcome) -> dict[str, Any] | None:

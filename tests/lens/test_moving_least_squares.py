@@ -32,8 +32,9 @@ FOUR = ("collinear", "coincident", "off screen", "spread")
 CASES = [
     *((layout, "affine") for layout in ("one point", *FOUR)),
     *((layout, "constant") for layout in FOUR),
+    *((layout, "quadratic") for layout in ("one point", *FOUR)),
 ]
-"""Layouts of as many points share a compilation, which takes long for the quadratic basis."""
+"""Layouts of as many points share a compilation."""
 
 
 def surface(layout: str, kernel: str, basis: str) -> FocalSurface:
@@ -83,7 +84,9 @@ def test_gradients_match_differences(layout, basis):
     # The first point is the origin, where differences take steps well below the softening length.
     made = eqx.tree_at(lambda s: s.xy, made, made.xy - made.xy[:1])
     places = jnp.array([(40.3, 33.1), (0.0, 0.0), (-500.0, 300.0)])
-    check_gradients(at, made, places, rtol=1e-4)
+    # Contradictory points at one place, pulled 1e-5 px apart, bend the quadratic surface by more than their
+    # first order: the differences are off by 7e-4 of the largest slope there, by 2e-5 elsewhere.
+    check_gradients(at, made, places, rtol=2e-3 if (layout, basis) == ("coincident", "quadratic") else 1e-4)
 
 
 @pytest.mark.parametrize("kernel", ["1/d^2", "1/d^4", "gaussian", "wendland"])

@@ -6,7 +6,8 @@ unit of it about a pixel on the picture:
     focus          2 f E, the change of every blur;
     f-number       `REFERENCE_BLUR` / E, the change of a blur of that size;
     tilt, swing    E times the picture's height or width, the change of blur at its edge;
-    focal length   half the picture's width, the shift of its edge.
+    focal length   half the picture's width, the shift of its edge;
+    shift, rise    pixels per metre of sensor, the shift of the picture.
 
 f and E are those of the starting lens, over the shot for the focus and of each frame for the others: a camera
 that zooms keeps its f-number while these stay.
@@ -149,11 +150,12 @@ class JointWalk(eqx.Module):
     steps: Int[Array, ""]
 
 
-def scales(start: Start) -> Float[Array, "5"]:
+def scales(start: Start) -> Float[Array, "7"]:
     """Pixels per unit of every parameter, of one frame."""
     camera, radius = start.camera, start.vector()[RADIUS]
     safe = jnp.where(radius > 0, radius, 1.0)
     length = camera.focal_length
+    density = camera.width / camera.sensor_width
     return jnp.stack(
         [
             2.0 * camera.focal_px * safe,
@@ -161,6 +163,8 @@ def scales(start: Start) -> Float[Array, "5"]:
             safe * camera.height,
             safe * camera.width,
             0.5 * camera.width * jnp.ones_like(length),
+            density,
+            density,
         ]
     )
 

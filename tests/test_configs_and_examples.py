@@ -89,6 +89,22 @@ def test_swing_is_solved_for_a_slanted_row(tmp_path):
     assert worst["['focus', 'swing']"] < 1.2 < worst["['focus']"]
 
 
+def test_rise_and_shift_are_solved_for(tmp_path):
+    """The lens slides until the whole vase is well inside the frame, and the report tells how far."""
+    wish = "focus.4={object='vase', in_frame_height=0.15}"
+    options = ["--set", wish, "--set", "solve.free=['focus', 'swing', 'shift', 'rise']", *OPTIONS]
+    result = CliRunner().invoke(app, ["solve", str(TILTED), "--out", str(tmp_path), *options])
+    assert result.exit_code in (0, 3), result.output
+    report = json.loads((tmp_path / "report.json").read_text())
+    wish = report["wishes"][4]
+    assert (wish["relation"], wish["met"], wish["wished_px"]) == ("in frame", True, pytest.approx(5.4))
+    assert wish["got_px"] == pytest.approx(5.4)
+    # The vase is at the right edge, so that the lens slides to the right.
+    assert report["lens"]["movements"]["shift_mm"] > 2
+    assert "5.4 px inside" in result.output
+    assert "5.4 px inside the frame" in (tmp_path / "report.html").read_text()
+
+
 def test_a_turned_lens_has_no_focal_surface(tmp_path):
     surface = ROOT / "configs" / "focal_surface.toml"
     options = ["--out", str(tmp_path), "--set", "lens.tilt_deg=3"]

@@ -5,6 +5,7 @@ from typing import TypeAlias
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from focusjax.focus._checks import require
@@ -154,8 +155,12 @@ def make_limits(
 
 def _slides(name: str, ends: Range | None, camera: Camera) -> Ends:
     """How far the lens may slide; half the sensor's width both ways when nothing is said."""
-    half = camera.sensor_width / 2.0
-    least, most = (-half, half) if ends is None else ends
+    if ends is None:
+        width = camera.sensor_width
+        # A known width is divided without the device, which compiles nothing.
+        half = width / 2.0 if isinstance(width, Tracer) else float(width) / 2.0
+        ends = (-half, half)
+    least, most = ends
     least = require(
         jnp.asarray(least, dtype=float),
         lambda v: abs(v) < np.inf,

@@ -36,13 +36,17 @@ def check_start(
     )
     with np.errstate(divide="ignore"):
         number = float(length / (2.0 * np.asarray(lens.aperture_radius)))
+    # As `Camera.shift` and `Camera.rise`, by numpy.
+    middle = np.array([camera.width, camera.height]) / 2.0
+    slide = (middle - np.asarray(camera.principal_point, dtype=float)) * [1.0, -1.0]
+    slide = slide * float(camera.sensor_width) / camera.width
     starts = {
         "f_number": ("the starting f-number", number, limits.f_number, "f-number"),
         "tilt": ("the starting tilt in radians", -np.arcsin(across[1]), limits.tilt, "tilt"),
         "swing": ("the starting swing in radians", np.arcsin(across[0]), limits.swing, "swing"),
         "focal_length": ("the starting focal length in metres", length, limits.focal_length, "focal length"),
-        "shift": ("the starting shift in metres", float(camera.shift), limits.shift, "shift"),
-        "rise": ("the starting rise in metres", float(camera.rise), limits.rise, "rise"),
+        "shift": ("the starting shift in metres", slide[0], limits.shift, "shift"),
+        "rise": ("the starting rise in metres", slide[1], limits.rise, "rise"),
     }
     for name in free:
         if name in starts:

@@ -29,6 +29,10 @@ from focusjax.focus import solve_many as solve_many
 from focusjax.geometry import Camera as Camera
 from focusjax.geometry import look_at as look_at
 from focusjax.geometry import make_camera as make_camera
+from focusjax.inverse import ImageFit as ImageFit
+from focusjax.inverse import autofocus as autofocus
+from focusjax.inverse import fit_image as fit_image
+from focusjax.inverse import widest_lens as widest_lens
 from focusjax.io import load_exr as load_exr
 from focusjax.io import save_exr as save_exr
 from focusjax.io import save_png as save_png
@@ -61,6 +65,7 @@ from focusjax.trace import nearest_in_layers as nearest_in_layers
 from focusjax.trace import plan_rays as plan_rays
 from focusjax.trace import quality_of as quality_of
 from focusjax.trace import render as render
+from focusjax.trace import render_differentiable as render_differentiable
 from focusjax.trace import render_pinhole as render_pinhole
 
 __version__ = "0.1.0"

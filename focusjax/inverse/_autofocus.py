@@ -16,12 +16,14 @@ from focusjax.inverse._sight import nearest_in_sight
 from focusjax.inverse._target import checked_mask
 from focusjax.layers import Layers
 from focusjax.lens import ThinLens, TiltShiftLens
-from focusjax.trace import check_reach, render_differentiable, widest_opening
+from focusjax.trace import check_reach, render, render_differentiable, widest_opening
 
 _Lens = TypeVar("_Lens", ThinLens, TiltShiftLens)
 
 _SCANNED = 25
 _SCAN_RAYS = 16
+_APART = 8
+"""Between the seeds of two pictures: the derivatives of one use some that follow its own."""
 _BEYOND = 0.1
 """Share of the region's range of disparities by which the scan goes beyond it."""
 _PRECISION = 1e-3
@@ -76,15 +78,22 @@ def autofocus(
         raise ValueError("there is no surface in the region to focus on")
     mask = jnp.asarray(counts)
     scan = _scan(layers, lens, float(seen.min()), float(seen.max()))
-    few, many = min(rays, _SCAN_RAYS), rays
-    contrasts = np.array([float(_contrast(layers, lens, w, mask, rays=few, seed=seed)) for w in scan])
+    contrasts = []
+    for focus in scan:
+        one, other = (
+            render(layers, _focused(lens, focus), rays=min(rays, _SCAN_RAYS), even=True, seed=seed + k)
+            for k in (0, _APART)
+        )
+        light = float(jnp.where(mask[..., None], one * other, 0.0).sum())
+        contrasts.append(float(_contrast(one, other, mask)) / light if light > 0 else 0.0)
     best = int(np.argmax(contrasts))
     if not contrasts[best] > _FLAT:
         raise ValueError("the region has no contrast at any focus; choose one that holds edges or texture")
 
     def slope(focus: float) -> float:
         at = jnp.asarray(focus, dtype=scan.dtype)
-        return float(_slope(layers, lens, at, mask, rays=many, seed=seed))
+        other = render(layers, _focused(lens, at), rays=rays, even=True, seed=seed + _APART)
+        return float(_slope(layers, lens, at, other, mask, rays=rays, seed=seed))
 
     low, high = (float(scan[min(max(best + k, 0), len(scan) - 1)]) for k in (-1, 1))
     found = float(scan[best])
@@ -144,26 +153,13 @@ def _focused(lens: _Lens, focus: Float[Array, ""]) -> _Lens:
     return eqx.tree_at(lambda each: each.plane, lens, lens.plane.at[2].set(focus))
 
 
-@eqx.filter_jit
 def _contrast(
-    layers: Layers,
-    lens: ThinLens | TiltShiftLens,
-    focus: Float[Array, ""],
-    mask: Bool[Array, "h w"],
-    *,
-    rays: int,
-    seed: int,
+    one: Float[Array, "h w 3"], other: Float[Array, "h w 3"], mask: Bool[Array, "h w"]
 ) -> Float[Array, ""]:
-    """Mean product of two pictures' differences between neighbours, over that of the pictures themselves."""
-    one, other = (
-        render_differentiable(layers, _focused(lens, focus), rays=rays, seed=seed + 4 * k) for k in (0, 1)
-    )
+    """Sum over the mask of the product of two pictures' differences between neighbours."""
     across, down = mask[:, 1:] & mask[:, :-1], mask[1:] & mask[:-1]
     changes = jnp.where(across[..., None], jnp.diff(one, axis=1) * jnp.diff(other, axis=1), 0.0).sum()
-    changes += jnp.where(down[..., None], jnp.diff(one, axis=0) * jnp.diff(other, axis=0), 0.0).sum()
-    # The light of the region hardly depends on the focus; it only gives the scale.
-    light = jnp.where(mask[..., None], jax.lax.stop_gradient(one * other), 0.0).sum()
-    return changes / jnp.where(light > 0, light, 1.0)
+    return changes + jnp.where(down[..., None], jnp.diff(one, axis=0) * jnp.diff(other, axis=0), 0.0).sum()
 
 
 @eqx.filter_jit
@@ -171,12 +167,16 @@ def _slope(
     layers: Layers,
     lens: ThinLens | TiltShiftLens,
     focus: Float[Array, ""],
+    other: Float[Array, "h w 3"],
     mask: Bool[Array, "h w"],
     *,
     rays: int,
     seed: int,
 ) -> Float[Array, ""]:
+    """Half the contrast's derivative by the focus: the change of one picture times another of other rays."""
+
     def contrast(at: Float[Array, ""]) -> Float[Array, ""]:
-        return _contrast(layers, lens, at, mask, rays=rays, seed=seed)
+        picture = render_differentiable(layers, _focused(lens, at), rays=rays, seed=seed)
+        return _contrast(picture, other, mask)
 
     return jax.jvp(contrast, (focus,), (jnp.ones_like(focus),))[1]

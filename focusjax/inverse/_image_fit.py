@@ -40,8 +40,9 @@ class ImageFit:
         picture: that picture [h, w, 3], times the gain.
         rms_error: root mean square of picture less target, over the values that count, by their weight.
         standard_errors: of each free parameter by name, from the residual and the slopes of the picture at
-            the solution: "focus" in 1/m (of the disparity), "f_number", "tilt" and "swing" in radians, and
-            "gain". Infinite where nothing tells. Errors of the geometry are not in them.
+            the solution, whatever part of it is noisier: "focus" in 1/m (of the disparity), "f_number",
+            "tilt" and "swing" in radians, and "gain". Infinite where nothing tells. Errors of the geometry
+            are not in them.
         at_limits: parameters that ended at a limit of what they may be: of the focus range, of the opening
             that the layers serve (peel for a wider lens), or of 45 degrees of tilt.
         levels: how each level went, the last that of single pixels.
@@ -70,8 +71,8 @@ def standard_errors(
 ) -> dict[str, float]:
     """The standard error of each free parameter, where noise may differ from value to value.
 
-    The covariance is (J' W J)^-1 J' W diag(r^2) W J (J' W J)^-1 n / (n - k) (White 1980): pictures of few rays
-    are noisiest along blurred silhouettes, which is also where they tell most of the lens.
+    The covariance is (J' W J)^-1 J' W diag(r^2) W J (J' W J)^-1 n / (n - k) (White 1980): pictures of
+    few rays are noisiest along blurred silhouettes, which is also where they tell most of the lens.
 
     Args:
         variables: what was free.

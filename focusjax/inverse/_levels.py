@@ -54,7 +54,7 @@ class Problem(eqx.Module):
         """Root of the sum of squares of the target about its mean, by weight."""
         total = self.weight.sum(axis=(0, 1))
         mean = (self.weight * self.target).sum(axis=(0, 1)) / jnp.where(total > 0, total, 1.0)
-        return jnp.sqrt((self.weight * (self.target - mean) ** 2).sum())
+        return jnp.sqrt((self.weight * (self.target - mean[None, None]) ** 2).sum())
 
 
 class Found(eqx.Module):
@@ -101,7 +101,7 @@ class _Steady(optx.AbstractSearch):
         f_eval_info: Any,
         state: Any,
     ) -> tuple[Array, Bool[Array, ""], optx.RESULTS, Any]:
-        size, accept, result, after = self.inner.step(first_step, y, y_eval, f_info, f_eval_info, state)
+        _, accept, result, after = self.inner.step(first_step, y, y_eval, f_info, f_eval_info, state)
         cost = f_info.as_min()
         gain = jnp.abs(self.inner.predict_reduction(y_eval - y, f_info))
         lost = (gain <= _LOST * self.noise.of_step(cost)) & ~accept

@@ -28,8 +28,8 @@ def checked_target(target: ArrayLike, camera: Camera, mask: ArrayLike | None) ->
         shape = "; it is of another shape, too, so crop it before" if odd else ""
         raise ValueError(
             f"the target is {size[0]} x {size[1]} pixels but the layers are of {expected[0]} x {expected[1]};"
-            f" resample it with skimage.transform.resize_local_mean(target, ({camera.height}, {camera.width}),"
-            f" channel_axis=-1), or peel for a camera of its size{shape}"
+            f" resample it with skimage.transform.resize_local_mean(target, ({camera.height},"
+            f" {camera.width}), channel_axis=-1), or peel for a camera of its size{shape}"
         )
     if picture.dtype.kind in "iub":
         raise ValueError(f"the target holds {picture.dtype} codes, in display encoding{_TO_LINEAR}")

@@ -55,7 +55,7 @@ class Variables(eqx.Module):
         return tuple(PARAMETERS.index(name) for name in self.free)
 
     def start(self, layers: Layers) -> Float[Array, " k"]:
-        """The variables of the lens to start from, moved off the ends of the box, where nothing has a slope."""
+        """The variables of the lens to start from, moved off the ends of the box, where slopes are 0."""
         settings = settings_of(self.lens, self.gain)
         settings = settings.at[RADIUS].divide(self._room(settings, layers))
         share = (settings - self.lower) / (self.upper - self.lower)

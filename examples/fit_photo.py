@@ -1,7 +1,7 @@
 """Which focus and f-number made this picture?
 
-The picture is cast ray by ray at the triangles themselves, by Embree, as a stand-in for a photograph of a scene
-whose geometry is known (it shares no code with what looks for the lens). Install it by `pip install embreex`.
+The picture is cast ray by ray at the triangles themselves, by Embree, as a stand-in for a photograph of a
+scene whose geometry is known; that shares no code with what looks for the lens. It needs embreex.
 """
 
 import focusjax as fj

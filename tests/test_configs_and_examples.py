@@ -148,6 +148,21 @@ def test_the_example_with_a_solve_inside_finds_its_root(capsys):
     assert capsys.readouterr().out == "Hang the sign 7.50 m from the camera.\n"
 
 
+def test_the_example_finds_the_lens_of_a_picture(capsys, monkeypatch):
+    small = (
+        (ROOT / "examples" / "fit_photo.py").read_text().replace("width=96, height=72", "width=48, height=36")
+    )
+    assert small.count("width=48") == 1
+    monkeypatch.chdir(ROOT)
+    exec(compile(small, "fit_photo.py", "exec"), {})
+    shown = capsys.readouterr().out
+    distance, f_number, gain = (float(n) for n in re.findall(r"found ([0-9.]+)", shown))
+    # Observed:
+    assert distance == pytest.approx(0.53, rel=0.02)
+    assert f_number == pytest.approx(2.3, rel=0.05)
+    assert gain == pytest.approx(0.8, rel=0.02)
+
+
 def test_readme_shows_the_example_as_it_is():
     assert (ROOT / "examples" / "spot.py").read_text() in README
 

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from focusjax._counts import require_counts
 from focusjax.geometry import Camera
@@ -18,7 +18,7 @@ from focusjax.layers import Layers
 from focusjax.lens import ThinLens, TiltShiftLens
 from focusjax.trace import check_reach, render, render_differentiable, widest_opening
 
-_Lens = TypeVar("_Lens", ThinLens, TiltShiftLens)
+_Lens = TypeVar("_Lens", bound=ThinLens | TiltShiftLens)
 
 _SCANNED = 25
 _SCAN_RAYS = 16
@@ -98,7 +98,7 @@ def autofocus(
     low, high = (float(scan[min(max(best + k, 0), len(scan) - 1)]) for k in (-1, 1))
     found = float(scan[best])
     if slope(low) > 0 > slope(high):
-        found = float(brentq(slope, low, high, xtol=_PRECISION * (high - low)))
+        found = float(root_scalar(slope, bracket=(low, high), xtol=_PRECISION * (high - low)).root)
     answer = _focused(lens, jnp.asarray(found, dtype=lens.focus_disparity.dtype))
     check_reach(layers, answer)
     return answer

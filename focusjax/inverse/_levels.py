@@ -184,9 +184,8 @@ def fit_level(
 
     blocks = (problem.weight > 0).sum() / jnp.array(SIZES)[level] ** 2
     noise = _Noise(blocks.astype(scale.dtype), len(problem.variables.columns))
-    solver = _LevenbergMarquardt(
-        noise, _Steady(optx.ClassicalTrustRegion(high_cutoff=0.7), noise), jnp.array(_SMALL)[level]
-    )
+    search = _Steady(optx.ClassicalTrustRegion(high_cutoff=0.7), noise)
+    solver = _LevenbergMarquardt(noise=noise, search=search, small=jnp.array(_SMALL)[level])
     solution = optx.least_squares(residuals, solver, start, has_aux=True, max_steps=most_steps, throw=False)
     settings, residual, slopes = solution.state.aux
     return Found(

@@ -34,9 +34,8 @@ START = ThinLens(jnp.array(0.0), jnp.array(8.0 / 40))
 @pytest.mark.parametrize(("box", "disparity"), [((2, 8, 12, 8), NEAR), ((17, 8, 12, 8), FAR)])
 def test_focus_is_where_the_region_is(box, disparity):
     found = autofocus(layers(), START, box)
-    print('\nOBS', box, found.focus_disparity)
-    # Observed:
-    assert abs(float(found.focus_disparity) - disparity) < 0.02
+    # Observed: 0.0006 and 0.00007 off.
+    assert abs(float(found.focus_disparity) - disparity) < 0.004
     assert float(found.aperture_radius) == float(START.aperture_radius)
 
 

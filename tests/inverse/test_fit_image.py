@@ -64,8 +64,7 @@ def by_search() -> ImageFit:
 def test_all_parameters_are_found_from_a_picture_by_other_rays():
     fit = by_search()
     found = misses(fit)
-    print('\nOBS', found, [(l.steps, l.converged) for l in fit.levels])
-    # Observed:
+    # Observed: 0.0009, 0.36 %, 0.00015 and 0.00004 rad, 0.015 %.
     assert found["focus"] < 0.005
     assert found["f_number"] < 0.01
     assert max(found["tilt"], found["swing"]) < 1e-3
@@ -81,7 +80,7 @@ def test_the_report_is_that_of_the_picture():
     difference = np.asarray(fit.picture) - target()
     np.testing.assert_allclose(fit.rms_error, np.sqrt((difference**2).mean()), rtol=1e-9)
     again = fit.gain * np.asarray(render(layers(), fit.lens, rays=64, even=True))
-    # The same rays through the same lens. Observed:
+    # The same rays through the same lens. Observed: 1e-15.
     np.testing.assert_allclose(fit.picture, again, rtol=0, atol=1e-12)
 
 
@@ -90,8 +89,7 @@ def test_standard_errors_are_of_the_size_of_the_errors():
     found["f_number"] *= float(TRUE.f_number(front_camera()))
     found["gain"] *= GAIN
     ratio = {name: found[name] / fit.standard_errors[name] for name in ALL}
-    print('\nOBS', ratio)
-    # Observed:
+    # Observed: 0.7, 1.2, 0.5, 0.2, 0.4.
     assert max(ratio.values()) < 4.0
     assert fit.standard_errors["focus"] < 0.01 * float(TRUE.plane[2])
 
@@ -100,8 +98,7 @@ def test_found_from_a_ray_cast_picture_without_a_search():
     """Triangles instead of layers, other rays, and a start that is far off."""
     fit = fitted(GAIN * lens_picture(varied_scene(), front_camera(), TRUE, rays=128), search=False)
     found = misses(fit)
-    print('\nOBS', found, [(l.steps, l.converged) for l in fit.levels])
-    # Observed:
+    # Observed: 0.0035, 0.75 %, 0.0013 rad, 0.28 %.
     assert found["focus"] < 0.02
     assert found["f_number"] < 0.03
     assert max(found["tilt"], found["swing"]) < 2e-3
@@ -120,8 +117,7 @@ def test_a_mask_leaves_out_what_the_layers_do_not_have():
     fit = fitted(picture, mask=free, search=False)
     again = fitted(np.where(free[..., None], picture, np.nan), mask=free, search=False)
     found = misses(fit)
-    print('\nOBS', found, [(l.steps, l.converged) for l in fit.levels])
-    # Observed:
+    # Observed: 0.0003, 0.48 %.
     assert found["focus"] < 0.01
     assert found["f_number"] < 0.02
     assert float(again.lens.aperture_radius) == float(fit.lens.aperture_radius)
@@ -130,9 +126,9 @@ def test_a_mask_leaves_out_what_the_layers_do_not_have():
 def test_a_robust_fit_is_misled_less():
     picture, _ = spoilt()
     plain, robust = (misses(fitted(picture, robust=on, search=False)) for on in (False, True))
-    print('\nOBS', plain, robust)
-    # Observed:
-    assert robust["gain"] < 0.5 * plain["gain"]
+    # Observed: 21 % against 0.25 %; focus 0.32 against 0.0024.
+    assert robust["gain"] < 0.1 * plain["gain"]
+    assert robust["focus"] < 0.01
 
 
 def test_noise_is_weighed():
@@ -142,8 +138,7 @@ def test_noise_is_weighed():
     random = np.random.default_rng(0).normal(size=(24, 32, 3))
     fit = fitted(target() + np.where(noise > 1, 1.0, 0.0)[..., None] * random, noise=noise, search=False)
     found = misses(fit)
-    print('\nOBS', found, [(l.steps, l.converged) for l in fit.levels])
-    # Observed:
+    # Observed: 0.34 %, 0.034 %.
     assert found["f_number"] < 0.03
     assert found["gain"] < 0.01
 

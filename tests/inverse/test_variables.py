@@ -34,8 +34,7 @@ def test_any_variables_give_a_lens_that_the_layers_serve():
         settings = variables.settings(any_, layers)
         check_reach(layers, variables.lens_at(settings))
         share = 0.5 * (1 + float(jnp.sin(any_[1])))
-        closed += float(settings[1]) < 0.99 * share * float(layers.lens.aperture_radius)
-    print('\nOBS', closed)
+        closed += float(settings[1]) < 0.8 * share * float(layers.lens.aperture_radius)
     # Observed:
     assert closed > 5
 

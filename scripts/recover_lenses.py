@@ -32,9 +32,9 @@ from focusjax.lens import ThinLens, TiltShiftLens, tilt_shift_lens
 
 UPRIGHT = ("focus", "f_number")
 TURNED = ("focus", "f_number", "tilt", "swing")
-MOST_BLUR = 0.06
+MOST_BLUR = 0.08
 """Of the picture's width: the widest blur of what is in sight, at the widest opening."""
-STOPS = 4.0
+STOPS = 3.0
 """By which openings differ at most."""
 MOST_TILT = math.radians(4.0)
 LIMITS = {UPRIGHT: (0.005, 0.02), TURNED: (0.02, 0.02)}
@@ -149,8 +149,8 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("configs", nargs="*", type=Path, help="bars, still_life and town by default")
-    parser.add_argument("--width", type=int, default=160)
-    parser.add_argument("--height", type=int, default=120)
+    parser.add_argument("--width", type=int, default=320)
+    parser.add_argument("--height", type=int, default=240)
     parser.add_argument("--starts", type=int, default=20, help="true lenses, each with a start, per config")
     parser.add_argument("--rays", type=int, default=256, help="per pixel, of the pictures to fit")
     parser.add_argument("--fit-rays", type=int, default=64, help="per pixel, of the fit")

@@ -149,7 +149,11 @@ class _LevenbergMarquardt(optx.AbstractGaussNewton):
     ) -> tuple[Bool[Array, ""], optx.RESULTS]:
         done, result = super().terminate(fn, y, args, options, state, tags)
         cost = state.f_info.as_min()
-        gain = jnp.abs(self.search.inner.predict_reduction(state.y_eval - y, state.f_info))
+        # What the whole step would gain: a damped one is small for other reasons.
+        slopes, residual = state.f_info.jac.as_matrix(), state.f_info.residual
+        square, pull = slopes.T @ slopes, slopes.T @ residual
+        ridge = 1e-6 * jnp.trace(square) + jnp.finfo(square.dtype).tiny
+        gain = 0.5 * pull @ jnp.linalg.solve(square + ridge * jnp.eye(y.shape[0], dtype=y.dtype), pull)
         small = (state.num_steps_since_acceptance == 0) & (gain <= self.small * self.noise.of_step(cost))
         return done | (~state.first_step & small), result
 

@@ -13,13 +13,13 @@ table = fj.load_mesh("configs/meshes/still_life/table.glb")
 scene = fj.make_scene([spot, lamp, table], ambient=0.3, lights=[fj.directional_light((-1, -2, -1))])
 camera = fj.look_at((0, 0.1, 0.6), (0, 0, 0), width=96, height=72, focal_length=0.05)
 
-true = fj.thin_lens(focus_distance=0.53, f_number=2.3, focal_length=0.05)
+true = fj.thin_lens(focus_distance=0.9, f_number=1.4, focal_length=0.05)
 photograph = 0.8 * lens_picture(scene, camera, true, rays=64)
 
-# Any focus from 30 cm to infinity at f/1.4 or less is looked for.
-layers = fj.peel(scene, camera, fj.widest_lens(camera, min_focus_distance=0.3, f_number=1.4))
-start = fj.thin_lens(focus_distance=1.5, f_number=8, focal_length=0.05)
-fit = fj.fit_image(photograph, layers, start, free=("focus", "f_number", "gain"), min_focus_distance=0.3)
+# Any focus from 40 cm to infinity at f/1 or less is looked for.
+layers = fj.peel(scene, camera, fj.widest_lens(camera, min_focus_distance=0.4, f_number=1.0))
+start = fj.thin_lens(focus_distance=1.5, f_number=4, focal_length=0.05)
+fit = fj.fit_image(photograph, layers, start, free=("focus", "f_number", "gain"), min_focus_distance=0.4)
 
 error = fit.standard_errors
 print(f"focus distance: {float(true.focus_distance()):.4f} m, found {float(fit.lens.focus_distance()):.4f} m")

@@ -149,18 +149,15 @@ def test_the_example_with_a_solve_inside_finds_its_root(capsys):
 
 
 def test_the_example_finds_the_lens_of_a_picture(capsys, monkeypatch):
-    small = (
-        (ROOT / "examples" / "fit_photo.py").read_text().replace("width=96, height=72", "width=48, height=36")
-    )
-    assert small.count("width=48") == 1
+    path = ROOT / "examples" / "fit_photo.py"
     monkeypatch.chdir(ROOT)
-    exec(compile(small, "fit_photo.py", "exec"), {})
+    exec(compile(path.read_text(), path.name, "exec"), {})
     shown = capsys.readouterr().out
     distance, f_number, gain = (float(n) for n in re.findall(r"found ([0-9.]+)", shown))
-    # Observed:
-    assert distance == pytest.approx(0.53, rel=0.02)
-    assert f_number == pytest.approx(2.3, rel=0.05)
-    assert gain == pytest.approx(0.8, rel=0.02)
+    # Observed: 2.6 %, 3.2 % and 0.2 % off, of a small and noisy picture.
+    assert distance == pytest.approx(0.9, rel=0.05)
+    assert f_number == pytest.approx(1.4, rel=0.06)
+    assert gain == pytest.approx(0.8, rel=0.01)
 
 
 def test_readme_shows_the_example_as_it_is():

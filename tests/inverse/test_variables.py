@@ -35,7 +35,7 @@ def test_any_variables_give_a_lens_that_the_layers_serve():
         check_reach(layers, variables.lens_at(settings))
         share = 0.5 * (1 + float(jnp.sin(any_[1])))
         closed += float(settings[1]) < 0.8 * share * float(layers.lens.aperture_radius)
-    # Observed:
+    # Most are focused far from where these layers were peeled for.
     assert closed > 5
 
 

@@ -32,6 +32,10 @@ from focusjax.focus import solve_many as solve_many
 from focusjax.geometry import Camera as Camera
 from focusjax.geometry import look_at as look_at
 from focusjax.geometry import make_camera as make_camera
+from focusjax.inverse import ImageFit as ImageFit
+from focusjax.inverse import autofocus as autofocus
+from focusjax.inverse import fit_image as fit_image
+from focusjax.inverse import widest_lens as widest_lens
 from focusjax.io import load_exr as load_exr
 from focusjax.io import save_exr as save_exr
 from focusjax.io import save_png as save_png

@@ -182,6 +182,18 @@ def test_readme_batch_runs_at_small_size(tmp_path):
     assert least[30, 1.4] < least[30, 2.8]
 
 
+def test_the_example_finds_the_lens_of_a_picture(capsys, monkeypatch):
+    path = ROOT / "examples" / "fit_photo.py"
+    monkeypatch.chdir(ROOT)
+    exec(compile(path.read_text(), path.name, "exec"), {})
+    shown = capsys.readouterr().out
+    distance, f_number, gain = (float(n) for n in re.findall(r"found ([0-9.]+)", shown))
+    # Observed: 2.6 %, 3.2 % and 0.2 % off, of a small and noisy picture.
+    assert distance == pytest.approx(0.9, rel=0.05)
+    assert f_number == pytest.approx(1.4, rel=0.06)
+    assert gain == pytest.approx(0.8, rel=0.01)
+
+
 def test_readme_shows_the_example_as_it_is():
     assert (ROOT / "examples" / "spot.py").read_text() in README
 

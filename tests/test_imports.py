@@ -16,6 +16,7 @@ ALLOWED = {
     "layers": {"geometry", "lens", "scene", "_counts", "_parallel"},
     "trace": {"geometry", "lens", "scene", "layers", "_counts", "_parallel"},
     "film": {"geometry", "lens", "scene", "layers"},
+    "inverse": {"geometry", "lens", "layers", "trace", "_counts"},
     "metrics": set(),
     # Slow or simple twins share no code with what they are compared with.
     "baselines": {"geometry", "lens", "scene", "_counts", "_parallel"},

@@ -56,6 +56,29 @@ def out_of_reach(layers: Layers, lens: AbstractLens) -> Bool[Array, ""]:
     return (moves > peeled * (1 + _ROUNDING)) | strays
 
 
+def widest_opening(layers: Layers, lens: AbstractLens) -> Float[Array, ""]:
+    """The share of the opening of `lens`, at most 1, up to which `check_reach` lets it pass.
+
+    All else of the lens stays as it is. Rays stray in proportion to the opening, or less as it closes, so
+    that every smaller share passes, too. Differentiable but where another limit takes over.
+    """
+    camera = layers.camera
+    moves, peeled = lens.parallax(camera), layers.lens.parallax(camera)
+    least, largest = layers.ranges.overall
+    at = least + jnp.linspace(0.0, 1.0, _LOOKS).astype(least.dtype) * (largest - least)
+    margin = layers.grid.margin / layers.grid.supersampling
+    held = jnp.maximum(_strays_at(layers.lens, camera, at), margin)
+    strays = jnp.where(largest > 0, _strays_at(lens, camera, at), 0.0)
+    shares = jnp.append(_share(held, strays), _share(peeled, moves))
+    return jnp.minimum(jnp.min(shares), 1.0)
+
+
+def _share(held: Array, wanted: Array) -> Array:
+    """How much of `wanted` is held; 1 where nothing is wanted."""
+    safe = jnp.where(wanted > 0.0, wanted, 1.0)
+    return jnp.where(wanted > 0.0, held / safe, 1.0)
+
+
 def _strays(layers: Layers, lens: AbstractLens) -> np.ndarray:
     """How far in pixels rays stray from their film points, at disparities over the layers' range."""
     least, largest = (float(w) for w in layers.ranges.overall)

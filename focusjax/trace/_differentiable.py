@@ -66,7 +66,7 @@ def render_differentiable(
             " bounds, or peel with the lens whose rays go farthest",
         )
     else:
-        check_reach(layers, lens, "box")
+        check_reach(layers, lens)
     at_once = _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20)
     picture, derivative = Rays(rays, seed, at_once), Rays(derivative_rays, seed, at_once)
     return _differentiable(layers, lens, picture=picture, derivative=derivative)

@@ -17,7 +17,7 @@ _LOOKS = 9
 """Disparities over the layers' range at which rays are looked at."""
 
 
-def check_reach(layers: Layers, lens: AbstractLens, pixel_filter: str) -> None:
+def check_reach(layers: Layers, lens: AbstractLens, pixel_filter: str = "box") -> None:
     """Refuse rays that may pass surfaces that were left out as out of reach when peeling.
 
     Those of a lens that moves them farther, or from film points of a filter that is wider.

@@ -8,6 +8,7 @@ from focusjax.layers._assemble import assemble
 from focusjax.layers._extent import Extent
 from focusjax.layers._frame import frame
 from focusjax.layers._layers import Layers
+from focusjax.layers._memory import check_layers
 from focusjax.layers._peel import peel_fragments
 from focusjax.layers._picture import rasterised, rasterised_for
 from focusjax.lens import AbstractLens
@@ -68,13 +69,13 @@ def peel(
         supersampling=supersampling,
         near=near,
         pixel_filter=pixel_filter,
-        layers=max_layers,
         like=like,
     )
     parallax = float(lens.parallax(camera)) * supersampling
     chosen, complete = peel_fragments(
         picture.fragments, picture.grid, parallax, max_layers, umbra=umbra, opacity=picture.opacity
     )
+    check_layers(picture.grid, [len(some) for some in chosen], "max_layers")
     return assemble(
         scene,
         camera,

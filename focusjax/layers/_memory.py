@@ -1,35 +1,58 @@
-"""Whether the layers that are asked for fit into this machine's memory, before any work is done."""
+"""Whether layers fit into this machine's memory, before they are put together."""
 
 import os
+from collections.abc import Sequence
+
+import numpy as np
 
 from focusjax.layers._grid import Grid
 
 _BYTES = 200
-"""Per sample and layer while layers are put together; measured over one to eight full layers."""
+"""Per sample that is kept, while layers are put together; measured over one to eight full layers."""
+_BYTES_OF_ROOM = 8
+"""Per sample of the grid and layer, whether anything is kept there or not."""
 _SHARE = 0.9
 """Of the memory that layers may take: the rest is for the system and for the scene."""
 
 
-def check_memory(grid: Grid, max_layers: int) -> None:
-    """Refuse more layers than fit.
+def check_frame(grid: Grid) -> None:
+    """Refuse a grid of which not even one full layer fits.
 
-    All layers are counted, as how many a scene needs is known only when they are made.
+    Raises:
+        ValueError: naming what it needs.
+    """
+    memory = machine_memory()
+    needed = _BYTES * grid.size
+    if memory is None or needed <= _SHARE * memory:
+        return
+    raise ValueError(
+        f"a layer of {grid.columns} x {grid.rows} samples needs about {needed / 1e9:.3g} GB and this machine"
+        f" has {memory / 1e9:.3g} GB; lower the supersampling or the picture's size"
+    )
+
+
+def check_layers(grid: Grid, kept: Sequence[int], limit: str) -> None:
+    """Refuse layers of so many samples each that do not fit.
+
+    Args:
+        grid: theirs.
+        kept: samples in each, nearest layer first.
+        limit: the argument that bounds their number.
 
     Raises:
         ValueError: naming the number of layers that would fit.
     """
     memory = machine_memory()
-    if memory is None:
+    if memory is None or not len(kept):
         return
-    fitting = int(_SHARE * memory / (_BYTES * grid.size))
-    if max_layers <= fitting:
+    needed = np.cumsum(np.asarray(kept, dtype=float) * _BYTES + grid.size * _BYTES_OF_ROOM)
+    fitting = int((needed <= _SHARE * memory).sum())
+    if fitting == len(kept):
         return
-    size = f"{grid.columns} x {grid.rows} samples"
-    needed = f"need about {max_layers * grid.size * _BYTES / 1e9:.3g} GB"
-    limit = f"this machine has {memory / 1e9:.3g} GB"
-    remedy = f"lower max_layers to {fitting}, or the" if fitting else "not even one fits: lower the"
+    remedy = f"lower {limit} to {fitting}, or the" if fitting else "not even one fits: lower the"
     raise ValueError(
-        f"{max_layers} layers of {size} {needed} and {limit}; {remedy} supersampling or the picture's size"
+        f"{len(kept)} layers that hold {sum(kept)} samples need about {needed[-1] / 1e9:.3g} GB and this"
+        f" machine has {memory / 1e9:.3g} GB; {remedy} supersampling or the picture's size"
     )
 
 

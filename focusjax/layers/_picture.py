@@ -9,7 +9,7 @@ from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._extent import Extent
 from focusjax.layers._frame import frame
 from focusjax.layers._grid import Grid
-from focusjax.layers._memory import check_memory
+from focusjax.layers._memory import check_frame
 from focusjax.layers._opacity import with_opacity
 from focusjax.layers._raster import Fragments, rasterise
 from focusjax.layers._stamps import Stamps, dice
@@ -43,21 +43,18 @@ def rasterised_for(
     supersampling: int,
     near: float | None,
     pixel_filter: str = "box",
-    layers: int = 1,
     like: Extent | None = None,
 ) -> Rasterised:
     """Everything that rays of `lens` from film points of `pixel_filter` can reach.
 
-    On a grid of which so many `layers` fit in memory.
-
     Raises:
-        ValueError: a grid or layers that do not fit, or layers to be like that are of another frame.
+        ValueError: a grid of which no layer fits in memory, or layers to be like that are of another frame.
     """
     margin = _margin_like(like, camera, supersampling)
     triangles, grid = frame(
         scene, camera, lens, supersampling, near, least_margin=margin, pixel_filter=pixel_filter
     )
-    check_memory(grid, layers)
+    check_frame(grid)
     return rasterised(scene, camera, triangles, grid)
 
 

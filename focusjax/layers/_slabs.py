@@ -30,7 +30,7 @@ from focusjax.geometry import Camera
 from focusjax.layers._assemble import assemble
 from focusjax.layers._grid import Grid
 from focusjax.layers._layers import Layers
-from focusjax.layers._memory import check_memory
+from focusjax.layers._memory import check_layers
 from focusjax.layers._peel import SEPARATION, hidden_below, windows_within
 from focusjax.layers._picture import rasterised_for
 from focusjax.layers._raster import Fragments
@@ -110,7 +110,8 @@ def decompose(
     chosen, complete = slab_fragments(
         picture.fragments, grid, parallax * grid.supersampling, bounds, opacity=picture.opacity
     )
-    check_memory(grid, len(chosen))
+    limit = "count" if blur_step is None else "the number of slabs by a larger blur_step"
+    check_layers(grid, [len(some) for some in chosen], limit)
     return assemble(
         scene,
         camera,

@@ -14,7 +14,7 @@ _ROUNDS = 4
 
 
 def disparity_range(
-    layers: Layers, lens: AbstractLens, film_point: Float[Array, "2"], pixel_filter: str
+    layers: Layers, lens: AbstractLens, film_point: Float[Array, "2"], pixel_filter: str = "box"
 ) -> tuple[Float[Array, ""], Float[Array, ""], Int[Array, ""]]:
     """Least and largest disparity that rays of the pixel around `film_point` can meet, and layer count.
 

@@ -1,38 +1,66 @@
 """More layers than memory holds are refused before the work starts, with what would fit."""
 
+import numpy as np
 import pytest
-from small_scenes import front_camera, varied_scene, wide_lens
+from small_scenes import SQUARE, at_pixels, front_camera, varied_scene, wide_lens
 
-from focusjax.layers import _memory, disparity_map, peel
+from focusjax.geometry import Camera
+from focusjax.layers import _memory, decompose, disparity_map, peel
 from focusjax.layers._grid import Grid
+from focusjax.scene import Scene, make_object, make_scene
+
+
+def panes(camera: Camera) -> Scene:
+    """Four panes of glass behind one another, each of them all over the picture."""
+    corners = np.array([(-300, -300), (300, -300), (300, 300), (-300, 300)])
+    objects = [
+        make_object(f"pane {w}", at_pixels(corners, np.full(4, w), camera), SQUARE, opacity=0.5)
+        for w in (0.6, 0.5, 0.4, 0.3)
+    ]
+    return make_scene(objects, unlit=True)
+
+
+def memory_for(monkeypatch: pytest.MonkeyPatch, grid: Grid, layers: float) -> None:
+    """A machine with room for so many full layers."""
+    monkeypatch.setattr(_memory, "machine_memory", lambda: layers * 208 * grid.size / 0.9)
 
 
 def test_the_message_names_the_number_that_would_fit(monkeypatch: pytest.MonkeyPatch):
     camera = front_camera()
-    grid = peel(varied_scene(), camera, wide_lens(camera)).grid
-    monkeypatch.setattr(_memory, "machine_memory", lambda: 5.5 * 200 * grid.size / 0.9)
-    expected = (
-        rf"6 layers of {grid.columns} x {grid.rows} samples need about 0\.\d+ GB and this machine has"
-        r" 0\.\d+ GB; lower max_layers to 5, or the supersampling or the picture's size"
-    )
-    monkeypatch.setattr("focusjax.layers._picture.rasterised", None)
-    with pytest.raises(ValueError, match=expected):
-        peel(varied_scene(), camera, wide_lens(camera), max_layers=6)
+    lens = wide_lens(camera)
+    layers = peel(panes(camera), camera, lens)
+    assert layers.count == 4
+    memory_for(monkeypatch, layers.grid, 2.5)
+    monkeypatch.setattr("focusjax.layers._build.assemble", None)
+    monkeypatch.setattr("focusjax.layers._slabs.assemble", None)
+    expected = r"4 layers that hold \d+ samples need about 0\.\d+ GB and this machine has .* lower {} to 2,"
+    with pytest.raises(ValueError, match=expected.format("max_layers")):
+        peel(panes(camera), camera, lens)
+    with pytest.raises(ValueError, match=expected.format("count")):
+        decompose(panes(camera), camera, lens, count=16)
     monkeypatch.undo()
-    monkeypatch.setattr(_memory, "machine_memory", lambda: 5.5 * 200 * grid.size / 0.9)
-    assert peel(varied_scene(), camera, wide_lens(camera), max_layers=5).count <= 5
+    memory_for(monkeypatch, layers.grid, 2.5)
+    assert peel(panes(camera), camera, lens, max_layers=2).count == 2
+
+
+def test_layers_that_are_not_there_cost_nothing(monkeypatch: pytest.MonkeyPatch):
+    """`max_layers` is a bound, not a wish."""
+    camera = front_camera()
+    lens = wide_lens(camera)
+    memory_for(monkeypatch, peel(panes(camera), camera, lens).grid, 4.1)
+    assert peel(panes(camera), camera, lens, max_layers=10**6).count == 4
 
 
 def test_too_large_a_picture_for_any_layer(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(_memory, "machine_memory", lambda: 10**6)
-    with pytest.raises(ValueError, match="not even one fits: lower the supersampling"):
-        _memory.check_memory(Grid(100, 100, 2, 0), 1)
+    with pytest.raises(ValueError, match=r"a layer of 200 x 200 samples needs .* lower the supersampling"):
+        _memory.check_frame(Grid(100, 100, 2, 0))
 
 
 def test_a_system_that_does_not_tell_is_trusted(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("os.sysconf", lambda name: int("not told"))
     assert _memory.machine_memory() is None
-    _memory.check_memory(Grid(10000, 10000, 1, 0), 1000)
+    _memory.check_frame(Grid(10000, 10000, 1, 0))
 
 
 def test_this_machine_tells():

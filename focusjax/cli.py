@@ -272,7 +272,9 @@ def _wishes(solution: Solution | SurfaceSolution) -> Table:
     for heading in ("wish", "wished", "got", "missed by", ""):
         table.add_column(heading, justify="left" if heading in ("wish", "") else "right")
     for row in solution.table():
-        verdict = row.note if not row.counts else "[green]met[/]" if row.met else "[red]missed[/]"
+        verdict = "[green]met[/]" if row.met else "[red]missed[/]"
+        if not row.counts:
+            verdict = row.note or "not counted"
         table.add_row(row.name, _wished(row), f"{row.got:+.2f} px", f"{abs(row.residual):.2f} px", verdict)
     return table
 

@@ -194,13 +194,13 @@ def _missed_sentences(table: tuple[WishResult, ...], unreachable: tuple[Unreacha
         return []
     worst = max(missed, key=lambda row: abs(row.residual))
     lines = [
-        f"Not all wishes can be met: the best is {abs(worst.residual):.2g} px off at {worst.name}."
+        f"Not all wishes can be met: the best is {abs(worst.residual):.3g} px off at {worst.name}."
         if len(table) > 1
-        else f"{worst.name} cannot be met: the best is {abs(worst.residual):.2g} px off."
+        else f"{worst.name} cannot be met: the best is {abs(worst.residual):.3g} px off."
     ]
     if len(table) > 1:
         lines += [
-            f"{each.name} is out of reach even alone: the best is {each.best:.2g} px off."
+            f"{each.name} is out of reach even alone: the best is {each.best:.3g} px off."
             for each in unreachable
         ]
     return lines

@@ -66,6 +66,9 @@ def locate(
     if not 0 <= favour_near < np.inf:
         raise ValueError(f"favour_near is {favour_near}; expected zero or a positive finite number")
     names = tuple(point.name or f"point {index + 1}" for index, point in enumerate(points))
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"several focus points are called {twice[0]!r}; give each a name of its own")
     finder = Finder(camera, vertices, faces, objects or {}, _checked_map(disparity_map, camera))
     places = [
         ends(finder.extent(point.where, f"focus point {name!r}"), point.wish)

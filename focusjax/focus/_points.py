@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import SupportsFloat, SupportsIndex, TypeAlias
+from typing import Any, SupportsFloat, SupportsIndex, TypeAlias, get_args
 
 import numpy as np
 from jaxtyping import Array, Bool
@@ -248,6 +248,8 @@ class FocusPoint:
 
     def __post_init__(self) -> None:
         label = f"focus point {self.name!r}" if self.name else "a focus point"
+        check_kind(f"{label} has place", self.where, Attachment)
+        check_kind(f"{label} has wish", self.wish, Wish)
         if isinstance(self.where, InDepthRange) and isinstance(self.wish, ShownAt | InFrame):
             raise ValueError(
                 f"{label} is a depth range, which is nowhere in the picture; give it another wish"
@@ -255,6 +257,13 @@ class FocusPoint:
         for what, value in (("weight", float(self.weight)), ("tolerance", amount(self.tolerance))):
             if not 0 <= value < math.inf:
                 raise ValueError(f"{label} has {what} {value}; expected zero or a positive finite number")
+
+
+def check_kind(what: str, value: object, kinds: Any) -> None:
+    """Refuse a value that is none of a union's classes, for callers who do not check types."""
+    if not isinstance(value, kinds):
+        names = ", ".join(kind.__name__ for kind in get_args(kinds))
+        raise ValueError(f"{what} {value!r}; expected one of {names}")
 
 
 def _check_samples(samples: int, what: str) -> None:

@@ -73,8 +73,8 @@ class WishResult:
 
     @property
     def counts(self) -> bool:
-        """Whether the place is in the picture, or counts although it is not."""
-        return not self.note or self.weight > 0
+        """Whether it has a weight, and its place is in the picture or counts although it is not."""
+        return self.weight > 0
 
 
 @dataclasses.dataclass(frozen=True)

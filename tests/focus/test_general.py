@@ -298,3 +298,16 @@ def test_equal_blur_before_and_behind(camera, lens):
     wishes = [FocusPoint(AtPoint((0, 0, -2)), SameBlur("far")), *sharp((0, 0, 4.0), name="far", weight=0)]
     solution = solve(locate(wishes, camera), camera, lens, free=("focus",))
     np.testing.assert_allclose(solution.lens.focus_disparity, 0.375, rtol=1e-9)
+
+
+def test_a_wish_without_weight_is_told_of_and_not_missed(camera, lens):
+    points = locate([*sharp((0, 0, 2.0), name="x"), *sharp((0, 0, 4.0), name="y", weight=0)], camera)
+    rows = {row.name: row for row in solve(points, camera, lens).table()}
+    assert rows["x"].counts
+    assert not rows["y"].counts
+    assert abs(rows["y"].got) > 1
+
+
+def test_two_wishes_of_one_name_are_refused(camera):
+    with pytest.raises(ValueError, match="several focus points are called 'x'; give each a name of its own"):
+        locate([*sharp((0, 0, 2.0), name="x"), *sharp((0, 0, 4.0), name="x")], camera)

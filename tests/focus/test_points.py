@@ -3,6 +3,7 @@
 import pytest
 
 from focusjax.focus import AtPixel, Blur, FocusPoint, OnObject, Sharp
+from focusjax.focus._points import Attachment, Wish, check_kind
 
 
 @pytest.mark.parametrize(
@@ -32,3 +33,17 @@ def test_a_value_that_means_nothing_is_refused(make, message):
 
 def test_a_signed_blur_may_be_negative():
     assert Blur(-3, signed=True).diameter == -3
+
+
+@pytest.mark.parametrize(
+    ("value", "kinds", "message"),
+    [
+        (Sharp, Wish, "it has wish <class .*Sharp'>; expected one of Sharp, Blur"),
+        (20, Wish, "it has wish 20; expected one of Sharp, Blur"),
+        ((0, 0, -2), Attachment, r"it has wish \(0, 0, -2\); expected one of AtPixel, AtPoint"),
+    ],
+)
+def test_what_is_no_wish_or_place_is_refused(value, kinds, message):
+    """Also where nobody checks types, as these tests do before a focus point could."""
+    with pytest.raises(ValueError, match=message):
+        check_kind("it has wish", value, kinds)

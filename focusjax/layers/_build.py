@@ -49,7 +49,8 @@ def peel(
             border need layers beyond the frame; layers for one filter serve narrower ones, too.
         like: layers of another moment, or an `Extent`, of as many pixels: the margin is at least theirs, and
             so are the number of layers up to `max_layers` and the room for samples, so that programs compiled
-            for them serve again.
+            for them serve again, if the scene has as many vertices as then. (`make_object` splits vertices
+            at creases, which may come and go as a mesh deforms: `focusjax.shot.MovingScene` keeps them.)
 
     Raises:
         ValueError: a count that is not whole or below 1; no such filter; a surface so close to the lens that

@@ -68,6 +68,9 @@ def missed_light(
 
         standard error = sqrt(M (1 - M) / n),    n = (sum of W)^2 / sum of W^2.
 
+    Only the nearest surface of a ray counts, and what may be seen through is a surface like any other: of
+    layers behind glass nothing is told.
+
     Args:
         layers: what is examined.
         nearest: the truth: `focusjax.baselines.nearest_in_scene` casts rays at the scene itself, and

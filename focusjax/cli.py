@@ -13,14 +13,13 @@ import jax
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from focusjax import batch, bench, job
+from focusjax._tell import comparison, tell_outcome, tell_shot
 from focusjax.config import ConfigError, load_config
-from focusjax.focus import Solution, SurfaceSolution, WishResult, diagnose
 from focusjax.io import staged_folder
-from focusjax.report import FILES, angle, depth_of_field, f_number, metres, movements, save_outcome
-from focusjax.shot import SolvedShot, film
+from focusjax.report import FILES, save_outcome
+from focusjax.shot import film
 
 FAILED, BAD_INPUT, MISSED = 1, 2, 3
 """Exit statuses beside 0: failed; bad usage or config; solved, but a wish is missed."""
@@ -101,7 +100,7 @@ def shot(
         _fail(errors, error, FAILED)
     except Exception as error:
         _fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
-    _tell_shot(console, solved)
+    tell_shot(console, solved)
     console.print(f"Report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
     if solved.missed():
         raise typer.Exit(MISSED)
@@ -164,7 +163,7 @@ def speed_error(
     except Exception as error:
         _fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
     for found in results.cases:
-        console.print(_comparison(found))
+        console.print(comparison(found))
     console.print(f"Report: {out / 'report.html'}", soft_wrap=True, highlight=False)
     failures = [why for found in results.cases for why in found.failures.values()]
     if failures:
@@ -196,67 +195,11 @@ def _do(
         _fail(errors, error, FAILED)
     except Exception as error:
         _fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
-    _tell_outcome(console, outcome, folder)
+    tell_outcome(console, outcome, folder)
     if outcome.solution is not None and not all(
         row.met or not row.counts for row in outcome.solution.table()
     ):
         raise typer.Exit(MISSED)
-
-
-def _tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
-    """What a photographer wants to know, in a few lines."""
-    lens, camera = outcome.middle_lens, outcome.camera
-    sharp = depth_of_field(camera, lens)
-    console.print(
-        f"[bold]Focus {metres(float(lens.focus_distance()))}, {f_number(float(lens.f_number(camera)))}[/]"
-        f"  sharp from {metres(sharp.near)} to {metres(sharp.far)}"
-    )
-    moved = movements(outcome)
-    if moved["tilt_deg"] or moved["swing_deg"]:
-        console.print(
-            f"Tilt {angle(moved['tilt_deg'])}, swing {angle(moved['swing_deg'])};"
-            f" hinge {metres(moved['hinge_distance_m'])} from the lens",
-            highlight=False,
-        )
-    if moved["rise_mm"] or moved["shift_mm"]:
-        console.print(f"Rise {moved['rise_mm']:+.2f} mm, shift {moved['shift_mm']:+.2f} mm", highlight=False)
-    if outcome.config.lens.focal_surface is not None:
-        console.print("In the middle of the picture; a focal surface sets it from place to place.")
-    if outcome.solution is not None:
-        console.print(_wishes(outcome.solution))
-    if isinstance(outcome.solution, Solution):
-        for sentence in diagnose(outcome.solution).sentences:
-            console.print(sentence, highlight=False, markup=False)
-    if outcome.picture is not None and not outcome.picture.complete:
-        console.print("Some surfaces did not fit into the layers; raise render.max_layers.")
-    stages = outcome.seconds | {"compile": sum(outcome.compile_seconds.values())}
-    seconds = ", ".join(f"{name.replace('_', ' ')} {_duration(value)}" for name, value in stages.items())
-    console.print(f"[dim]{seconds}[/]", highlight=False, soft_wrap=True)
-    console.print(f"Report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
-
-
-def _tell_shot(console: Console, solved: SolvedShot) -> None:
-    """How a shot went, in a few lines."""
-    solution = solved.solution
-    focus = 1.0 / solution.settings()["focus_per_m"]
-    console.print(
-        f"[bold]{solution.count} frames, focus from {metres(float(focus[0]))} to"
-        f" {metres(float(focus[-1]))}[/]"
-        f"  solved together in {int(solution.steps)} steps",
-        highlight=False,
-    )
-    for name, change in solution.largest_changes().items():
-        if change.per_frame:
-            console.print(
-                f"{name}: at most {change.per_frame:.3g} per frame, {change.per_frame2:.3g} per frame^2",
-                highlight=False,
-            )
-    for name, count, error in solved.missed():
-        console.print(
-            f"{name} is missed in {count} frame{'' if count == 1 else 's'}, by up to {error:.2f} px",
-            highlight=False,
-            markup=False,
-        )
 
 
 def _frames(text: str) -> list[int]:
@@ -267,60 +210,12 @@ def _frames(text: str) -> list[int]:
     return [int(part) for part in parts]
 
 
-def _wishes(solution: Solution | SurfaceSolution) -> Table:
-    table = Table(box=None, header_style="dim", pad_edge=False)
-    for heading in ("wish", "wished", "got", "missed by", ""):
-        table.add_column(heading, justify="left" if heading in ("wish", "") else "right")
-    for row in solution.table():
-        verdict = "[green]met[/]" if row.met else "[red]missed[/]"
-        if not row.counts:
-            verdict = row.note or "not counted"
-        table.add_row(row.name, _wished(row), f"{row.got:+.2f} px", f"{abs(row.residual):.2f} px", verdict)
-    return table
-
-
-def _wished(row: WishResult) -> str:
-    """A wish in a few words."""
-    if row.relation == "same":
-        return "as another"
-    if row.relation == "shown at":
-        return "at its place"
-    if row.relation == "in frame":
-        return f"{row.wished:g} px inside"
-    if row.relation != "equal":
-        return f"{row.relation} {row.wished:g} px"
-    return "sharp" if not row.wished else f"{row.wished:+g} px" if row.signed else f"{row.wished:g} px"
-
-
-def _comparison(found: bench.CaseResults) -> Table:
-    """What a scene's measurements say, a line for each setting."""
-    table = Table(title=found.case.title, box=None, header_style="dim", pad_edge=False, title_justify="left")
-    for heading in ("method", "setting", "picture", "set-up", "MiB", "PSNR", "SSIM", "silhouettes"):
-        table.add_column(heading, justify="left" if heading in ("method", "setting") else "right")
-    for row in found.rows:
-        table.add_row(
-            row.method,
-            f"{row.setting} {row.knob}",
-            _duration(row.seconds),
-            _duration(row.setup_seconds),
-            f"{row.peak_mib:.0f}",
-            f"{row.psnr:.2f} dB",
-            "" if row.ssim is None else f"{row.ssim:.4f}",
-            "" if row.silhouette_psnr is None else f"{row.silhouette_psnr:.2f} dB",
-        )
-    return table
-
-
 def _size(text: str) -> tuple[int, int]:
     """Width and height from text such as 800x600."""
     width, cross, height = text.lower().partition("x")
     if not (cross and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
         raise bench.ChoiceError(f"--size is {text}; expected width and height in pixels, such as 800x600")
     return int(width), int(height)
-
-
-def _duration(seconds: float) -> str:
-    return f"{1000 * seconds:.1f} ms" if seconds < 0.1 else f"{seconds:.1f} s"
 
 
 @contextmanager

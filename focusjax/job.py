@@ -150,13 +150,7 @@ def run(
             points = find_points(
                 wishes, scene, camera, disparity=disparity, favour_near=config.solve.favour_near
             )
-        surface = None
-        if config.lens.focal_surface is not None:
-            assert isinstance(lens, ThinLens)
-            controls = build_control_points(config, scene)
-            near = config.lens.focal_surface.favour_near
-            found = find_points(controls, scene, camera, disparity=disparity, favour_near=near)
-            surface = build_focal_surface(config, found, camera, lens)
+        surface = _control_surface(config, scene, camera, lens, disparity)
     solution = None
     if surface is not None and solving:
         assert points is not None
@@ -195,6 +189,19 @@ def run(
         seconds=watch.seconds,
         compile_seconds=watch.compile_seconds,
     )
+
+
+def _control_surface(
+    config: Config, scene: Scene, camera: Camera, lens: AbstractLens, disparity: Float[np.ndarray, "h w"]
+) -> FocalSurface | None:
+    """The config's focal surface, through its control points where they are in the picture."""
+    table = config.lens.focal_surface
+    if table is None:
+        return None
+    assert isinstance(lens, ThinLens)
+    controls = build_control_points(config, scene)
+    found = find_points(controls, scene, camera, disparity=disparity, favour_near=table.favour_near)
+    return build_focal_surface(config, found, camera, lens)
 
 
 def find_points(

@@ -54,11 +54,13 @@ ALLOWED = {
         "report",
         "_stopwatch",
     },
-    "cli": {"focus", "io", "config", "job", "report", "shot", "bench", "batch"},
+    "_tell": {"focus", "job", "report", "shot", "bench"},
+    "cli": {"io", "config", "job", "report", "shot", "bench", "batch", "_tell"},
 }
 # The public face re-exports from everywhere below the command line.
 ALLOWED["__init__"] = set(ALLOWED) - {
     "cli",
+    "_tell",
     "report",
     "shot",
     "config",

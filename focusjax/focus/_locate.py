@@ -65,17 +65,9 @@ def locate(
         raise ValueError("there are no focus points; give at least one wish")
     if not 0 <= favour_near < np.inf:
         raise ValueError(f"favour_near is {favour_near}; expected zero or a positive finite number")
-    names = tuple(point.name or f"point {index + 1}" for index, point in enumerate(points))
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise ValueError(f"several focus points are called {twice[0]!r}; give each a name of its own")
+    names = _names(points)
     finder = Finder(camera, vertices, faces, objects or {}, _checked_map(disparity_map, camera))
-    places = [
-        ends(finder.extent(point.where, f"focus point {name!r}"), point.wish)
-        if frames(point.wish)
-        else finder.find(point.where, f"focus point {name!r}")
-        for point, name in zip(points, names, strict=True)
-    ]
+    places = [_place(finder, point, name) for point, name in zip(points, names, strict=True)]
     targets, relations, signed = zip(*(_meaning(point.wish, camera) for point in points), strict=True)
     counts = np.array([len(place.rows) for place in places])
     shares = np.array([_share(point, place) for point, place in zip(points, places, strict=True)])
@@ -104,6 +96,27 @@ def locate(
         notes=tuple(_note(place, share) for place, share in zip(places, shares, strict=True)),
     )
     return with_framing(found, [point.wish for point in points], camera)
+
+
+def _names(points: Sequence[FocusPoint]) -> tuple[str, ...]:
+    """What reports call the wishes.
+
+    Raises:
+        ValueError: two of the same name.
+    """
+    names = tuple(point.name or f"point {index + 1}" for index, point in enumerate(points))
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(f"several focus points are called {twice[0]!r}; give each a name of its own")
+    return names
+
+
+def _place(finder: Finder, point: FocusPoint, name: str) -> Place:
+    """Where a wish is; of one about the frame, the ends of what is to be shown."""
+    label = f"focus point {name!r}"
+    if frames(point.wish):
+        return ends(finder.extent(point.where, label), point.wish)
+    return finder.find(point.where, label)
 
 
 def _meaning(wish: Wish, camera: Camera) -> tuple[float, int, bool]:

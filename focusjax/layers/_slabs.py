@@ -92,21 +92,8 @@ def decompose(
     picture = rasterised_for(
         scene, camera, lens, supersampling=supersampling, near=near, pixel_filter=pixel_filter, like=extent
     )
-    grid = picture.grid
-    disparity = picture.fragments.disparity
-    nearest = float(disparity.max(initial=0.0))
-    span = nearest - float(disparity.min(initial=nearest))
-    parallax = float(lens.parallax(camera))
-    if blur_step is not None:
-        count = max(1, math.ceil(2.0 * parallax * span / blur_step))
-        thickness = blur_step / (2.0 * parallax) if parallax > 0 else span
-    else:
-        assert count is not None
-        thickness = span / count
-    if count > _MOST_SLABS:
-        remedy = "give a lower count" if blur_step is None else f"make the blur_step of {blur_step} px larger"
-        raise ValueError(f"{count} slabs are more than the {_MOST_SLABS} there can be; {remedy}")
-    bounds = nearest - thickness * np.arange(count + 1)
+    grid, parallax = picture.grid, float(lens.parallax(camera))
+    bounds = _bounds(picture.fragments.disparity, parallax, count, blur_step)
     chosen, complete = slab_fragments(
         picture.fragments, grid, parallax * grid.supersampling, bounds, opacity=picture.opacity
     )
@@ -118,12 +105,34 @@ def decompose(
         lens,
         picture,
         chosen,
-        max_layers=count,
+        max_layers=len(bounds) - 1,
         complete=complete,
         like=extent,
         view_dependent=view_dependent,
         pixel_filter=pixel_filter,
     )
+
+
+def _bounds(
+    disparity: Float[np.ndarray, " f"], parallax: float, count: int | None, blur_step: float | None
+) -> Float[np.ndarray, " b"]:
+    """Decreasing disparities between which slabs of even thickness lie, by their number or by their blur.
+
+    Raises:
+        ValueError: more slabs than there can be.
+    """
+    nearest = float(disparity.max(initial=0.0))
+    span = nearest - float(disparity.min(initial=nearest))
+    if blur_step is not None:
+        count = max(1, math.ceil(2.0 * parallax * span / blur_step))
+        thickness = blur_step / (2.0 * parallax) if parallax > 0 else span
+    else:
+        assert count is not None
+        thickness = span / count
+    if count > _MOST_SLABS:
+        remedy = "give a lower count" if blur_step is None else f"make the blur_step of {blur_step} px larger"
+        raise ValueError(f"{count} slabs are more than the {_MOST_SLABS} there can be; {remedy}")
+    return nearest - thickness * np.arange(count + 1)
 
 
 def slab_fragments(

@@ -1,12 +1,11 @@
 """The files of a run's folder."""
 
 import base64
-import json
 from pathlib import Path
 
 import numpy as np
 
-from focusjax.io import save_exr, save_png
+from focusjax.io import json_text, save_exr, save_png
 from focusjax.job import Outcome
 from focusjax.report._blur_picture import save_blur_picture
 from focusjax.report._page import page
@@ -38,7 +37,7 @@ def save_outcome(folder: Path, outcome: Outcome) -> None:
     save_blur_picture(folder / "blur.png", outcome.blur, _marks(outcome))
     pictures["blur"] = "blur.png"
     facts = summary(outcome)
-    (folder / "report.json").write_text(json.dumps(facts, indent=2, ensure_ascii=False) + "\n")
+    (folder / "report.json").write_text(json_text(facts))
     embedded = {
         kind: "data:image/png;base64," + base64.b64encode((folder / name).read_bytes()).decode("ascii")
         for kind, name in pictures.items()

@@ -2,7 +2,6 @@
 
 import base64
 import dataclasses
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from focusjax.config import Config
 from focusjax.focus import Result
-from focusjax.io import for_json
+from focusjax.io import for_json, json_text
 from focusjax.report import versions
 from focusjax.shot._curves import save_blur_curves, save_contact_sheet, save_settings_curves
 from focusjax.shot._render import RenderedFrames
@@ -56,7 +55,7 @@ def save_report(
             save_contact_sheet(folder / "contact.png", pngs)
             pictures.append("contact")
     facts = shot_summary(config, solved, rendered, seconds, compile_seconds)
-    (folder / "report.json").write_text(json.dumps(facts, indent=2, ensure_ascii=False) + "\n")
+    (folder / "report.json").write_text(json_text(facts))
     embedded = {
         name: "data:image/png;base64,"
         + base64.b64encode((folder / f"{name}.png").read_bytes()).decode("ascii")

@@ -43,7 +43,7 @@ def mitsuba(variant: str = FASTEST) -> ModuleType:
         ValueError: Mitsuba is not installed, or lacks the variant or what that needs.
     """
     try:
-        import mitsuba
+        import mitsuba  # pyright: ignore[reportMissingImports]  # an extra
     except ImportError as error:
         raise ValueError(
             "the Mitsuba baseline needs Mitsuba 3, which is not installed; run `pip install mitsuba`"

@@ -1,11 +1,10 @@
-"""The focus and render tables of a config."""
+"""The focus table of a config."""
 
 from typing import Annotated, Literal
 
 from pydantic import Field, Strict, model_validator
 
 from focusjax.config._values import NotNegative, Number, Positive, Table, Vector
-from focusjax.trace import decibels_of
 
 
 class FocusTable(Table):
@@ -140,40 +139,3 @@ class FocusTable(Table):
     def wants_a_value(self) -> bool:
         """Whether the wish is for sharpness or a blur, and not for a limit, another's blur or a place."""
         return any(getattr(self, key) is not None for key in ("sharp", "blur_px", "blur_mm", "blur_height"))
-
-
-class RenderTable(Table):
-    """`[render]`: how carefully the picture is made, and how it is shown."""
-
-    rays: Annotated[int, Field(ge=1, le=65536)] = Field(
-        default=64, description="lens rays per pixel on the average, for example 64"
-    )
-    quality: str | Number | None = Field(
-        default=None, description="'draft', 'good', 'reference' or decibels such as '40 dB', instead of rays"
-    )
-    supersampling: Annotated[int, Field(ge=1, le=8)] = Field(
-        default=2, description="layer samples along each side of a pixel, 1 to 8"
-    )
-    max_layers: Annotated[int, Field(ge=1, le=64)] = Field(
-        default=16, description="the most layers to peel, up to 64"
-    )
-    view_dependent: bool = Field(
-        default=False, description="true to let every lens ray see highlights and mirrors for itself"
-    )
-    pixel_filter: Literal["box", "tent", "gaussian"] = Field(
-        default="box", description="the pixel filter: 'box', 'tent' or 'gaussian'"
-    )
-    exposure: Number = Field(default=0.0, description="the exposure in stops; 1 doubles the brightness")
-    png_bits: Literal[8, 16] = Field(default=8, description="8 or 16 bits per channel for image.png")
-    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = Field(
-        default=0, description="a whole number that fixes the jitter"
-    )
-
-    @model_validator(mode="after")
-    def _rays_or_quality(self) -> "RenderTable":
-        if self.quality is not None:
-            if "rays" in self.model_fields_set:
-                raise ValueError("has rays, and a quality that finds its own number; leave one of them out")
-            # Only asked to refuse what is no quality.
-            decibels_of(self.quality)
-        return self

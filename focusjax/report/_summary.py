@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from focusjax.focus import Result, Solution, SurfaceSolution, diagnose
 from focusjax.io import for_json
-from focusjax.job import Outcome
+from focusjax.job import Examined, Outcome
 from focusjax.lens import FocalSurfaceLens, as_tilt_shift
 from focusjax.report._depth_of_field import depth_of_field
 
@@ -196,6 +196,7 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
         "layers_complete": picture.complete,
         "layer_samples": picture.samples_kept,
         "layers_mib": picture.layer_bytes / 2**20,
+        "examined": _examined(picture.examined),
         "margin_px": picture.margin,
         "rays_per_pixel": picture.rays,
         "quality": None
@@ -207,4 +208,17 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
             "reached_db": picture.decibels,
         },
         "largest_blur_px": float(np.abs(outcome.blur).max()),
+    }
+
+
+def _examined(found: Examined | None) -> dict[str, Any] | None:
+    """What the layers miss, and what the umbra spares them."""
+    if found is None:
+        return None
+    return {
+        "missed_share": found.missed.share,
+        "missed_standard_error": found.missed.standard_error,
+        "layers_with_umbra": len(found.saving.umbra),
+        "layers_without": len(found.saving.plain),
+        "samples_saved_share": found.saving.samples_saved,
     }

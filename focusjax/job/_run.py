@@ -1,6 +1,6 @@
 """One run from a config to a picture: load, find the points, solve, peel, render."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -30,7 +30,8 @@ from focusjax.focus import (
     solve_focal_surface,
 )
 from focusjax.geometry import Camera
-from focusjax.layers import Extent, Layers, disparity_map, peel
+from focusjax.job._picture import Picture, Progress, make_picture
+from focusjax.layers import Extent, disparity_map
 from focusjax.lens import (
     AbstractLens,
     FocalSurface,
@@ -40,41 +41,6 @@ from focusjax.lens import (
     focal_surface_lens,
 )
 from focusjax.scene import Scene
-from focusjax.trace import RayPlan, plan_rays, quality_of, render, render_pinhole
-
-Progress = Callable[[str, float | None], None]
-"""Told the stage that runs and, where that is known, the share of it that is done."""
-
-
-@dataclass(frozen=True)
-class Picture:
-    """What rendering made, all of it linear.
-
-    Attributes:
-        image: radiance [h, w, 3] through the lens.
-        pinhole: radiance [h, w, 3] with everything sharp.
-        layer_count: layers that the lens sees and that hold anything.
-        samples_kept: samples of surface in them.
-        layer_bytes: memory of the layers with their N-buffers.
-        margin: pixels that the layers reach beyond the frame.
-        complete: whether no surface was left out for want of layers.
-        rays: rays per pixel on the average.
-        extent: how large layers may be for compiled programs to serve again: the `like` of another run.
-        plan: what was expected of them, when a quality was asked for.
-        decibels: PSNR of the rays then, told from a sample of the pixels.
-    """
-
-    image: Float[Array, "h w 3"]
-    pinhole: Float[Array, "h w 3"]
-    layer_count: int
-    samples_kept: int
-    layer_bytes: int
-    margin: float
-    complete: bool
-    rays: int
-    extent: Extent
-    plan: RayPlan | None = None
-    decibels: float | None = None
 
 
 @dataclass(frozen=True)
@@ -176,7 +142,7 @@ def run(
                 )
                 solution = solve(points, camera, lens, **build_solve_options(config))
             lens, points, camera = solution.lens, solution.points, solution.camera
-    picture = _render(config, scene, camera, lens, like, watch, tell) if rendering else None
+    picture = make_picture(config.render, scene, camera, lens, like, watch, tell) if rendering else None
     return Outcome(
         config=config,
         camera=camera,
@@ -275,55 +241,3 @@ def _solve_surface(
             solution = solve_focal_surface(points, camera, surface, lens, smoothness=smoothness)
             jax.block_until_ready(solution.cost)
     return solution
-
-
-def _render(
-    config: Config,
-    scene: Scene,
-    camera: Camera,
-    lens: AbstractLens,
-    like: Extent | None,
-    watch: Stopwatch,
-    tell: Progress,
-) -> Picture:
-    table = config.render
-    like = like if like is not None and like.serves(camera, table.supersampling) else None
-    with watch.stage("peel"):
-        layers: Layers = peel(
-            scene,
-            camera,
-            lens,
-            supersampling=table.supersampling,
-            max_layers=table.max_layers,
-            view_dependent=table.view_dependent,
-            pixel_filter=table.pixel_filter,
-            like=like,
-        )
-        jax.block_until_ready(eqx.filter(layers, eqx.is_array))
-    rays, plan, decibels = table.rays, None, None
-    if table.quality is not None:
-        with watch.stage("plan"):
-            plan = plan_rays(layers, lens, table.quality, seed=table.seed)
-            rays = plan.rays
-    with watch.stage("render"):
-        image = render(layers, lens, rays=rays, seed=table.seed, progress=lambda share: tell("render", share))
-        image.block_until_ready()
-    if plan is not None:
-        with watch.stage("examine"):
-            decibels = quality_of(layers, lens, np.asarray(image), rays=rays, seed=table.seed)
-    with watch.stage("pinhole"):
-        pinhole = render_pinhole(layers)
-        pinhole.block_until_ready()
-    return Picture(
-        image=image,
-        pinhole=pinhole,
-        layer_count=max(1, int((layers.cells > 0).any(axis=(1, 2)).sum())),
-        samples_kept=layers.samples_kept,
-        layer_bytes=layers.nbytes,
-        margin=layers.grid.margin / layers.grid.supersampling,
-        complete=layers.complete,
-        rays=rays,
-        extent=layers.extent.for_others(like),
-        plan=plan,
-        decibels=decibels,
-    )

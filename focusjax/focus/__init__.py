@@ -1,5 +1,6 @@
 """Wishes about what is sharp and what is blurred, and the lens that meets them best."""
 
+from focusjax.focus._checks import ArgumentError as ArgumentError
 from focusjax.focus._diagnose import Conflict as Conflict
 from focusjax.focus._diagnose import Diagnosis as Diagnosis
 from focusjax.focus._diagnose import Unreachable as Unreachable

@@ -10,9 +10,9 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
-from focusjax.focus._checks import require
+from focusjax.focus._checks import ArgumentError, require, require_kind
 from focusjax.focus._image_points import EQUAL, ImagePoints, blurs, errors, root_weight
-from focusjax.focus._refuse import checked_points, opened
+from focusjax.focus._refuse import checked_points, opened, require_points
 from focusjax.focus._solution import WishResult, wish_table
 from focusjax.geometry import Camera
 from focusjax.lens import FocalSurface, FocalSurfaceLens, ThinLens, focal_surface_lens
@@ -104,12 +104,18 @@ def solve_focal_surface(
         >>> bool(jnp.abs(found.error).max() < 0.01)
         True
     """
+    usage = "solve_focal_surface(points, camera, surface, lens)"
+    require_points(points, usage, axes=1)
+    require_kind(camera, Camera, usage, "`look_at` and `make_camera` make one", "camera")
+    require_kind(surface, FocalSurface, usage, "`focal_surface` makes one", "surface")
+    require_kind(lens, ThinLens, usage, "`thin_lens` makes one", "lens")
     points = _without_relations(checked_points(points))
     smoothness = require(
         jnp.asarray(smoothness, dtype=float),
         lambda v: (v >= 0) & (v < jnp.inf),
         "smoothness",
         "zero or a positive finite number",
+        "smoothness",
     )
     # Names are static: without them, other names do not compile the solver again.
     anonymous = dataclasses.replace(points, names=(), notes=())
@@ -120,8 +126,8 @@ def solve_focal_surface(
 def _without_relations(points: ImagePoints) -> ImagePoints:
     """The points without relations, when each wishes a blur of its own."""
     if points.quantity is not None:
-        raise ValueError(
-            "a wish is for a place in the picture, which a focal surface does not change; remove it"
+        raise ArgumentError(
+            "a wish is for a place in the picture, which a focal surface does not change; remove it", "points"
         )
     if points.relation is None:
         return points
@@ -130,7 +136,7 @@ def _without_relations(points: ImagePoints) -> ImagePoints:
     if isinstance(others, Tracer):
         points = eqx.error_if(points, jnp.any(others), message)
     elif np.any(others):
-        raise ValueError(message)
+        raise ArgumentError(message, "points")
     return dataclasses.replace(points, relation=None, reference=None)
 
 

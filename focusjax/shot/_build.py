@@ -1,11 +1,11 @@
 """From a config with a `[shot]` table to a shot."""
 
-import difflib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from focusjax._words import did_you_mean
 from focusjax.config import (
     Config,
     ConfigError,
@@ -200,8 +200,7 @@ def _keys(table: ShotTable, values: Mapping[float, Any]) -> Keyframes | None:
 def _named(name: str, names: Sequence[str], what: str, where: str) -> int:
     """The position of a name that is there once."""
     if name not in names:
-        near = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
-        hint = f"did you mean {near[0]!r}?" if near else f"{where} has {', '.join(map(repr, names))}"
+        hint = did_you_mean(name, names, f"{where} has {', '.join(map(repr, names))}")
         raise ValueError(f"{what}: {where} has no {name!r}; {hint}")
     if list(names).count(name) > 1:
         raise ValueError(f"{what}: {where} has {name!r} more than once; give each its own name")

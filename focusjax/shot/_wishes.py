@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from focusjax.focus import AtPixel, AtPoint, FocusPoint, ImagePoints, locate
+from focusjax.focus import ArgumentError, AtPixel, AtPoint, FocusPoint, ImagePoints, locate
 from focusjax.geometry import Camera
 from focusjax.shot._keyframes import Keyframes
 
@@ -128,8 +128,8 @@ def find_wishes(
         unit = [dataclasses.replace(point, weight=1.0) for point in points]
         try:
             seen = locate(unit, camera, may_be_idle=True, **view)
-        except ValueError as error:
-            raise ValueError(f"frame {number}: {error}") from None
+        except ArgumentError as error:
+            raise ArgumentError(f"frame {number}: {error}", error.argument) from None
         found.append((points, seen))
     visible = np.array([[_share(seen, m) for m in range(len(wishes))] for _, seen in found])
     acting = np.array([[wish.acts(t + 1) for wish in wishes] for t in range(len(found))])

@@ -15,6 +15,24 @@ NOTABLE_PX = 0.05
 _MOST_SAID = 6
 """Conflicts that are put into words, worst first; the others are only counted."""
 
+_BOUNDS = {
+    "min_focus_distance": "closest focus distance",
+    "max_focus_distance": "farthest focus distance",
+    "min_f_number": "widest aperture",
+    "max_f_number": "smallest aperture",
+    "min_tilt": "least tilt",
+    "max_tilt": "largest tilt",
+    "min_swing": "least swing",
+    "max_swing": "largest swing",
+    "min_focal_length": "shortest focal length",
+    "max_focal_length": "longest focal length",
+    "min_shift": "least shift",
+    "max_shift": "largest shift",
+    "min_rise": "least rise",
+    "max_rise": "largest rise",
+}
+_PARAMETERS = {"f_number": "f-number", "focal_length": "focal length"}
+
 Errors = Float[np.ndarray, "t m"]
 """Largest error in pixels of each wish in each frame."""
 
@@ -86,6 +104,11 @@ class Verdict:
         return [int(index) for index in np.flatnonzero(self.missed.any(axis=0))]
 
 
+def notable(verdict: Verdict) -> bool:
+    """Whether any wish is off by enough to look for what it conflicts with."""
+    return bool((verdict.judged & (verdict.error >= NOTABLE_PX)).any())
+
+
 def by_wish(
     rows: Float[np.ndarray, "t n"], wish: np.ndarray, count: int, weight: Float[np.ndarray, "t n"]
 ) -> Errors:
@@ -128,10 +151,10 @@ def find_conflicts(
             first, second = gain(i, j), gain(j, i)
             if max(first, second) < NOTABLE_PX:
                 continue
-            notable = (where[:, i] & (gains[j][:, i] >= NOTABLE_PX)) | (
+            helped = (where[:, i] & (gains[j][:, i] >= NOTABLE_PX)) | (
                 where[:, j] & (gains[i][:, j] >= NOTABLE_PX)
             )
-            stretches = runs(notable) if over_time else ()
+            stretches = runs(helped) if over_time else ()
             found.append(Conflict(verdict.names[i], verdict.names[j], first, second, stretches))
     return tuple(sorted(found, key=lambda each: -max(each.first_gains, each.second_gains)))
 
@@ -195,28 +218,32 @@ def conflict_sentences(conflicts: Sequence[Conflict]) -> list[str]:
         )
     rest = len(conflicts) - _MOST_SAID
     if rest > 0:
-        lines.append(
-            f"{rest} more pair{'' if rest == 1 else 's'} of wishes pull against each other, by less."
-        )
+        lines.append(f"{rest} more pair{' pulls' if rest == 1 else 's pull'} against each other, by less.")
     return lines
 
 
 def unreachable_sentences(unreachable: Sequence[Unreachable]) -> list[str]:
     """Wishes out of reach, in words."""
     return [
-        f'"{each.name}" is out of reach even alone{in_frames(each.frames)}: the best is {each.best:.3g} px off.'
+        f'"{each.name}" is out of reach even alone{in_frames(each.frames)}:'
+        f" the best is {each.best:.3g} px off."
         for each in unreachable
     ]
 
 
 def framing_sentences(
-    verdict: Verdict, points: ImagePoints, error: Errors, free: Sequence[str], *, zooms: bool
+    verdict: Verdict,
+    points: ImagePoints,
+    error: Float[np.ndarray, "*t n"],
+    free: Sequence[str],
+    *,
+    zooms: bool,
 ) -> list[str]:
     """What would let wishes about places in the picture be met, where nothing that is free does.
 
     Args:
         verdict: how the wishes are met.
-        points: rows of all frames, every array with an axis of frames.
+        points: rows, in a shot with an axis of frames on every array.
         error: of every row.
         free: what is solved for.
         zooms: whether the focal length is free and moves the picture.
@@ -240,11 +267,18 @@ def framing_sentences(
     return lines
 
 
-def open_sentence(names: Sequence[str], *, so_far: str = "The wishes leave") -> str:
+def bound_sentences(bounds: Sequence[tuple[str, Sequence[tuple[int, int]]]]) -> list[str]:
+    """Active bounds, each with the frames of a shot in which it is active, in words."""
+    return [
+        f"The {_BOUNDS[name]} stands in the way{in_frames(stretches)}:"
+        " beyond it the wishes could be met better."
+        for name, stretches in bounds
+    ]
+
+
+def open_sentence(names: Sequence[str]) -> str:
     """What is left open, and what becomes of it."""
-    many = len(names) > 1
-    what = listed([f"the {name.replace('_', '-').replace('focal-length', 'focal length')}" for name in names])
-    kept = "they stay as near as they can to where they were" if many else "it stays as it was"
-    if not many:
-        kept = "it stays as near as it can to where it was"
-    return f"{so_far} {what} open; {kept}."
+    what = listed([f"the {_PARAMETERS.get(name, name)}" for name in names])
+    if len(names) == 1:
+        return f"The wishes leave {what} open; it stays as near as it can to where it was."
+    return f"The wishes leave {what} open; they stay as near as they can to where they were."

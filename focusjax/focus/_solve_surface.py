@@ -27,6 +27,24 @@ _STEP_PX = 100.0
 """Distance in the picture over which roughness tells the change of blur."""
 
 
+class SurfaceAsked(eqx.Module):
+    """One problem, its values checked.
+
+    Attributes:
+        points: located wishes.
+        camera: the pinhole that frames the picture.
+        surface: control points, and values to start from.
+        lens: aperture radius and shape.
+        smoothness: weight of the smoothness term.
+    """
+
+    points: ImagePoints
+    camera: Camera
+    surface: FocalSurface
+    lens: ThinLens
+    smoothness: Float[Array, ""]
+
+
 class SurfaceSolution(eqx.Module):
     """The solved focal surface, the lens that has it, and how well each wish is met. A pytree.
 
@@ -39,6 +57,7 @@ class SurfaceSolution(eqx.Module):
         roughness: root mean square over the picture of the change of blur in px per 100 px, for something
             at one depth.
         cost: half the sum of weight x error^2 plus smoothness x roughness^2, in px^2.
+        asked: the problem.
     """
 
     surface: FocalSurface
@@ -48,6 +67,7 @@ class SurfaceSolution(eqx.Module):
     error: Float[Array, "n"]
     roughness: Float[Array, ""]
     cost: Float[Array, ""]
+    asked: SurfaceAsked | None = None
 
     def table(self) -> tuple[WishResult, ...]:
         """One line per wish, in the order they were given."""
@@ -117,10 +137,15 @@ def solve_focal_surface(
         "zero or a positive finite number",
         "smoothness",
     )
+    return solve_surface_asked(SurfaceAsked(points, camera, surface, opened(lens), smoothness))
+
+
+def solve_surface_asked(asked: SurfaceAsked) -> SurfaceSolution:
+    """The solution of a checked problem."""
     # Names are static: without them, other names do not compile the solver again.
-    anonymous = dataclasses.replace(points, names=(), notes=())
-    solution = _solve(anonymous, camera, surface, opened(lens), smoothness)
-    return dataclasses.replace(solution, points=points)
+    anonymous = dataclasses.replace(asked.points, names=(), notes=())
+    solution = _solve(anonymous, asked.camera, asked.surface, asked.lens, asked.smoothness)
+    return dataclasses.replace(solution, points=asked.points, asked=asked)
 
 
 def _without_relations(points: ImagePoints) -> ImagePoints:

@@ -46,9 +46,9 @@ def test_two_sharp_points_pull_against_each_other(camera, lens):
     assert (conflict.first, conflict.second) == ("near", "far")
     np.testing.assert_allclose([conflict.first_gains, conflict.second_gains], half, rtol=1e-9)
     assert diagnose(solution).sentences[:2] == (
-        f"Not all wishes can be met: the best is {half:.3g} px off at near.",
-        "near and far pull against each other: without far, near would be met 1.4 px better;"
-        " without near, far 1.4 px.",
+        f'Not all wishes can be met: the best is {half:.3g} px off at "near".',
+        '"near" and "far" pull against each other: without "far", "near" would be met 1.4 px better;'
+        ' without "near", "far" 1.4 px.',
     )
 
 
@@ -97,7 +97,7 @@ def test_a_wish_out_of_reach_is_named(camera, lens):
     best = 300 - PER_DIOPTRE * 4 / 1.2
     assert out.name == "sign"
     np.testing.assert_allclose(out.best, best, rtol=1e-9)
-    assert f"sign is out of reach even alone: the best is {best:.3g} px off." in found.sentences
+    assert f'"sign" is out of reach even alone: the best is {best:.3g} px off.' in found.sentences
     assert found.active_bounds == ("max_focus_distance", "min_f_number")
     assert any(line.startswith("The widest aperture stands in the way") for line in found.sentences)
     assert found.standard_errors["f_number"] == 0.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from focusjax.focus import AT_MOST, EQUAL, Prior, Result, solve, solve_frames, stacked
+from focusjax.focus import AT_MOST, Prior, Result, solve, solve_frames, stacked
 from focusjax.lens import thin_lens
 
 FRAMES = 48
@@ -18,25 +18,6 @@ RADIUS = 0.0125
 
 def differences(count, order):
     return np.diff(np.eye(count), n=order, axis=0)
-
-
-@pytest.fixture
-def make_frames(make_points):
-    """Points of every frame from disparities [t, n], and targets, signs and weights that broadcast to that.
-
-    All problems have the same structure, so that what is compiled for one serves the others: one row more,
-    unsigned and without weight, and a relation.
-    """
-
-    def build(disparity, target=0.0, signed=True, weight=1.0, relation=EQUAL):
-        arrays = np.broadcast_arrays(np.asarray(disparity, dtype=float), target, signed, weight)
-        found = []
-        for t in range(len(arrays[0])):
-            points = make_points(*zip(*(array[t] for array in arrays), strict=True), (0.5, 0.0, False, 0.0))
-            found.append(dataclasses.replace(points, relation=jnp.full(points.wish.shape, relation)))
-        return found
-
-    return build
 
 
 def solve_focus(points, camera, lens, **options):

@@ -13,7 +13,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from focusjax._words import kind_of
 from focusjax.focus._bounds import Limits
-from focusjax.focus._checks import ArgumentError, require
+from focusjax.focus._checks import ArgumentError, require, require_kind
 from focusjax.focus._image_points import ImagePoints, padded, room_for, stacked, together
 from focusjax.focus._priors import Numbers
 from focusjax.focus._refuse import require_lens, require_points
@@ -86,8 +86,13 @@ def frames_asked(
                (("smoothness", smoothness), ("steadiness", steadiness))]  # fmt: skip
     _check_frames(points)
     count = len(points)
-    cameras = [cameras] * count if isinstance(cameras, Camera) else list(cameras)
-    lenses = [lenses] * count if isinstance(lenses, ThinLens | TiltShiftLens) else list(lenses)
+    if not isinstance(cameras, Sequence):
+        require_kind(cameras, Camera, USAGE, "`look_at` and `make_camera` make one", "cameras")
+        cameras = [cameras] * count
+    if not isinstance(lenses, Sequence):
+        lens_kinds = (ThinLens, TiltShiftLens)
+        require_kind(lenses, lens_kinds, USAGE, "`thin_lens` and `tilt_shift_lens` make one", "lenses")
+        lenses = [lenses] * count
     for what, given in (("cameras", cameras), ("lenses", lenses)):
         if len(given) != count:
             raise ArgumentError(

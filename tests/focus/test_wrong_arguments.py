@@ -36,17 +36,17 @@ CALLS = {
     "fj.locate(wish, camera)": "points of locate(points, camera) is one FocusPoint; put it into a list",
     "fj.locate([fj.Sharp()], camera)": "points.0 of locate(points, camera) is a Sharp; expected a FocusPoint",
     "fj.locate([wish], lens)": "camera of locate(points, camera) is a ThinLens; expected Camera: `look_at`",
-    "fj.find_points(wish, camera, camera)": "scene of find_points(wishes, scene, camera) is a Camera; expected",
+    "fj.find_points(wish, camera, camera)": "scene of find_points(wishes, scene, camera) is a Camera;",
     "fj.solve([wish], camera, lens)": (
         "points of solve(points, camera, lens) is a list of FocusPoint; expected ImagePoints: `find_points`"
     ),
     "fj.solve(points, lens, camera)": "camera of solve(points, camera, lens) is a ThinLens; expected Camera",
-    "fj.solve(points, camera, camera)": "lens of solve(points, camera, lens) is a Camera; expected ThinLens or",
-    "fj.solve(stacked([points, points]), camera, lens)": "are many sets of wishes; expected one: `solve_many`",
+    "fj.solve(points, camera, camera)": "lens of solve(points, camera, lens) is a Camera; expected ThinLens",
+    "fj.solve(stacked([points, points]), camera, lens)": "are many sets of wishes; expected one: `solve",
     "fj.solve_many(points, camera, lens)": "are one set of wishes; expected many: `stacked` puts several",
     "fj.solve_frames(points, camera, lens)": "is an ImagePoints; expected a list of them, one for each frame",
-    "fj.solve_frames([points], lens, camera)": "ThinLens",
-    "fj.solve_focal_surface(points, camera, lens, lens)": "is a ThinLens; expected FocalSurface: `focal_surface`",
+    "fj.solve_frames([points], lens, camera)": "cameras of solve_frames(points, cameras, lenses) is a ThinLens;",
+    "fj.solve_focal_surface(points, camera, lens, lens)": "is a ThinLens; expected FocalSurface: ",
     "fj.diagnose(lens)": "solution of diagnose(solution) is a ThinLens; expected Solution or SurfaceSolution",
     "fit_focal_plane(points.xy, points.disparity, lens, camera)": "camera of fit_focal_plane",
     "fj.solve(points, camera, lens, free='focs')": "free parameters are ['focs']; did you mean 'focus'?",
@@ -54,7 +54,7 @@ CALLS = {
     "fj.solve(points, camera, lens, tilt_range=(0, 0.1))": (
         "tilt_range is given, but tilt is not free, so that it would limit nothing; add 'tilt' to free"
     ),
-    "fj.solve(points, camera, lens, keep_field_of_view=True)": "keep_field_of_view is given, but focal_length",
+    "fj.solve(points, camera, lens, keep_field_of_view=True)": "keep_field_of_view is given, but",
     "fj.solve(points, camera, lens, free='f_number', f_number_range=8)": (
         "f_number_range is 8; expected two numbers, the least and the most"
     ),

@@ -131,7 +131,7 @@ FAR = FocusPoint(AtPoint((0, 0, -8)), Sharp(), name="far")
         (
             TimedWish(NOSE, from_frame=60),
             0.1,
-            "wish 'nose' acts from frame 60, which is none of the shot's frames 1 to 3, so that it counts in no",
+            "wish 'nose' acts from frame 60, which is none of the shot's frames 1 to 3, so that it counts",
         ),
         (
             TimedWish(NOSE, from_frame=1.2, to_frame=1.8),
@@ -157,6 +157,6 @@ def test_wishes_that_never_act_are_told(screen_passes, timed, disparity, message
 
 def test_wishes_of_which_none_counts_are_refused_with_reasons(screen_passes):
     with pytest.raises(
-        ValueError, match="no wish counts in any frame: .*'nose' is hidden in every .*; wish 'far' is"
+        ValueError, match=r"no wish counts in any frame: .*'nose' is hidden in every .*; wish 'far' is"
     ):
         found_of(screen_passes, TimedWish(NOSE), disparity=2.0)

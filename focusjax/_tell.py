@@ -32,7 +32,7 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
         console.print("In the middle of the picture; a focal surface sets it from place to place.")
     if outcome.solution is not None:
         console.print(_wishes(outcome.solution))
-    if isinstance(outcome.solution, Solution):
+    if outcome.solution is not None:
         for sentence in diagnose(outcome.solution).sentences:
             console.print(sentence, highlight=False, markup=False)
     if outcome.picture is not None and not outcome.picture.complete:
@@ -67,12 +67,8 @@ def tell_shot(console: Console, solved: SolvedShot) -> None:
                 f"{name}: at most {change.per_frame:.3g} per frame, {change.per_frame2:.3g} per frame^2",
                 highlight=False,
             )
-    for name, count, error in solved.missed():
-        console.print(
-            f"{name} is missed in {count} frame{'' if count == 1 else 's'}, by up to {error:.2f} px",
-            highlight=False,
-            markup=False,
-        )
+    for sentence in solved.diagnosis.sentences:
+        console.print(sentence, highlight=False, markup=False)
 
 
 def comparison(found: bench.CaseResults) -> Table:

@@ -14,6 +14,7 @@ from focusjax.config._load import Config as Config
 from focusjax.config._load import load_config as load_config
 from focusjax.config._load import read_toml as read_toml
 from focusjax.config._load import toml_value as toml_value
+from focusjax.config._refusals import refusals_located as refusals_located
 from focusjax.config._render import RenderTable as RenderTable
 from focusjax.config._shot import ShotTable as ShotTable
 from focusjax.config._shot import values_of as values_of

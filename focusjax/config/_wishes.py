@@ -88,8 +88,7 @@ class FocusTable(Table):
     def _one_place_one_wish(self) -> "FocusTable":
         by_object = self.object if self.triangle is None else None
         spread = (by_object, self.mask, self.depth_m)
-        places = (self.pixel, self.point, self.direction, self.triangle, *spread)
-        if sum(place is not None for place in places) != 1:
+        if len(self._places()) != 1:
             raise ValueError(
                 "needs exactly one of pixel, point, direction, triangle, object, mask and depth_m to say"
                 " where"
@@ -104,12 +103,7 @@ class FocusTable(Table):
 
     @model_validator(mode="after")
     def _one_wish(self) -> "FocusTable":
-        wishes = ["sharp", "same_blur_as", "shown_at"] + [
-            f"{kind}_{unit}"
-            for kind in ("blur", "at_most", "at_least", "in_frame")
-            for unit in ("px", "mm", "height")
-        ]
-        given = [wish for wish in wishes if getattr(self, wish) is not None]
+        given = self._wishes()
         if len(given) != 1:
             raise ValueError(
                 "needs exactly one of sharp = true, blur_px, at_most_px, at_least_px, same_blur_as, shown_at"
@@ -134,6 +128,35 @@ class FocusTable(Table):
                 "has several tolerances; give one of tolerance_px, tolerance_mm and tolerance_height"
             )
         return self
+
+    def _places(self) -> list[str]:
+        """The keys that say where; `object` with a triangle only says how that is counted."""
+        keys = ["pixel", "point", "direction", "triangle", "mask", "depth_m"]
+        return [
+            key
+            for key in [*keys, *(["object"] if self.triangle is None else [])]
+            if getattr(self, key) is not None
+        ]
+
+    def _wishes(self) -> list[str]:
+        """The keys that say what is wished."""
+        lengths = [
+            f"{kind}_{unit}"
+            for kind in ("blur", "at_most", "at_least", "in_frame")
+            for unit in ("px", "mm", "height")
+        ]
+        keys = ["sharp", "same_blur_as", "shown_at", *lengths]
+        return [key for key in keys if getattr(self, key) is not None]
+
+    @property
+    def place_key(self) -> str:
+        """The key that says where."""
+        return self._places()[0]
+
+    @property
+    def wish_key(self) -> str:
+        """The key that says what is wished."""
+        return self._wishes()[0]
 
     @property
     def wants_a_value(self) -> bool:

@@ -1,7 +1,8 @@
 """One run from a config to a picture: load, find the points, solve, peel, render."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -10,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._stopwatch import Stopwatch
+from focusjax._words import kind_of
 from focusjax.config import (
     Config,
     build_camera,
@@ -19,8 +21,10 @@ from focusjax.config import (
     build_lens,
     build_scene,
     build_solve_options,
+    refusals_located,
 )
 from focusjax.focus import (
+    ArgumentError,
     FocusPoint,
     ImagePoints,
     Solution,
@@ -109,13 +113,10 @@ def run(
     with watch.stage("load"):
         scene = build_scene(config) if scene is None else scene
         wishes = build_focus_points(config, scene) if solving or config.focus else ()
+        options = build_solve_options(config) if solving and config.lens.focal_surface is None else {}
     with watch.stage("locate"):
         disparity = np.asarray(disparity_map(scene, camera))
-        points = None
-        if wishes:
-            points = find_points(
-                wishes, scene, camera, disparity=disparity, favour_near=config.solve.favour_near
-            )
+        points = _find(config, wishes, scene, camera, disparity) if wishes else None
         surface = _control_surface(config, scene, camera, lens, disparity)
     solution = None
     if surface is not None and solving:
@@ -128,7 +129,7 @@ def run(
         lens = focal_surface_lens(surface, camera, lens)
     elif solving:
         assert points is not None
-        solution = _solve(config, points, camera, lens, watch)
+        solution = _solve(config, options, points, camera, lens, watch)
         lens, points = solution.lens, solution.points
         if set(config.solve.free) & {"focal_length", "shift", "rise"}:
             camera = solution.camera
@@ -137,10 +138,8 @@ def run(
         if set(config.solve.free) & {"shift", "rise"}:
             # The frame has moved, and with it what is inside.
             with watch.stage("solve_again", compile_apart=False):
-                points = find_points(
-                    wishes, scene, camera, disparity=disparity, favour_near=config.solve.favour_near
-                )
-                solution = solve(points, camera, lens, **build_solve_options(config))
+                points = _find(config, wishes, scene, camera, disparity)
+                solution = solve(points, camera, lens, **options)
             lens, points, camera = solution.lens, solution.points, solution.camera
     picture = make_picture(config.render, scene, camera, lens, like, watch, tell) if rendering else None
     return Outcome(
@@ -166,7 +165,8 @@ def _control_surface(
         return None
     assert isinstance(lens, ThinLens)
     controls = build_control_points(config, scene)
-    found = find_points(controls, scene, camera, disparity=disparity, favour_near=table.favour_near)
+    with refusals_located(config, "lens.focal_surface.points"):
+        found = find_points(controls, scene, camera, disparity=disparity, favour_near=table.favour_near)
     return build_focal_surface(config, found, camera, lens)
 
 
@@ -187,9 +187,24 @@ def find_points(
         disparity: what `disparity_map` gives for them, when it is at hand already.
         favour_near: how much more near wishes count (see `locate`).
 
+    This looks at the scene once, by numpy, and is not to be traced by JAX; what it finds can be, and
+    `solve` is differentiable in it.
+
     Raises:
-        ValueError: as `locate`.
+        ArgumentError: as `locate`; a scene that is none.
     """
+    if not isinstance(scene, Scene):
+        raise ArgumentError(
+            f"scene of find_points(wishes, scene, camera) is {kind_of(scene)}; expected Scene: `make_scene`"
+            " makes one",
+            "scene",
+        )
+    if not isinstance(camera, Camera):
+        raise ArgumentError(
+            f"camera of find_points(wishes, scene, camera) is {kind_of(camera)}; expected Camera: `look_at`"
+            " and `make_camera` make one",
+            "camera",
+        )
     return locate(
         wishes,
         camera,
@@ -213,13 +228,29 @@ def blur_map(lens: AbstractLens, camera: Camera, disparity: Float[Array, "h w"])
     return jax.vmap(across, in_axes=(None, 0, 0))(columns, rows, disparity)
 
 
+def _find(
+    config: Config,
+    wishes: Sequence[FocusPoint],
+    scene: Scene,
+    camera: Camera,
+    disparity: Float[np.ndarray, "h w"],
+) -> ImagePoints:
+    """The wishes of a config in its picture; what cannot be found is told with its key."""
+    with refusals_located(config):
+        return find_points(wishes, scene, camera, disparity=disparity, favour_near=config.solve.favour_near)
+
+
 def _solve(
-    config: Config, points: ImagePoints, camera: Camera, lens: ThinLens | TiltShiftLens, watch: Stopwatch
+    config: Config,
+    options: Mapping[str, Any],
+    points: ImagePoints,
+    camera: Camera,
+    lens: ThinLens | TiltShiftLens,
+    watch: Stopwatch,
 ) -> Solution:
     """Solve twice: the second time shows what a solve costs once it is compiled."""
-    options = build_solve_options(config)
     for stage in ("solve_first", "solve"):
-        with watch.stage(stage, compile_apart=False):
+        with watch.stage(stage, compile_apart=False), refusals_located(config):
             solution = solve(points, camera, lens, **options)
             jax.block_until_ready(eqx.filter(solution.lens, eqx.is_array))
     return solution
@@ -237,7 +268,7 @@ def _solve_surface(
     assert config.lens.focal_surface is not None
     smoothness = config.lens.focal_surface.smoothness
     for stage in ("solve_first", "solve"):
-        with watch.stage(stage, compile_apart=False):
+        with watch.stage(stage, compile_apart=False), refusals_located(config):
             solution = solve_focal_surface(points, camera, surface, lens, smoothness=smoothness)
             jax.block_until_ready(solution.cost)
     return solution

@@ -2,12 +2,13 @@
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from focusjax.focus import FramesSolution, solve_frames
+from focusjax.focus import FramesDiagnosis, FramesSolution, diagnose, solve_frames
 from focusjax.geometry import Camera
 from focusjax.layers import disparity_map
 from focusjax.lens import ThinLens, TiltShiftLens
@@ -73,6 +74,11 @@ class SolvedShot:
     solution: FramesSolution
     share: Float[np.ndarray, "t m"]
     depths: Float[np.ndarray, "t 2"]
+
+    @cached_property
+    def diagnosis(self) -> FramesDiagnosis:
+        """What keeps the lenses from meeting the wishes, judged where these count in full."""
+        return diagnose(self.solution, counts=self.share > 1.0 - 1e-6)
 
     def missed(self) -> tuple[tuple[str, int, float], ...]:
         """Wishes that are missed by more than their tolerance in some frame in which they count in full.

@@ -45,7 +45,7 @@ CALLS = {
     "fj.solve(stacked([points, points]), camera, lens)": "are many sets of wishes; expected one: `solve",
     "fj.solve_many(points, camera, lens)": "are one set of wishes; expected many: `stacked` puts several",
     "fj.solve_frames(points, camera, lens)": "is an ImagePoints; expected a list of them, one for each frame",
-    "fj.solve_frames([points], lens, camera)": "cameras of solve_frames(points, cameras, lenses) is a ThinLens;",
+    "fj.solve_frames([points], lens, camera)": "cameras of solve_frames(points, cameras, lenses) is a Thin",
     "fj.solve_focal_surface(points, camera, lens, lens)": "is a ThinLens; expected FocalSurface: ",
     "fj.diagnose(lens)": "solution of diagnose(solution) is a ThinLens; expected Solution or SurfaceSolution",
     "fit_focal_plane(points.xy, points.disparity, lens, camera)": "camera of fit_focal_plane",

@@ -178,7 +178,7 @@ def test_the_method_is_the_solves(path):
 
 def test_limits_of_what_is_not_free_are_told(path):
     changes = ["solve.free=['focus']", "solve.tilt_max_deg=8", "solve.keep_field_of_view=true"]
-    with pytest.warns(UserWarning) as told:
+    with pytest.warns(UserWarning, match="limits nothing") as told:
         options = build_solve_options(load_config(path, changes))
     messages = " ".join(str(each.message) for each in told)
     assert (

@@ -16,7 +16,7 @@ from focusjax._counts import require_counts
 from focusjax._parallel import CORES, in_parallel, parts
 from focusjax.baselines._raycast import RayCaster, world_rays
 from focusjax.geometry import Camera
-from focusjax.lens import AbstractLens
+from focusjax.lens import AbstractLens, in_colour
 from focusjax.scene import AbstractBackground, Scene, Shader
 
 _AT_ONCE = 1 << 15
@@ -72,7 +72,7 @@ def lens_picture(
         for number in range(rays):
             square = (shifts[block] + number * STEPS) % 1.0
             film = pixel[block] + square[:, :2]
-            total += radiance(ready, camera, lens, film, square[:, 2:])
+            total += np.asarray(in_colour(lambda one: radiance(ready, camera, one, film, square[:, 2:]), lens))
         return total / rays
 
     means = in_parallel(mean_of, blocks(len(pixel)))

@@ -6,6 +6,8 @@ from focusjax.lens._aperture import Polygon as Polygon
 from focusjax.lens._aperture import polygon as polygon
 from focusjax.lens._back import tilt_back as tilt_back
 from focusjax.lens._base import AbstractLens as AbstractLens
+from focusjax.lens._base import Channel as Channel
+from focusjax.lens._base import in_colour as in_colour
 from focusjax.lens._control_points import FocalSurface as FocalSurface
 from focusjax.lens._control_points import focal_surface as focal_surface
 from focusjax.lens._focal_surface import FocalSurfaceLens as FocalSurfaceLens

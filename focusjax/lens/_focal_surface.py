@@ -39,12 +39,6 @@ class FocalSurfaceLens(AbstractLens):
     aperture_radius: Float[Array, ""]
     aperture: AbstractAperture
 
-    def pupil_point(self, sample: Float[Array, "2"]) -> Float[Array, "2"]:
-        return self.aperture.point(sample)
-
-    def rim_point(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
-        return self.aperture.rim(turn)
-
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         scale, offset = self._at(camera, film_point)
         rim = self._full_parallax(camera) * pupil_point

@@ -76,12 +76,6 @@ class TiltShiftLens(AbstractLens):
     aperture_radius: Float[Array, ""]
     aperture: AbstractAperture = eqx.field(default_factory=Disk)
 
-    def pupil_point(self, sample: Float[Array, "2"]) -> Float[Array, "2"]:
-        return self.aperture.point(sample)
-
-    def rim_point(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
-        return self.aperture.rim(turn)
-
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         tangents = view_tangents(camera, film_point)
         focus = self.plane[2] + self.plane[:2] @ tangents

@@ -17,7 +17,7 @@ from focusjax.lens import (
     thin_lens,
     tilt_shift_lens,
 )
-from focusjax.trace._motion import divergence, film_flow, gain, opening_point, rim_flow
+from focusjax.trace._motion import divergence, film_flow, gain, rim_flow
 
 PIXEL = np.array([2.0, 1.0])
 
@@ -43,11 +43,9 @@ class Vignetted(AbstractLens):
     lens: AbstractLens
     falls: jax.Array
 
-    def pupil_point(self, sample):
-        return self.lens.pupil_point(sample)
-
-    def rim_point(self, turn):
-        return self.lens.rim_point(turn)
+    @property
+    def aperture(self):
+        return self.lens.aperture
 
     def ray(self, camera, film_point, pupil_point):
         ray = self.lens.ray(camera, film_point, pupil_point)
@@ -128,12 +126,12 @@ def test_what_crosses_and_gathers_is_the_derivative(name: str):
         def mean(flat):
             lens = restore(flat)
             values = over(
-                lambda p, s: radiance(lens.ray(cam, PIXEL + p, opening_point(lens, s))), films, places
+                lambda p, s: radiance(lens.ray(cam, PIXEL + p, lens.aperture.at(s))), films, places
             )
             return by_film @ values @ by_place
 
         def seen(film, place):
-            ray = still.ray(cam, film, opening_point(still, place))
+            ray = still.ray(cam, film, still.aperture.at(place))
             # The flow carries the weight.
             return radiance(dataclasses.replace(ray, weight=jnp.ones(())))
 

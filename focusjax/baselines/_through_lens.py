@@ -72,7 +72,7 @@ def lens_picture(
         for number in range(rays):
             square = (shifts[block] + number * STEPS) % 1.0
             film = pixel[block] + square[:, :2]
-            total += np.asarray(in_colour(lambda one: radiance(ready, camera, one, film, square[:, 2:]), lens))
+            total += radiance(ready, camera, lens, film, square[:, 2:])
         return total / rays
 
     means = in_parallel(mean_of, blocks(len(pixel)))
@@ -99,11 +99,14 @@ def radiance(
 ) -> Float[np.ndarray, "n 3"]:
     """Weighted radiance along one ray per film point in pixels and pupil sample of the unit square."""
     real = jnp.zeros(()).dtype
-    a, b, weight = (
-        np.asarray(part, dtype=np.float64)
-        for part in _image_lines(lens, camera, jnp.asarray(film, dtype=real), jnp.asarray(pupil, dtype=real))
-    )
-    return weight[:, None] * line_radiance(ready, camera, a, b)[0]
+    starts = jnp.asarray(film, dtype=real), jnp.asarray(pupil, dtype=real)
+
+    def seen(lens: AbstractLens) -> Float[np.ndarray, "n 3"]:
+        lines = _image_lines(lens, camera, *starts)
+        a, b, weight = (np.asarray(part, dtype=np.float64) for part in lines)
+        return weight[:, None] * line_radiance(ready, camera, a, b)[0]
+
+    return np.asarray(in_colour(seen, lens))
 
 
 def line_radiance(

@@ -2,13 +2,18 @@
 
 import abc
 from collections.abc import Callable
+from typing import TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import AbstractAperture
+
+
+_Picture = TypeVar("_Picture", Float[Array, "*n 3"], Float[np.ndarray, "*n 3"])
 
 
 class AbstractLens(eqx.Module):
@@ -88,7 +93,7 @@ class Channel(eqx.Module):
     colour: tuple[float, float, float] = eqx.field(static=True)
 
 
-def in_colour(seen: Callable[..., Float[Array, "*n 3"]], *lenses: AbstractLens) -> Float[Array, "*n 3"]:
+def in_colour(seen: Callable[..., _Picture], *lenses: AbstractLens) -> _Picture | Array:
     """What is `seen` through lenses by all colours: that of each channel, in its share.
 
     Lenses that treat all colours alike are looked through once, others once for each channel.

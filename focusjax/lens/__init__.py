@@ -1,4 +1,4 @@
-"""Lenses as sources of rays, and the shapes of their openings."""
+"""Lenses as sources of rays, the shapes of their openings, and aberrations."""
 
 from focusjax.lens._aperture import AbstractAperture as AbstractAperture
 from focusjax.lens._aperture import Disk as Disk
@@ -40,3 +40,18 @@ from focusjax.lens._tilt_shift import TiltShiftLens as TiltShiftLens
 from focusjax.lens._tilt_shift import as_tilt_shift as as_tilt_shift
 from focusjax.lens._tilt_shift import lens_for_plane as lens_for_plane
 from focusjax.lens._tilt_shift import tilt_shift_lens as tilt_shift_lens
+from focusjax.lens._vignetted import VignettedLens as VignettedLens
+from focusjax.lens._vignetted import vignetted_lens as vignetted_lens
+from focusjax.lens.aberrations import AberratedLens as AberratedLens
+from focusjax.lens.aberrations import AbstractAberration as AbstractAberration
+from focusjax.lens.aberrations import ChromaticLens as ChromaticLens
+from focusjax.lens.aberrations import FieldCurvature as FieldCurvature
+from focusjax.lens.aberrations import FocusOffset as FocusOffset
+from focusjax.lens.aberrations import Magnification as Magnification
+from focusjax.lens.aberrations import PowerProfile as PowerProfile
+from focusjax.lens.aberrations import Seidel as Seidel
+from focusjax.lens.aberrations import chromatic_lens as chromatic_lens
+from focusjax.lens.aberrations import field_curvature as field_curvature
+from focusjax.lens.aberrations import pixels_per_wave as pixels_per_wave
+from focusjax.lens.aberrations import power_profile as power_profile
+from focusjax.lens.aberrations import seidel as seidel

@@ -1,8 +1,8 @@
 """The shape of the lens opening, and how much light passes where.
 
-An opening is an outline around the middle, perhaps with a hole of the same shape in it, and a density of light
-between the two. Rays are drawn with that density, so that each brings the same light and a bright opening
-never brightens the picture: exposure is that of the f-number, whatever the shape.
+An opening is an outline around the middle, perhaps with a hole of the same shape in it, and a density of
+light between the two. Rays are drawn with that density, so that each brings the same light and a bright
+opening never brightens the picture: exposure is that of the f-number, whatever the shape.
 """
 
 import abc

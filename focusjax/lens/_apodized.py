@@ -20,9 +20,9 @@ _TURNS, _RADII = 120, 128
 class Apodized(AbstractAperture):
     """An opening through which light passes in proportion to a profile T(r) over the pupil's radius.
 
-    T falls off towards the rim in an apodisation filter, which makes blurred lights soft; one that rises makes
-    them rings. What it takes altogether is made up for. Rays are drawn with the density T / mean(T), to about a
-    ten-thousandth, so that none is wasted and evenly bright scenes stay even.
+    T falls off towards the rim in an apodisation filter, which makes blurred lights soft; one that rises
+    makes them rings. What it takes altogether is made up for. Rays are drawn with the density T / mean(T), to
+    a few ten-thousandths, so that none is wasted and evenly bright scenes stay even.
 
     Attributes:
         outline: an opening of one density between its hole and its rim.
@@ -66,8 +66,8 @@ def apodized(
     """An `Apodized` opening with checked values; a disk when no outline is given.
 
     Args:
-        transmission: light let through at evenly spaced radii, from the middle to the rim, in any unit; [1, 0]
-            is the parabola 1 - r^2.
+        transmission: light let through at evenly spaced radii, from the middle to the rim, in any unit;
+            [1, 0] is the parabola 1 - r^2.
         outline: a disk, blades, or either with an obstruction.
 
     Raises:
@@ -77,9 +77,8 @@ def apodized(
     profile = radial_spline(transmission)
     numbers = np.asarray(profile.values)
     if (numbers < 0).any() or not (numbers > 0).any():
-        raise ValueError(f"transmission is {numbers.tolist()}; expected shares of light, 0 or more, not all 0")
+        raise ValueError(f"transmission is {numbers.tolist()}; expected light, 0 or more, not all 0")
     if not isinstance(whole, Disk | Polygon | Obstructed):
-        raise ValueError(
-            f"a transmission is given to a {type(whole).__name__}; expected a disk or blades, obstructed or not"
-        )
+        name = type(whole).__name__
+        raise ValueError(f"a transmission is given to a {name}; expected a disk or blades, or one obstructed")
     return Apodized(whole, profile)

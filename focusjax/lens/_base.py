@@ -12,7 +12,6 @@ from jaxtyping import Array, Float
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import AbstractAperture
 
-
 _Picture = TypeVar("_Picture", Float[Array, "*n 3"], Float[np.ndarray, "*n 3"])
 
 
@@ -22,12 +21,11 @@ class AbstractLens(eqx.Module):
     The picture is the mean over rays of what each brings back times its weight: rays through points of the
     opening that are drawn with the density of its light, so that a weight is only what is lost beyond it
     (vignetting), 1 where nothing is.
-
-    Attributes:
-        aperture: the shape of the opening, in units of the aperture radius and picture axes.
     """
 
-    aperture: eqx.AbstractVar[AbstractAperture]
+    @abc.abstractmethod
+    def opening(self) -> AbstractAperture:
+        """The shape of the opening, in units of the aperture radius."""
 
     def pupil_point(self, sample: Float[Array, "2"]) -> Float[Array, "2"]:
         """Map a uniform `sample` of the unit square to a point of the opening, spread as its light is.
@@ -35,12 +33,12 @@ class AbstractLens(eqx.Module):
         The point is in units of the aperture radius, in picture axes (x right, y down), so its
         norm is at most 1.
         """
-        return self.aperture.point(sample)
+        return self.opening().point(sample)
 
     def channels(self) -> "tuple[Channel, ...]":
         """The lenses that light of different colours sees; none where it makes no difference.
 
-        Each treats all colours alike and has the same `aperture`. The bounds (`footprint`, `reach`,
+        Each treats all colours alike and has the same `opening`. The bounds (`footprint`, `reach`,
         `parallax`) of this lens hold for all of them; its `ray` and `blur` are those of a colour between.
         """
         return ()
@@ -86,7 +84,7 @@ class Channel(eqx.Module):
 
     Attributes:
         lens: what it sees of the lens.
-        colour: how much it counts in red, green and blue (static); over all channels of a lens each sums to 1.
+        colour: how much it counts in red, green and blue (static); each sums to 1 over a lens's channels.
     """
 
     lens: AbstractLens

@@ -35,6 +35,9 @@ class FocalSurfaceLens(AbstractLens):
     aperture_radius: Float[Array, ""]
     aperture: AbstractAperture
 
+    def opening(self) -> AbstractAperture:
+        return self.aperture
+
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         scale, offset = self._at(camera, film_point)
         rim = self._full_parallax(camera) * pupil_point

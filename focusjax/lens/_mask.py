@@ -1,5 +1,7 @@
 """Openings of any shape, given by an image."""
 
+from collections.abc import Sequence
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
@@ -15,9 +17,9 @@ class Mask(AbstractAperture):
     Between pixel centres light is bilinear, and rays are drawn with its density exactly. Lights behind the
     focus show the image upright, those in front of it upside down.
 
-    A mask has no sharp rim: its outline is the disk around it, where no light passes, and its edges are slopes
-    a pixel wide. Derivatives (`render_differentiable`) hold for it as for other openings, the image's values
-    included, but with more noise the finer the image is, as they come from rays through these slopes.
+    A mask has no sharp rim: its outline is the disk around it, where no light passes, and its edges are
+    slopes a pixel wide. Derivatives (`render_differentiable`) hold for it as for other openings, the image's
+    values included, but with more noise the finer the image is, as they come from rays through these slopes.
 
     Attributes:
         light: the image's light over its square, black on its border.
@@ -42,7 +44,7 @@ class Mask(AbstractAperture):
         return light * jnp.pi / (self.light.mean() * 4.0 * jnp.prod(self.half))
 
 
-def mask(image: ArrayLike) -> Mask:
+def mask(image: ArrayLike | Sequence[Sequence[float]]) -> Mask:
     """A `Mask` from an image.
 
     Args:

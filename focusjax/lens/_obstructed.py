@@ -11,8 +11,8 @@ from focusjax.lens._aperture import AbstractAperture, Disk, Polygon
 class Obstructed(AbstractAperture):
     """An opening with a hole in its light of the same shape: blurred lights are rings.
 
-    A mirror lens's secondary mirror covers 0.3 to 0.5 of the diameter. The light that it takes is made up for:
-    exposure is that of the f-number.
+    A mirror lens's secondary mirror covers 0.3 to 0.5 of the diameter. The light that it takes is made up
+    for: exposure is that of the f-number.
 
     Attributes:
         outline: a whole opening that is of one density.

@@ -39,7 +39,7 @@ class RadialSpline(eqx.Module):
         u = 1.0 - t
         return u**3 * b0 + 3.0 * u**2 * t * b1 + 3.0 * u * t**2 * b2 + t**3 * b3
 
-    def pieces(self) -> Float[Array, "k-1 4"]:
+    def pieces(self) -> Float[Array, "pieces 4"]:
         """Bernstein coefficients of each piece, which bound it."""
         values = self.values
         if len(values) == 2:

@@ -36,6 +36,9 @@ class ThinLens(AbstractLens):
     aperture_radius: Float[Array, ""]
     aperture: AbstractAperture = eqx.field(default_factory=Disk)
 
+    def opening(self) -> AbstractAperture:
+        return self.aperture
+
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         b = self.parallax(camera) * pupil_point
         return LensRay(a=film_point - b * self.focus_disparity, b=b, weight=jnp.ones_like(b[0]))

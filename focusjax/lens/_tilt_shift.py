@@ -76,6 +76,9 @@ class TiltShiftLens(AbstractLens):
     aperture_radius: Float[Array, ""]
     aperture: AbstractAperture = eqx.field(default_factory=Disk)
 
+    def opening(self) -> AbstractAperture:
+        return self.aperture
+
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         tangents = view_tangents(camera, film_point)
         focus = self.plane[2] + self.plane[:2] @ tangents

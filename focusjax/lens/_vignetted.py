@@ -22,8 +22,8 @@ class VignettedLens(AbstractLens):
     behind the focus lose the side away from the middle when the disk is ahead of the lens.
 
     A ray passes the disk at (b + L (a - c)) / f, with L the disk's distance, c the principal point, and f in
-    pixels; its weight falls from 1 to 0 across the disk's edge. Stopping down takes the cat's eyes away. The axis
-    is the camera's, also of a tilted lens.
+    pixels; its weight falls from 1 to 0 across the disk's edge. Stopping down takes the cat's eyes away. The
+    axis is the camera's, also of a tilted lens.
 
     Attributes:
         lens: the lens without it.
@@ -35,10 +35,8 @@ class VignettedLens(AbstractLens):
     disk_radius: Float[Array, ""]
     disk_distance: Float[Array, ""]
 
-    @property
-    def aperture(self) -> AbstractAperture:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The lens's."""
-        return self.lens.aperture
+    def opening(self) -> AbstractAperture:
+        return self.lens.opening()
 
     def channels(self) -> tuple[Channel, ...]:
         return tuple(

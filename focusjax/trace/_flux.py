@@ -150,7 +150,7 @@ def _through_borders(still: Still, moved: AbstractLens) -> tuple[Float[Array, "n
         normal = jax.nn.one_hot(axis, 2, dtype=real)
         place, on_border = places[axis, tile], along[axis, tile]
         film = jnp.stack([column, row], axis=-1)[:, None] + (1.0 - normal)[:, None] * on_border[..., None]
-        pupil = jax.vmap(jax.vmap(still.lens.aperture.at))(place)
+        pupil = jax.vmap(jax.vmap(still.lens.opening().at))(place)
         brought = still.along(after, tile, film, pupil)
 
         def crossing(side: float, pixel: Int[Array, " b"]) -> Float[Array, "b 3"]:
@@ -172,7 +172,7 @@ def _through_rim(still: Still, moved: AbstractLens) -> Float[Array, "p 3"]:
     points = spread_points(4, edge, rays.number, rays.seed + 3).astype(still.least.dtype)
     points = jnp.asarray(np.maximum(points, LEAST_PLACE))
     # Where the opening ends, and what flows out of it there.
-    edges = [(1.0, rim_flow)] + ([] if lens.aperture.hole() is None else [(0.0, hole_flow)])
+    edges = [(1.0, rim_flow)] + ([] if lens.opening().hole() is None else [(0.0, hole_flow)])
 
     def block(pixel: Int[Array, " b"]) -> Float[Array, "b 3"]:
         column, row = pixel % camera.width, pixel // camera.width
@@ -180,7 +180,7 @@ def _through_rim(still: Still, moved: AbstractLens) -> Float[Array, "p 3"]:
         film = jnp.stack([column, row], axis=-1)[:, None] + points[tile][..., :2]
         within = points[tile][..., 2:]
         places = jnp.concatenate([within, *(within.at[..., 0].set(s) for s, _ in edges)], axis=1)
-        pupil = jax.vmap(jax.vmap(lens.aperture.at))(places)
+        pupil = jax.vmap(jax.vmap(lens.opening().at))(places)
         films = jnp.concatenate([film] * (1 + len(edges)), axis=1)
         brought = still.along(pixel, tile, films, pupil)
 

@@ -4,10 +4,10 @@ A pixel is a mean over its square of film points p and the opening's points u,
 
     I = (integral over p and u of W L(r)) / A,        r(p, u) = (a, b) of the ray q(w) = a + b w,
 
-with L the radiance along a ray and W the light that it stands for: its weight times the opening's density. At silhouettes L jumps, so the mean of the derivatives of what rays bring
-back is not the derivative of the mean. But rays are a family of four dimensions with four coordinates:
-wherever a parameter t moves r, some other film point and opening point had that ray before. With J the
-Jacobian of r by (p, u),
+with L the radiance along a ray and W the light that it stands for, its weight times the opening's density. At
+silhouettes L jumps, so the mean of the derivatives of what rays bring back is not the derivative of the mean.
+But rays are a family of four dimensions with four coordinates: wherever a parameter t moves r, some other
+film point and opening point had that ray before. With J the Jacobian of r by (p, u),
 
     v = J^-1 dr/dt        gives        dL/dt = v . grad L,
 
@@ -50,7 +50,8 @@ def rim_flow(
 ) -> Float[Array, ""]:
     """W v_u.n / A along the outline, per unit of its parameter `turn`, to first order in the difference.
 
-    With c(t) the outline, its outward element is n dl = (c'_y, -c'_x) dt and A = (c x c') / 2, less the hole's.
+    With c(t) the outline, its outward element is n dl = (c'_y, -c'_x) dt and A = (c x c') / 2, less the
+    hole's.
     """
     return _flow_over(lens, moved, camera, film, jnp.stack([jnp.ones_like(turn), turn]))
 
@@ -65,8 +66,8 @@ def hole_flow(
 def _flow_over(
     lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
 ) -> Float[Array, ""]:
-    outline, along = jax.jvp(lens.aperture.rim, (place[1],), (jnp.ones_like(place[1]),))
-    hole = lens.aperture.hole()
+    outline, along = jax.jvp(lens.opening().rim, (place[1],), (jnp.ones_like(place[1]),))
+    hole = lens.opening().hole()
     open_ = 1.0 if hole is None else 1.0 - hole**2
     size = place[0] if hole is None else jnp.where(place[0] > 0.5, 1.0, hole)
     _, across = _weighted(lens, moved, camera, film, place)
@@ -77,7 +78,9 @@ def gain(
     lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
 ) -> Float[Array, ""]:
     """dW/dt, the difference between two lenses in the light that a ray stands for."""
-    after, before = (_light(one, one.ray(camera, film, one.aperture.at(place)), place) for one in (moved, lens))
+    after, before = (
+        _light(one, one.ray(camera, film, one.opening().at(place)), place) for one in (moved, lens)
+    )
     return after - before
 
 
@@ -90,7 +93,7 @@ def divergence(
         return _weighted(lens, moved, camera, film, place)
 
     (by_film, _), (_, by_place) = jax.jacfwd(flow, argnums=(0, 1))(film, place)
-    places = jax.jacfwd(lens.aperture.at)(place)
+    places = jax.jacfwd(lens.opening().at)(place)
     return jnp.trace(by_film) + jnp.trace(by_place @ _inverse(places))
 
 
@@ -102,14 +105,14 @@ def _weighted(
     A pinhole has rays of one b only. Their v_u is then 0: what the opening gains on one side as it opens, it
     gains on the other, too.
     """
-    point = lens.aperture.at(place)
+    point = lens.opening().at(place)
 
     def ray(film: Float[Array, "2"], point: Float[Array, "2"]) -> tuple[Array, Array]:
         ray = lens.ray(camera, film, point)
         return ray.a, ray.b
 
     still = lens.ray(camera, film, point)
-    other = moved.ray(camera, film, moved.aperture.at(place))
+    other = moved.ray(camera, film, moved.opening().at(place))
     (a_film, a_point), (b_film, b_point) = jax.jacfwd(ray, argnums=(0, 1))(film, point)
     back = _inverse(b_point)
     by_b = a_point @ back
@@ -121,7 +124,7 @@ def _weighted(
 
 def _light(lens: AbstractLens, ray: LensRay, place: Float[Array, "2"]) -> Float[Array, ""]:
     """W of a ray through a place of the opening."""
-    return ray.weight * lens.aperture.density(lens.aperture.at(place))
+    return ray.weight * lens.opening().density(lens.opening().at(place))
 
 
 def _inverse(matrix: Float[Array, "2 2"]) -> Float[Array, "2 2"]:

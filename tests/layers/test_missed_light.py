@@ -23,9 +23,8 @@ class HalfOpen(AbstractLens):
 
     lens: ThinLens
 
-    @property
-    def aperture(self):
-        return self.lens.aperture
+    def opening(self):
+        return self.lens.opening()
 
     def ray(self, camera: Camera, film_point, pupil_point) -> LensRay:
         ray = self.lens.ray(camera, film_point, pupil_point)

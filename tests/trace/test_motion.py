@@ -43,9 +43,8 @@ class Vignetted(AbstractLens):
     lens: AbstractLens
     falls: jax.Array
 
-    @property
-    def aperture(self):
-        return self.lens.aperture
+    def opening(self):
+        return self.lens.opening()
 
     def ray(self, camera, film_point, pupil_point):
         ray = self.lens.ray(camera, film_point, pupil_point)
@@ -126,12 +125,12 @@ def test_what_crosses_and_gathers_is_the_derivative(name: str):
         def mean(flat):
             lens = restore(flat)
             values = over(
-                lambda p, s: radiance(lens.ray(cam, PIXEL + p, lens.aperture.at(s))), films, places
+                lambda p, s: radiance(lens.ray(cam, PIXEL + p, lens.opening().at(s))), films, places
             )
             return by_film @ values @ by_place
 
         def seen(film, place):
-            ray = still.ray(cam, film, still.aperture.at(place))
+            ray = still.ray(cam, film, still.opening().at(place))
             # The flow carries the weight.
             return radiance(dataclasses.replace(ray, weight=jnp.ones(())))
 

@@ -32,16 +32,16 @@ class AberratedLens(AbstractLens):
 
     Example:
         >>> from focusjax.lens import thin_lens
-        >>> soft = AberratedLens(thin_lens(focus_distance=2, aperture_radius=0.02), (power_profile([0, 0.03]),))
+        >>> from focusjax.lens import power_profile
+        >>> thin = thin_lens(focus_distance=2, aperture_radius=0.02)
+        >>> soft = AberratedLens(thin, (power_profile([0, 0.03]),))
     """
 
     lens: AbstractLens
     aberrations: tuple[AbstractAberration, ...]
 
-    @property
-    def aperture(self) -> AbstractAperture:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The lens's."""
-        return self.lens.aperture
+    def opening(self) -> AbstractAperture:
+        return self.lens.opening()
 
     def channels(self) -> tuple[Channel, ...]:
         return tuple(

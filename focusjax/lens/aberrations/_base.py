@@ -54,7 +54,7 @@ class AbstractAberration(eqx.Module):
         pupil_point: Float[Array, "2"],
         b: Float[Array, "2"],
     ) -> Float[Array, "2"]:
-        """Pixels added to a, for the ray through `pupil_point` that has the parallax b in pixels per dioptre."""
+        """Pixels added to a, for the ray through `pupil_point` of parallax b in pixels per dioptre."""
 
     @abc.abstractmethod
     def bounds(self, camera: Camera, film_point: Float[Array, "2"], parallax: Float[Array, ""]) -> Bounds:
@@ -68,7 +68,7 @@ class AbstractAberration(eqx.Module):
     def defocus(
         self, camera: Camera, film_point: Float[Array, "2"], parallax: Float[Array, ""]
     ) -> Float[Array, ""]:
-        """The focus offset in 1/m that fits the aberration's rays best, over a round opening up to `parallax`."""
+        """The focus offset in 1/m that fits its rays best, over a round opening of |b| up to `parallax`."""
 
 
 def frame_corners(camera: Camera, dtype: jnp.dtype) -> Float[Array, "4 2"]:

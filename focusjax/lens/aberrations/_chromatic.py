@@ -33,10 +33,8 @@ class ChromaticLens(AbstractLens):
     aberrations: tuple[tuple[AbstractAberration, ...], ...]
     colours: tuple[tuple[float, float, float], ...] = eqx.field(static=True)
 
-    @property
-    def aperture(self) -> AbstractAperture:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The lens's."""
-        return self.lens.aperture
+    def opening(self) -> AbstractAperture:
+        return self.lens.opening()
 
     def channels(self) -> tuple[Channel, ...]:
         return tuple(

@@ -51,9 +51,9 @@ class PowerProfile(AbstractAberration):
     """Refractive power that differs over the radius of the pupil: spherical aberration of any kind.
 
     A zone at radius r (a share of the aperture radius, also when stopped down) has its focus at
-    w_f + dioptres(r). Power that rises towards the rim is under-corrected spherical aberration, as of a simple
-    lens: what lies behind the focus gets a bright core and a soft edge, what lies before it a bright rim
-    (Kyaw 6.3.1). Power that falls is over-corrected: the other way round.
+    w_f + dioptres(r). Power that rises towards the rim is under-corrected spherical aberration, as of a
+    simple lens: what lies behind the focus gets a bright core and a soft edge, what lies before it a bright
+    rim (Kyaw 6.3.1). Power that falls is over-corrected: the other way round.
 
     Attributes:
         dioptres: focus offset in 1/m over r.

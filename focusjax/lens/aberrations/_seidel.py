@@ -15,12 +15,13 @@ class Seidel(AbstractAberration):
     """Third-order aberrations, over any lens.
 
     With u the ray's point on the pupil in radii of the full opening, and h the film point from the principal
-    point in half diagonals of the frame, so that |h| = 1 in the corners of an unshifted frame, the wavefront is
+    point in half diagonals of the frame, so that |h| = 1 in the corners of an unshifted frame, the wavefront
+    is
 
         W = W040 |u|^4 - W131 (h.u) |u|^2 + W222 (h.u)^2 + W220 |h|^2 |u|^2 - W311 |h|^2 (h.u),
 
-    (the image itself, upside down, is at -h), and light that an ideal lens sends to p lands at p + grad_u W. The
-    coefficients are in pixels: W040 moves the rim's rays by 4 W040. A positive one makes
+    (the image itself, upside down, is at -h), and light that an ideal lens sends to p lands at p + grad_u W.
+    The coefficients are in pixels: W040 moves the rim's rays by 4 W040. A positive one makes
 
     - W040 spherical aberration, under-corrected: the rim focuses nearer than the middle;
     - W131 coma whose tail points to the middle of the picture, 3 W131 long in the corner at full opening;

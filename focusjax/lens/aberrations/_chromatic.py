@@ -91,7 +91,7 @@ def chromatic_lens(
     Args:
         lens: any lens that treats all colours alike.
         focus_offset: 1/m added to the focal disparity of red, green and blue. A simple lens bends blue more:
-            (-c, 0, c), which fringes what is behind the focus with red and what is before it with blue.
+            (-c, 0, c), which gives what is behind the focus a blue rim and what is before it a red one.
         magnification: size of the red, green and blue pictures, near 1.
         bands: channels from red to blue, odd: 3, or more of them between, for which offset and size are
             interpolated and which count for the two colours that they lie between. Fringes are then smooth.

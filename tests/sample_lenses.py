@@ -47,23 +47,25 @@ def surfaced(radius: float = 0.04) -> FocalSurfaceLens:
 
 
 def aberrated(lens: AbstractLens) -> AberratedLens:
-    """With all of Seidel's terms, a power profile and a curved field."""
-    offsets = focal_surface([(5.0, 5.0), (33.0, 12.0), (18.0, 26.0)], [0.1, -0.05, 0.02], basis="affine")
+    """With all of Seidel's terms and a power profile."""
     terms = seidel(thin(Disk()), CAMERA, w040=0.7, w131=-1.1, w222=0.6, w220=-0.4, w311=0.9)
-    return AberratedLens(
-        lens, (terms, power_profile([0.0, 0.1, -0.05, 0.2]), field_curvature(offsets, CAMERA))
-    )
+    return AberratedLens(lens, (terms, power_profile([0.0, -0.05, 0.2])))
 
 
-SQUEEZED = "thin, squeezed, obstructed blades"
+def curved(lens: AbstractLens) -> AberratedLens:
+    """With a focus that differs over the picture."""
+    offsets = focal_surface([(5.0, 5.0), (33.0, 12.0), (18.0, 26.0)], [0.1, -0.05, 0.02], basis="affine")
+    return AberratedLens(lens, (field_curvature(offsets, CAMERA),))
+
+
+SQUEEZED = "thin, squeezed, apodized, obstructed blades"
 IDEAL = {
     "thin, disk": thin(Disk()),
     "thin, 5 straight blades": thin(polygon(5, rotation=0.3)),
     "thin, 5 bulging blades": thin(polygon(5, rotation=0.3, roundness=0.5)),
     "thin, 5 round blades": thin(polygon(5, rotation=0.3, roundness=1.0)),
     "thin, focused on infinity": thin(polygon(5), focus=0.0),
-    SQUEEZED: thin(squeezed(1.5, obstructed(0.4, polygon(5)))),
-    "thin, apodized": thin(apodized([1.0, 0.7, 0.2])),
+    SQUEEZED: thin(squeezed(1.5, apodized([1.0, 0.7, 0.2], obstructed(0.4, polygon(5))))),
     "thin, mask": thin(mask([[0.3, 1.0, 0.0], [0.8, 0.5, 0.6]])),
     "tilted, disk": tilted(Disk()),
     "tilted, 5 bulging blades": tilted(polygon(5, rotation=0.3, roundness=0.5)),
@@ -79,10 +81,11 @@ CHROMATIC = chromatic_lens(
 
 ABERRATED = {
     "aberrated": aberrated(thin(Disk())),
-    "tilted, aberrated": aberrated(tilted(polygon(5, rotation=0.3))),
+    "curved field": curved(thin(Disk())),
+    "tilted, aberrated, cat's eyes": vignetted_lens(
+        aberrated(tilted(polygon(5, rotation=0.3))), CAMERA, corner_shift=0.8
+    ),
     "chromatic": CHROMATIC,
-    "red": CHROMATIC.channels()[0].lens,
-    "cat's eyes": vignetted_lens(aberrated(thin(Disk())), CAMERA, corner_shift=0.8),
 }
 """They do not, or not all of them pass."""
 

@@ -41,7 +41,9 @@ class AbstractAperture(eqx.Module):
         """
         hole = self.hole()
         share = place[0] if hole is None else hole**2 + (1.0 - hole**2) * place[0]
-        return jnp.sqrt(share) * self.rim(place[1])
+        # With no slope in the middle, rather than an infinite one.
+        root = jnp.where(share > 0.0, jnp.sqrt(jnp.where(share > 0.0, share, 1.0)), 0.0)
+        return root * self.rim(place[1])
 
 
 class Disk(AbstractAperture):

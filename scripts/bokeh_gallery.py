@@ -1,10 +1,10 @@
 """The look of lenses: bokeh of every kind of lens without glass, behind the focus and before it.
 
-Rows are lenses. On the left a night scene: small lights far behind the focus, others close to the lens, and a
-row of bars in focus. On the right three of its lights, enlarged: behind the focus in the middle, before it, and
-behind it in the corner. What a photographer might ask for goes to gallery.json: how bright the inner half of
-each disc is against the outer half, and how much light the corner gets. gallery.png holds all, sheet.jpg the
-first lights of each, labelled.
+Rows are lenses. On the left a night scene: small lights far behind the focus, others close to the lens, and
+a row of bars in focus. On the right three of its lights, enlarged: behind the focus in the middle, before it,
+and behind it in the corner. What a photographer might ask for goes to gallery.json: how bright the inner half
+of each disc is against the outer half, and how much light the corner gets. gallery.png holds all, sheet.jpg
+the three lights of each lens with its name.
 
     python scripts/bokeh_gallery.py --out out/bokeh
     python scripts/bokeh_gallery.py --out out/bokeh --only thin apodized --rays 256
@@ -15,11 +15,12 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 from scipy.ndimage import zoom
 
-from focusjax.film import to_display
+from focusjax.film import to_bytes
 from focusjax.geometry import Camera, look_at
 from focusjax.io import save_png
 from focusjax.layers import peel
@@ -178,7 +179,7 @@ def main() -> None:
         numbers[name]["light in the corner"] = light_of["corner"] / light_of["behind"]
         large = [zoom(disc, (HEIGHT / WINDOW, HEIGHT / WINDOW, 1), order=1) for disc in discs.values()]
         rows.append(np.concatenate([picture, *large], axis=1))
-        sheet.append((name, np.concatenate([disc for disc in discs.values()], axis=1)))
+        sheet.append((name, np.concatenate(list(discs.values()), axis=1)))
         save_png(options.out / f"{name.replace(' ', '_')}.png", rows[-1])
         print(name, {key: round(value, 3) for key, value in numbers[name].items()}, flush=True)
     save_png(options.out / "gallery.png", np.concatenate(rows, axis=0))
@@ -193,7 +194,7 @@ def save_sheet(path: Path, discs: list[tuple[str, np.ndarray]]) -> None:
     for axis in axes.flat:
         axis.axis("off")
     for axis, (name, disc) in zip(axes.T.flat, discs, strict=False):
-        axis.imshow(to_display(disc), interpolation="bilinear")
+        axis.imshow(to_bytes(jnp.asarray(disc)), interpolation="bilinear")
         axis.set_title(name, color="white", fontsize=10, pad=3)
     figure.tight_layout(pad=0.4)
     figure.savefig(path, dpi=75, facecolor="black", pil_kwargs={"quality": 88})

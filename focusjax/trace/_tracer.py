@@ -112,6 +112,7 @@ def trace_block(
 
     def seen(lens: AbstractLens) -> Float[Array, "p 3"]:
         along, share = radiances(scene, lens, film, pupil, chance, *ends, depth=depth)
-        return (share[..., None] * along).mean(axis=1)
+        # Each colour for itself: of large blocks XLA for CPU takes one for all in the product of all three.
+        return jnp.stack([(share * along[..., k]).mean(axis=1) for k in range(3)], axis=-1)
 
     return in_colour(seen, lens)

@@ -53,7 +53,7 @@ WINDOW = 56
 DARK = np.array([0.012, 0.013, 0.02])
 BRIGHT = 28.0
 """So that a disc is about half as bright as white."""
-TINTS = np.array([(1.0, 0.72, 0.4), (0.9, 0.9, 0.9), (0.5, 0.75, 1.0)])
+TINTS = np.array([(1.0, 0.72, 0.4), (0.9, 0.9, 0.9), (0.9, 0.9, 0.9), (0.5, 0.75, 1.0)])
 
 
 def arguments() -> argparse.Namespace:
@@ -115,7 +115,7 @@ LENSES: dict[str, Callable[[], AbstractLens]] = {
 
 def tint(number: int) -> np.ndarray:
     """White for the lights that are looked at closely."""
-    return TINTS[(number * 2 + 1) % 3]
+    return TINTS[number % 4]
 
 
 def light(name: str, xy: tuple[float, float], depth: float, size: float, radiance: np.ndarray) -> SceneObject:
@@ -161,7 +161,7 @@ def core_to_rim(disc: np.ndarray) -> float:
     away, grey = np.hypot(x, y), np.maximum(disc.mean(axis=-1) - DARK.mean(), 0.0)
     order = np.argsort(away.ravel())
     total = np.cumsum(grey.ravel()[order])
-    rim = away.ravel()[order][np.searchsorted(total, 0.99 * total[-1])]
+    rim = away.ravel()[order][np.searchsorted(total, 0.93 * total[-1])]
     inner, outer = away < rim * np.sqrt(0.5), (away >= rim * np.sqrt(0.5)) & (away < rim)
     return float(grey[inner].mean() / grey[outer].mean())
 

@@ -19,6 +19,7 @@ from focusjax.config import (
     build_focal_surface,
     build_focus_points,
     build_lens,
+    build_look,
     build_scene,
     build_solve_options,
     refusals_located,
@@ -54,7 +55,8 @@ class Outcome:
     Attributes:
         config: what was asked for.
         camera: where from.
-        lens: the lens that was solved for, or the config's own when nothing was.
+        lens: the lens that was solved for, or the config's own when nothing was, without its aberrations and
+            cat's eyes, which only the picture has.
         points: the wishes in the picture, when there are any.
         solution: what the solve says, when there was one.
         disparity: first surface at every pixel centre in 1/m [h, w]; 0 on the background.
@@ -141,7 +143,10 @@ def run(
                 points = _find(config, wishes, scene, camera, disparity)
                 solution = solve(points, camera, lens, **options)
             lens, points, camera = solution.lens, solution.points, solution.camera
-    picture = make_picture(config.render, scene, camera, lens, like, watch, tell) if rendering else None
+    picture = None
+    if rendering:
+        look = build_look(config, camera, lens)
+        picture = make_picture(config.render, scene, camera, look, like, watch, tell)
     return Outcome(
         config=config,
         camera=camera,

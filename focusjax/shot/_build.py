@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from focusjax.config import (
     build_camera,
     build_focus_points,
     build_lens,
+    build_look,
     build_objects,
     build_scene,
     build_solve_options,
@@ -66,6 +68,7 @@ def build_shot(config: Config) -> Shot:
             fade_frames=table.fade_frames,
             favour_near=config.solve.favour_near,
             options=options,
+            look=partial(build_look, config) if config.lens.look else None,
         )
     except ValueError as error:
         raise ConfigError(f"{config.source}: shot: {error}") from error

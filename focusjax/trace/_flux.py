@@ -7,6 +7,7 @@ brings what the opening brings nothing changes, so that noise is left only where
 change. What leaves a pixel enters its neighbour by the same rays, so that noise cancels over regions, too.
 """
 
+import dataclasses
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -16,8 +17,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from focusjax.lens import AbstractLens
-from focusjax.trace._motion import LEAST_PLACE, divergence, film_flow, gain, opening_point, rim_flow
+from focusjax.lens import AbstractLens, in_colour
+from focusjax.trace._motion import LEAST_PLACE, divergence, film_flow, gain, hole_flow, rim_flow
 from focusjax.trace._radiances import TracedScene, radiances
 from focusjax.trace._samples import chances, spread_points, tile_edge, z_order
 
@@ -81,6 +82,15 @@ def picture_flow(still: Still, moved: AbstractLens) -> Float[Array, "h w 3"]:
 
     `moved` is to be equal, so that this is 0, and to be differentiated by.
     """
+
+    def flow(lens: AbstractLens, moved: AbstractLens) -> Float[Array, "h w 3"]:
+        return _flow(dataclasses.replace(still, lens=lens), moved)
+
+    return in_colour(flow, still.lens, moved)
+
+
+def _flow(still: Still, moved: AbstractLens) -> Float[Array, "h w 3"]:
+    """As `picture_flow`, for lenses that treat all colours alike."""
     camera = still.scene.camera
     before, after = _through_borders(still, moved)
     width, height = camera.width, camera.height
@@ -140,7 +150,7 @@ def _through_borders(still: Still, moved: AbstractLens) -> tuple[Float[Array, "n
         normal = jax.nn.one_hot(axis, 2, dtype=real)
         place, on_border = places[axis, tile], along[axis, tile]
         film = jnp.stack([column, row], axis=-1)[:, None] + (1.0 - normal)[:, None] * on_border[..., None]
-        pupil = jax.vmap(jax.vmap(lambda place: opening_point(still.lens, place)))(place)
+        pupil = jax.vmap(jax.vmap(still.lens.opening().at))(place)
         brought = still.along(after, tile, film, pupil)
 
         def crossing(side: float, pixel: Int[Array, " b"]) -> Float[Array, "b 3"]:
@@ -161,22 +171,26 @@ def _through_rim(still: Still, moved: AbstractLens) -> Float[Array, "p 3"]:
     row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
     points = spread_points(4, edge, rays.number, rays.seed + 3).astype(still.least.dtype)
     points = jnp.asarray(np.maximum(points, LEAST_PLACE))
+    # Where the opening ends, and what flows out of it there.
+    edges = [(1.0, rim_flow)] + ([] if lens.opening().hole() is None else [(0.0, hole_flow)])
 
     def block(pixel: Int[Array, " b"]) -> Float[Array, "b 3"]:
         column, row = pixel % camera.width, pixel // camera.width
         tile = row % edge * edge + column % edge
         film = jnp.stack([column, row], axis=-1)[:, None] + points[tile][..., :2]
         within = points[tile][..., 2:]
-        places = jnp.concatenate([within, within.at[..., 0].set(1.0)], axis=1)
-        pupil = jax.vmap(jax.vmap(lambda place: opening_point(lens, place)))(places)
-        brought = still.along(pixel, tile, jnp.concatenate([film, film], axis=1), pupil)
+        places = jnp.concatenate([within, *(within.at[..., 0].set(s) for s, _ in edges)], axis=1)
+        pupil = jax.vmap(jax.vmap(lens.opening().at))(places)
+        films = jnp.concatenate([film] * (1 + len(edges)), axis=1)
+        brought = still.along(pixel, tile, films, pupil)
 
         def over(function: Callable[..., Array], where: Array) -> Float[Array, "b s"]:
             return jax.vmap(jax.vmap(lambda p, s: function(lens, moved, camera, p, s)))(film, where)
 
         lost, gained = over(divergence, within), over(gain, within)
-        flow = jnp.concatenate([-lost, over(rim_flow, within[..., 1])], axis=1)
+        through = [over(flow, within[..., 1]) for _, flow in edges]
+        flow = jnp.concatenate([-lost, *through], axis=1)
         changed = jnp.einsum("bs,bsc->bc", flow, brought - still.picture[pixel][:, None])
         return (changed + jnp.einsum("bs,bsc->bc", gained, brought[:, : rays.number])) / rays.number
 
-    return in_blocks(block, column, row, max(1, rays.at_once // (2 * rays.number)))
+    return in_blocks(block, column, row, max(1, rays.at_once // ((1 + len(edges)) * rays.number)))

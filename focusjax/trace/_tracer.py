@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, Int
 
 from focusjax._parallel import CORES
 from focusjax.layers import Layers
-from focusjax.lens import AbstractLens
+from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._allot import FEWEST, contrast
 from focusjax.trace._blocks import Block, make_blocks
 from focusjax.trace._radiances import TracedScene, disparity_ranges, radiances, traced_scene
@@ -109,5 +109,10 @@ def trace_block(
     offsets, pupil, chance = jax.vmap(samples.of_pixel, in_axes=(0, 0, 0, None))(column, row, first, together)
     film = jnp.stack([column, row], axis=-1).astype(offsets.dtype)[:, None] + offsets
     ends = least[pixels], largest[pixels]
-    along, share = radiances(scene, lens, film, pupil, chance, *ends, depth=depth)
-    return (share[..., None] * along).mean(axis=1)
+
+    def seen(lens: AbstractLens) -> Float[Array, "p 3"]:
+        along, share = radiances(scene, lens, film, pupil, chance, *ends, depth=depth)
+        # Each colour for itself: of large blocks XLA for CPU takes one for all in the product of all three.
+        return jnp.stack([(share * along[..., k]).mean(axis=1) for k in range(3)], axis=-1)
+
+    return in_colour(seen, lens)

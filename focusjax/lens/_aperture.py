@@ -21,6 +21,10 @@ class AbstractAperture(eqx.Module):
     def rim(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
         """The point of the rim at `turn`, 0 to 1 once around. Equal turns sweep equal areas."""
 
+    @abc.abstractmethod
+    def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        """One over the opening's area where `point` lies in it, 0 elsewhere."""
+
 
 class Disk(AbstractAperture):
     """The full unit disk, by the concentric map of Shirley and Chiu.
@@ -39,6 +43,9 @@ class Disk(AbstractAperture):
     def rim(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
         angle = 2.0 * jnp.pi * turn
         return jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+
+    def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        return jnp.where(point @ point <= 1.0, 1.0 / jnp.pi, 0.0).astype(point.dtype)
 
 
 class Polygon(AbstractAperture):
@@ -82,6 +89,14 @@ class Polygon(AbstractAperture):
         edge = jnp.sqrt(straight / jnp.cos(t) ** 2 + self.roundness)
         angle = self.rotation + (2.0 * sector + 1.0) * half + t
         return edge * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+
+    def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        half = jnp.pi / self.blades
+        straight = (1.0 - self.roundness) * jnp.cos(half) ** 2
+        t = jnp.mod(jnp.arctan2(point[1], point[0]) - self.rotation, 2.0 * half) - half
+        inside = point @ point <= straight / jnp.cos(t) ** 2 + self.roundness
+        area = self.blades * (straight * jnp.tan(half) + self.roundness * half)
+        return jnp.where(inside, 1.0 / area, 0.0)
 
 
 def polygon(blades: int, *, rotation: SupportsFloat = 0.0, roundness: SupportsFloat = 0.0) -> Polygon:

@@ -28,6 +28,10 @@ class AbstractLens(eqx.Module):
         """
 
     @abc.abstractmethod
+    def pupil_density(self, pupil_point: Float[Array, "2"]) -> Float[Array, ""]:
+        """One over the opening's area, in squares of the aperture radius, at its points; 0 beside it."""
+
+    @abc.abstractmethod
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         """The ray that carries light from the scene through `pupil_point` to `film_point`.
 

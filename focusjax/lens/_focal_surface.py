@@ -45,6 +45,9 @@ class FocalSurfaceLens(AbstractLens):
     def rim_point(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
         return self.aperture.rim(turn)
 
+    def pupil_density(self, pupil_point: Float[Array, "2"]) -> Float[Array, ""]:
+        return self.aperture.density(pupil_point)
+
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         scale, offset = self._at(camera, film_point)
         rim = self._full_parallax(camera) * pupil_point

@@ -42,6 +42,9 @@ class ThinLens(AbstractLens):
     def rim_point(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
         return self.aperture.rim(turn)
 
+    def pupil_density(self, pupil_point: Float[Array, "2"]) -> Float[Array, ""]:
+        return self.aperture.density(pupil_point)
+
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         b = self.parallax(camera) * pupil_point
         return LensRay(a=film_point - b * self.focus_disparity, b=b, weight=jnp.ones_like(b[0]))

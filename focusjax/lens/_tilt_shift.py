@@ -82,6 +82,9 @@ class TiltShiftLens(AbstractLens):
     def rim_point(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
         return self.aperture.rim(turn)
 
+    def pupil_density(self, pupil_point: Float[Array, "2"]) -> Float[Array, ""]:
+        return self.aperture.density(pupil_point)
+
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         tangents = view_tangents(camera, film_point)
         focus = self.plane[2] + self.plane[:2] @ tangents

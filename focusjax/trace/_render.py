@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from focusjax._counts import require_counts
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
-from focusjax.trace._allot import FEWEST, allot, counts_for
+from focusjax.trace._allot import FEWEST
 from focusjax.trace._tracer import ready_tracer
 
 
@@ -43,9 +43,7 @@ def render(
     """
     require_counts(rays=rays)
     tracer, camera = ready_tracer(layers, lens, pixel_filter), layers.camera
-    if even or rays < FEWEST:
-        levels, counts = [rays], np.full(camera.width * camera.height, rays)
-    else:
-        levels, counts = counts_for(rays), allot(tracer.contrast(), rays)
-    means = tracer.means(counts, levels, seed, progress)
+    alike = even or rays < FEWEST
+    counts = np.full(camera.width * camera.height, rays) if alike else tracer.counts(rays)
+    means = tracer.means(counts, rays, seed, progress)
     return jnp.asarray(means.reshape(camera.height, camera.width, 3))

@@ -29,6 +29,9 @@ class HalfOpen(AbstractLens):
     def rim_point(self, turn):
         return self.lens.rim_point(turn)
 
+    def pupil_density(self, pupil_point):
+        return self.lens.pupil_density(pupil_point)
+
     def ray(self, camera: Camera, film_point, pupil_point) -> LensRay:
         ray = self.lens.ray(camera, film_point, pupil_point)
         return eqx.tree_at(lambda r: r.weight, ray, jnp.where(pupil_point[0] > 0, ray.weight, 0.0))

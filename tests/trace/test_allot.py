@@ -35,7 +35,7 @@ def test_a_picture_without_contrast_takes_the_fewest_that_make_the_mean():
 
 def contrasts(layers):
     tracer = Tracer(layers, layers.lens)
-    return tracer.contrast().reshape(layers.camera.height, layers.camera.width)
+    return tracer.contrast.reshape(layers.camera.height, layers.camera.width)
 
 
 def test_contrast_is_the_variance_over_what_a_pixel_can_meet():

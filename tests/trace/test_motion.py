@@ -49,6 +49,9 @@ class Vignetted(AbstractLens):
     def rim_point(self, turn):
         return self.lens.rim_point(turn)
 
+    def pupil_density(self, pupil_point):
+        return self.lens.pupil_density(pupil_point)
+
     def ray(self, camera, film_point, pupil_point):
         ray = self.lens.ray(camera, film_point, pupil_point)
         weight = jnp.exp(-self.falls * (pupil_point @ pupil_point + 0.1 * film_point @ film_point))

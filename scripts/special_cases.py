@@ -18,6 +18,7 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import scipy.signal
 from _special_scenes import (
@@ -97,7 +98,7 @@ def highlights_truth(case: SpecialCase, fine: int = 8) -> np.ndarray:
     No lamp's light crosses another or the thing in focus.
     """
     camera, steps = case.camera, np.array([case.camera.height, case.camera.width]) * fine
-    radius = abs(float(case.lens.blur(camera, camera.principal_point, LAMP_DISPARITY))) / 2
+    radius = abs(float(case.lens.blur(camera, camera.principal_point, jnp.asarray(LAMP_DISPARITY)))) / 2
     edge = 2 * math.ceil(radius + 2)
     y, x = (np.mgrid[: edge * fine, : edge * fine] + 0.5) / fine - edge / 2
     opening = (beyond_opening(x, y, radius) < 0).astype(float)
@@ -157,7 +158,7 @@ def lights(case: SpecialCase, picture: np.ndarray) -> dict[str, list[float]]:
     standard deviation there over the mean.
     """
     y, x = np.mgrid[: picture.shape[0], : picture.shape[1]] + 0.5
-    blur = float(case.lens.blur(case.camera, case.camera.principal_point, LAMP_DISPARITY))
+    blur = float(case.lens.blur(case.camera, case.camera.principal_point, jnp.asarray(LAMP_DISPARITY)))
     soft = (LAMP_SIZE + 1.0) / np.sqrt(2.0)
     out: dict[str, list[float]] = {"energy": [], "outside": [], "unevenness": []}
     for place, radiance in LAMPS:

@@ -8,8 +8,8 @@ the part, instead of pupil points over the opening, change the mean over the ope
 
 with A the opening's area and L the excess radiance that the ray brings from that part; v beside the opening
 count 0. Whether the ray gets there the same walk tells as for all others. What varies over the box is only
-what hides the part, so a few rays do. The mean does not depend on where the box ends, as long as all rays that
-meet the part pass it.
+what hides the part, so a few rays do. The mean does not depend on where the box ends, as long as all rays
+that meet the part pass it.
 """
 
 import concurrent.futures
@@ -25,9 +25,10 @@ from focusjax._parallel import CORES
 from focusjax.geometry import film_offsets
 from focusjax.lens import AbstractLens
 from focusjax.trace._colour import corners_at
-from focusjax.trace._highlights import Highlights, towards, who_sees
+from focusjax.trace._highlights import Highlights, towards
 from focusjax.trace._radiances import TracedScene, first_met
 from focusjax.trace._samples import chances, spread_points, tile_edge
+from focusjax.trace._sight import who_sees
 
 _RAYS_AT_ONCE = {"cpu": 1 << 16, "gpu": 1 << 22}
 _SHARE = 0.5

@@ -1,8 +1,8 @@
 """Small bright things out of focus: found among the samples of layers, to be traced by rays aimed at them.
 
-A lamp of radiance L that the share p of a pixel's rays meets adds p L^2 to their variance. For small p that is
-far more than silhouettes add, and rays that are spread over the lens need many before some meet it. So such
-samples are given the mean radiance of all others, and what they lack, their excess, is what aimed rays bring
+A lamp of radiance L that the share p of a pixel's rays meets adds p L^2 to their variance. For small p that
+is far more than silhouettes add, and rays that are spread over the lens need many before some meet it. So
+such samples are given the mean radiance of all, and what they lack, their excess, is what aimed rays bring
 (`_aimed`). A picture is linear in the radiance of samples, so both together are the same picture.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 import scipy.ndimage
 from jaxtyping import Array, Bool, Float, Int
 
-from focusjax.geometry import Camera, filter_radius
+from focusjax.geometry import Camera
 from focusjax.layers import NEIGHBOURS, SAME_LAYER, UNJOINED, Layers, interval
 from focusjax.lens import AbstractLens
 
@@ -30,7 +30,6 @@ _MOST_PAIRS = 2
 _STEP = 0.5
 """Samples beyond a part at which rays may pass its disparity and yet meet it; see `first_hit`."""
 _TURNS = 8
-_AT_ONCE = 1 << 18
 
 
 class Highlights(eqx.Module):
@@ -121,12 +120,10 @@ def _place(layers: Layers, index: Int[Array, ""], dtype: np.dtype) -> Float[Arra
 def _shares(
     layers: Layers, lens: AbstractLens, index: Int[np.ndarray, " n"], disparity: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """The share of rays past each bright sample that meet one, about; and the radius in pixels of its blur."""
+    """About the share of rays past each bright sample that meet one; and the radius in pixels of its blur."""
     grid = layers.grid
-    room = _room(len(index))
-    padded = [np.pad(a, (0, room - len(a)), mode="edge") for a in (index.astype(np.int32), disparity)]
-    radius = np.asarray(_radii(layers, lens, *(jnp.asarray(a) for a in padded)))[: len(index)]
-    radius = radius.astype(np.float64)
+    (place,), (at,) = padded(np.int32, index), padded(disparity.dtype, disparity)
+    radius = np.asarray(_radii(layers, lens, place, at), dtype=np.float64)[: len(index)]
     row, column = np.divmod(index % grid.size, grid.columns)
     table = np.zeros((grid.rows + 1, grid.columns + 1), dtype=np.int64)
     np.add.at(table, (row + 1, column + 1), 1)
@@ -186,10 +183,10 @@ def _goes_on(
     """Whether the surface of each sample continues into a sample of no part or of another."""
     columns, size = layers.grid.columns, layers.grid.size
     links, out = np.asarray(layers.samples.links)[number].astype(np.int64), np.zeros(len(index), dtype=bool)
-    for side, (dx, dy) in enumerate(NEIGHBOURS):
+    for side, step in enumerate(dy * columns + dx for dx, dy in NEIGHBOURS):
         code = links >> (4 * side) & 15
         joined = code != UNJOINED
-        neighbour = index + np.where(joined, (code - SAME_LAYER) * size + dy * columns + dx, 0)
+        neighbour = index + np.where(joined, (code - SAME_LAYER) * size + step, 0)
         found = slot[np.asarray(layers.places.number(jnp.asarray(neighbour.astype(np.int32))))]
         out |= joined & ((found < 0) | (part[found] != part))
     return out
@@ -221,9 +218,7 @@ def _boxes(
     np.minimum.at(low, part, place)
     np.maximum.at(high, part, place + 1)
     low, high = ((corner - grid.margin) / grid.supersampling for corner in (low, high))
-    room = _room(count)
-    padded = [np.pad(a, [(0, room - count)] + [(0, 0)] * (a.ndim - 1)) for a in (0.5 * (low + high), middle)]
-    bent = _bends(layers.camera, lens, *(jnp.asarray(a, layers.disparity_scale.dtype) for a in padded))
+    bent = _bends(layers.camera, lens, *padded(layers.disparity_scale.dtype, 0.5 * (low + high), middle))
     moved = float(lens.parallax(layers.camera)) * (nearest - middle)
     mixed = 0.5 * (np.bincount(part, goes_on) > 0)
     beyond = (_STEP + mixed) / grid.supersampling + moved + np.asarray(bent)[:count]
@@ -261,53 +256,10 @@ def towards(
     return at(middle), jax.jacfwd(at)(middle)
 
 
-def who_sees(
-    highlights: Highlights, lens: AbstractLens, camera: Camera, pixel_filter: str
-) -> tuple[Int[np.ndarray, " q"], Int[np.ndarray, " q"]]:
-    """Row-major numbers of pixels, and the parts that some of their rays may meet: all such pairs."""
-    low, high = np.asarray(highlights.low), np.asarray(highlights.high)
-    wide = filter_radius(pixel_filter)
-    reach = np.asarray(jax.vmap(lambda w: lens.reach(camera, w))(highlights.disparity))[:, None] + wide
-    size = np.array([camera.width, camera.height])
-    first = np.clip(np.floor(low - reach), 0, size).astype(np.int64)
-    number = np.clip(np.ceil(high + reach), first, size).astype(np.int64) - first
-    ends = np.cumsum(number.prod(axis=1))
-    pixels, parts = [], []
-    for start in range(0, int(ends[-1]), _AT_ONCE):
-        candidate = np.arange(start, min(start + _AT_ONCE, int(ends[-1])))
-        part = np.searchsorted(ends, candidate, side="right")
-        row, column = np.divmod(candidate - (ends - number.prod(axis=1))[part], number[part, 0])
-        film = np.stack([column, row], axis=1) + first[part]
-        room = _room(len(part))
-        padded = [np.pad(a, [(0, room - len(a))] + [(0, 0)] * (a.ndim - 1)) for a in (film + 0.5, part)]
-        seen = np.asarray(_seen(highlights, lens, camera, *(jnp.asarray(a) for a in padded), wide))
-        seen = seen[: len(part)]
-        pixels.append((film[:, 1] * camera.width + film[:, 0])[seen])
-        parts.append(part[seen])
-    if not pixels:
-        return np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int32)
-    return np.concatenate(pixels).astype(np.int32), np.concatenate(parts).astype(np.int32)
+def padded(dtype: np.dtype | type, *arrays: np.ndarray) -> list[Array]:
+    """Arrays of one length, on the device, with zeros up to the next power of two.
 
-
-@eqx.filter_jit
-def _seen(
-    highlights: Highlights,
-    lens: AbstractLens,
-    camera: Camera,
-    film: Float[Array, "q 2"],
-    part: Int[Array, " q"],
-    wide: float,
-) -> Bool[Array, " q"]:
-    """Whether the footprint of a pixel there reaches the box around the part."""
-
-    def one(film: Array, part: Array) -> Array:
-        centre, radius = lens.footprint(camera, film, highlights.disparity[part])
-        away = jnp.maximum(jnp.maximum(highlights.low[part] - centre, centre - highlights.high[part]), 0.0)
-        return away @ away <= (radius + math.sqrt(2.0) * wide + 0.5) ** 2
-
-    return jax.vmap(one)(film.astype(highlights.low.dtype), part)
-
-
-def _room(count: int) -> int:
-    """The next power of two, so that one compiled program serves for many numbers."""
-    return 1 << max(count - 1, 0).bit_length()
+    One compiled program then serves for many lengths.
+    """
+    more = (1 << max(len(arrays[0]) - 1, 0).bit_length()) - len(arrays[0])
+    return [jnp.asarray(np.pad(a, [(0, more)] + [(0, 0)] * (a.ndim - 1)), dtype=dtype) for a in arrays]

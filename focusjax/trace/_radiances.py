@@ -13,6 +13,8 @@ from focusjax.trace._march import first_hits
 from focusjax.trace._ranges import disparity_range
 from focusjax.trace._walk import Path, Volume, make_volume, path_of
 
+_PIXELS_AT_ONCE = 1 << 17
+
 
 class TracedScene(eqx.Module):
     """Layers in the form that rays read them."""
@@ -44,7 +46,12 @@ def disparity_ranges(
         film = jnp.stack([index % camera.width, index // camera.width]) + 0.5
         return disparity_range(layers, lens, film, pixel_filter)
 
-    return jax.vmap(one)(jnp.arange(camera.width * camera.height))
+    # Some at a time, to hold little at once; the last is repeated to fill them.
+    count = camera.width * camera.height
+    size = min(count, _PIXELS_AT_ONCE)
+    some = jnp.minimum(jnp.arange(-(-count // size) * size), count - 1).reshape(-1, size)
+    least, largest, depth = (a.reshape(-1)[:count] for a in jax.lax.map(jax.vmap(one), some))
+    return least, largest, depth
 
 
 def first_met(

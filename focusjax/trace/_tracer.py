@@ -15,7 +15,7 @@ from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._aimed import Aimed
 from focusjax.trace._allot import FEWEST, allot, contrast, counts_for
-from focusjax.trace._blocks import Block, make_blocks
+from focusjax.trace._blocks import Block, Blocks
 from focusjax.trace._highlights import split_highlights
 from focusjax.trace._radiances import TracedScene, disparity_ranges, radiances, traced_scene
 from focusjax.trace._reach import check_reach
@@ -77,21 +77,21 @@ class Tracer:
         samples = ray_samples(self.lens, levels, seed, with_chances=opacity is not None, pixel_filter=wanted)
         together = max(k for k in range(1, FEWEST + 1) if fewest % k == 0)
         at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together)
-        blocks = make_blocks(counts // together, self._depth, self.layers.count, camera.width, at_once)
+        blocks = Blocks(counts // together, self._depth, self.layers.count, camera.width, at_once)
         sums = np.zeros((len(counts), 3), dtype=self.least.dtype)
 
-        def trace(block: Block) -> np.ndarray:
+        def trace(number: int) -> tuple[Block, np.ndarray]:
+            block = blocks[number]
             # The rays of the smaller counts come before those of a pixel's own.
             first = jnp.asarray(counts[block.pixels] - fewest + together * block.part)
             chosen = samples, jnp.asarray(block.pixels), first, self.least, self.largest
             traced = trace_block(self._scene, self.lens, *chosen, together=together, depth=block.depth)
-            return np.asarray(traced)
+            return block, np.asarray(traced)
 
         # XLA runs one block on about one core, so a CPU is given a block per core at a time.
         workers = CORES if jax.default_backend() == "cpu" else 1
         with concurrent.futures.ThreadPoolExecutor(workers) as pool:
-            traced = zip(blocks, pool.map(trace, blocks), strict=True)
-            for done, (block, values) in enumerate(traced, start=1):
+            for done, (block, values) in enumerate(pool.map(trace, range(len(blocks))), start=1):
                 block.add_to(sums, values)
                 if progress is not None:
                     progress(done / len(blocks))

@@ -30,8 +30,9 @@ def render(
         lens: any lens.
         rays: rays per pixel on the average; each has its own place in the pixel and on the lens. They go
             where what they may meet differs, up to eight times as many, and four where it is all alike; see
-            `_allot`. Fewer than four are the same for all.
-        even: give just `rays` to every pixel, be it plain or not.
+            `_allot`. Fewer than four are the same for all. Up to half of them are aimed at small highlights
+            out of focus, where there are such; see `_highlights`.
+        even: give just `rays` to every pixel, be it plain or not, those that are aimed apart.
         pixel_filter: "box", "tent" or "gaussian", how the light around a pixel's centre counts: its rays are
             spread with that density. The one that the layers were peeled for if not given.
         seed: chooses the rays; the same seed gives the same picture.

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from focusjax.config import ConfigError, load_config
+from focusjax.config._wishes import RenderTable
 
 GOOD = """
 [scene]
@@ -168,3 +169,17 @@ def test_unreadable_files(tmp_path):
     assert "this is not valid TOML" in message(tmp_path / "broken.toml")
     (tmp_path / "empty.toml").write_text("")
     assert message(tmp_path / "empty.toml") == "scene is missing; give a [scene] table"
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({}, 2),
+        ({"quality": "draft"}, 1),
+        ({"quality": 32}, 1),
+        ({"quality": "good"}, 2),
+        ({"quality": "draft", "supersampling": 3}, 3),
+    ],
+)
+def test_a_rough_quality_does_with_one_layer_sample(values: dict, expected: int):
+    assert RenderTable.model_validate(values).supersampling == expected

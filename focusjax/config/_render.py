@@ -1,11 +1,14 @@
 """The render table of a config."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from focusjax.config._values import Number, Positive, Table
 from focusjax.trace import decibels_of
+
+_ROUGH = 32.0
+"""Decibels up to which one layer sample per pixel leaves less error than the rays."""
 
 
 class RenderTable(Table):
@@ -18,7 +21,7 @@ class RenderTable(Table):
         default=None, description="'draft', 'good', 'reference' or decibels such as '40 dB', instead of rays"
     )
     supersampling: Annotated[int, Field(ge=1, le=8)] = Field(
-        default=2, description="layer samples along each side of a pixel, 1 to 8"
+        default=2, description="layer samples along each side of a pixel, 1 to 8; 1 for a quality up to 32 dB"
     )
     max_layers: Annotated[int, Field(ge=1, le=64)] = Field(
         default=16, description="the most layers to peel, up to 64"
@@ -43,6 +46,18 @@ class RenderTable(Table):
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = Field(
         default=0, description="a whole number that fixes the jitter"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _layers_for_quality(cls, values: Any) -> Any:
+        if not isinstance(values, dict) or values.get("quality") is None or "supersampling" in values:
+            return values
+        try:
+            rough = decibels_of(values["quality"]) <= _ROUGH
+        except (ValueError, TypeError):
+            # Refused where all values are looked at.
+            return values
+        return {**values, "supersampling": 1} if rough else values
 
     @model_validator(mode="after")
     def _rays_or_quality(self) -> "RenderTable":

@@ -12,7 +12,7 @@ from typing import Any, SupportsFloat
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 
 class AbstractAperture(eqx.Module):
@@ -31,6 +31,10 @@ class AbstractAperture(eqx.Module):
         """The size of the hole, a share of the outline around it; None where there is none."""
 
     @abc.abstractmethod
+    def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
+        """Whether a point lies between hole and outline."""
+
+    @abc.abstractmethod
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         """Light per area at a point between hole and outline, relative to its mean there."""
 
@@ -44,6 +48,17 @@ class AbstractAperture(eqx.Module):
         # With no slope in the middle, rather than an infinite one.
         root = jnp.where(share > 0.0, jnp.sqrt(jnp.where(share > 0.0, share, 1.0)), 0.0)
         return root * self.rim(place[1])
+
+    def share(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        """Light per area at any point, as a share of all of it; 0 beside the opening."""
+        turn = jnp.full_like(point[0], 0.1)
+        outline, along = jax.jvp(self.rim, (turn,), (jnp.ones_like(turn),))
+        # Equal turns sweep equal areas, so any tells how much it is for a whole one.
+        area = 0.5 * (outline[0] * along[1] - outline[1] * along[0])
+        hole = self.hole()
+        if hole is not None:
+            area *= 1.0 - hole**2
+        return jnp.where(self.holds(point), self.density(point) / area, 0.0)
 
 
 class Disk(AbstractAperture):
@@ -66,6 +81,9 @@ class Disk(AbstractAperture):
 
     def hole(self) -> None:
         return None
+
+    def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
+        return point @ point <= 1.0
 
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return jnp.ones_like(point[0])
@@ -115,6 +133,12 @@ class Polygon(AbstractAperture):
 
     def hole(self) -> None:
         return None
+
+    def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
+        half = jnp.pi / self.blades
+        straight = (1.0 - self.roundness) * jnp.cos(half) ** 2
+        t = jnp.mod(jnp.arctan2(point[1], point[0]) - self.rotation, 2.0 * half) - half
+        return point @ point <= straight / jnp.cos(t) ** 2 + self.roundness
 
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return jnp.ones_like(point[0])

@@ -3,7 +3,7 @@
 from typing import SupportsFloat
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from focusjax.lens._aperture import AbstractAperture, Disk, Polygon
 
@@ -30,6 +30,9 @@ class Obstructed(AbstractAperture):
 
     def hole(self) -> Float[Array, ""]:
         return self.obstruction
+
+    def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
+        return self.outline.holds(point) & ~self.outline.holds(point / self.obstruction)
 
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return self.outline.density(point)

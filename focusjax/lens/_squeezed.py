@@ -3,7 +3,7 @@
 from typing import SupportsFloat
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from focusjax.lens._aperture import AbstractAperture
 
@@ -30,8 +30,14 @@ class Squeezed(AbstractAperture):
     def hole(self) -> Float[Array, ""] | None:
         return self.whole.hole()
 
+    def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
+        return self.whole.holds(self._widened(point))
+
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        return self.whole.density(jnp.stack([point[0] * self.squeeze, point[1]]))
+        return self.whole.density(self._widened(point))
+
+    def _widened(self, point: Float[Array, "2"]) -> Float[Array, "2"]:
+        return jnp.stack([point[0] * self.squeeze, point[1]])
 
     def _narrowed(self, point: Float[Array, "2"]) -> Float[Array, "2"]:
         return jnp.stack([point[0] / self.squeeze, point[1]])

@@ -219,6 +219,7 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
             "expected_db": picture.plan.decibels,
             "expected_seconds": picture.plan.seconds,
             "reached_db": picture.decibels,
+            "seconds": outcome.seconds["render"],
         },
         "largest_blur_px": float(np.abs(outcome.blur).max()),
     }

@@ -30,9 +30,9 @@ _LOOKS = 4
 """Squared, the points of the opening at which weights are looked at."""
 
 
-def counts_for(rays: int) -> list[int]:
+def counts_for(rays: float) -> list[int]:
     """All numbers of rays that a pixel may get where the mean is `rays`, increasing."""
-    return [FEWEST << k for k in range((_MOST_TIMES_MEAN * rays // FEWEST).bit_length())]
+    return [FEWEST << k for k in range(int(_MOST_TIMES_MEAN * rays // FEWEST).bit_length())]
 
 
 _EXPONENT = 0.4
@@ -40,7 +40,7 @@ _BINS = 64
 """Per octave of rays, in which pixels are counted."""
 
 
-def allot(variance: Float[np.ndarray, " p"], rays: int) -> Int[np.ndarray, " p"]:
+def allot(variance: Float[np.ndarray, " p"], rays: float) -> Int[np.ndarray, " p"]:
     """Rays for pixels of a given variance: `rays` of them a pixel on the average, which are four or more."""
     most = len(counts_for(rays)) - 1
     # In octaves above the fewest; a pixel of no variance at all is as far below as one can be.

@@ -32,6 +32,7 @@ def render_differentiable(
 ) -> Float[Array, "h w 3"]:
     """The picture of `render(..., even=True, pixel_filter="box")`, for JAX to differentiate.
 
+    No rays are aimed at highlights, so small ones are grainier than there.
     Its derivatives are those of the converged picture: what is hidden and what shows may change. They hold
     for every array of the lens (focus, aperture, plane in focus, focal surface, shape of the opening), and
     for `layers.samples.radiance` and `layers.background`; all else of the layers is taken as fixed.

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from focusjax.config import ConfigError, build_solve_options, load_config
+from focusjax.config import ConfigError, RenderTable, build_solve_options, load_config
 
 GOOD = """
 [scene]
@@ -186,3 +186,17 @@ def test_limits_of_what_is_not_free_are_told(path):
     )
     assert "solve.keep_field_of_view limits nothing, since focal_length is not free" in messages
     assert set(options) == {"free", "method", "max_focus_distance"}
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({}, 2),
+        ({"quality": "draft"}, 1),
+        ({"quality": 32}, 1),
+        ({"quality": "good"}, 2),
+        ({"quality": "draft", "supersampling": 3}, 3),
+    ],
+)
+def test_a_rough_quality_does_with_one_layer_sample(values: dict, expected: int):
+    assert RenderTable.model_validate(values).supersampling == expected

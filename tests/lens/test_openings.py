@@ -43,6 +43,25 @@ def drawn_and_even(opening: AbstractAperture) -> tuple[jnp.ndarray, jnp.ndarray,
     return jax.vmap(opening.point)(grid(240)), even, jax.vmap(opening.density)(even)
 
 
+@pytest.mark.parametrize(
+    "opening",
+    [
+        pytest.param(Disk(), id="disk"),
+        pytest.param(polygon(5, rotation=0.4, roundness=0.3), id="blades"),
+        *(pytest.param(each.values[0], id=each.id) for each in OPENINGS),
+    ],
+)
+def test_light_is_shared_out_over_the_plane(opening: AbstractAperture):
+    places = 2.0 * grid(400) - 1.0
+    shares = np.asarray(jax.vmap(opening.share)(places))
+    assert (shares >= 0).all()
+    # Of a sum over squares of a 200th of the radius. Observed: at most 1.1e-3.
+    assert 4.0 * shares.mean() == pytest.approx(1.0, abs=5e-3)
+    # Each ray is drawn where light is, but for rounding at the rims.
+    within = jax.vmap(opening.share)(0.9999 * jax.vmap(opening.point)(grid(60)))
+    assert (np.asarray(within) > 0).mean() > 0.99
+
+
 @pytest.mark.parametrize(("opening", "off"), OPENINGS)
 def test_rays_are_drawn_with_the_density_of_light(opening: AbstractAperture, off: float):
     drawn, even, density = (np.asarray(a) for a in drawn_and_even(opening))

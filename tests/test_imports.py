@@ -9,8 +9,9 @@ ROOT = Path(__file__).parents[1] / "focusjax"
 
 # What each part of the package may import, besides itself. The order is the pipeline's.
 ALLOWED = {
+    "optics": set(),
     "geometry": set(),
-    "lens": {"geometry"},
+    "lens": {"geometry", "optics"},
     "scene": {"geometry"},
     "focus": {"geometry", "lens"},
     "layers": {"geometry", "lens", "scene", "_counts", "_parallel"},

@@ -28,3 +28,7 @@ from focusjax.lens._tilt_shift import TiltShiftLens as TiltShiftLens
 from focusjax.lens._tilt_shift import as_tilt_shift as as_tilt_shift
 from focusjax.lens._tilt_shift import lens_for_plane as lens_for_plane
 from focusjax.lens._tilt_shift import tilt_shift_lens as tilt_shift_lens
+from focusjax.lens._prescription import PrescriptionLens as PrescriptionLens
+from focusjax.lens._prescription import at_wavelength as at_wavelength
+from focusjax.lens._prescription import focused_lens as focused_lens
+from focusjax.lens._prescription import prescription_lens as prescription_lens

@@ -1,10 +1,10 @@
-"""Reference numbers for real lenses by Optiland, for tests/optics: rays, first-order data, Seidel sums, indices.
+"""Reference numbers for tests/optics by Optiland: rays, first-order data, Seidel sums, indices.
 
     python scripts/make_lens_references.py tests/data/lens_references.json
 
-It needs Optiland 0.6.3 beside focusjax (`pip install optiland==0.6.3`), which is heavy and no dependency of either
-focusjax or its tests. Optiland is given radii, distances and, for each wavelength, indices; it traces and adds up by
-itself. Indices of glasses come from its own catalogue.
+It needs Optiland 0.6.3 beside focusjax (`pip install optiland==0.6.3`), which is heavy and no dependency of
+either focusjax or its tests. Optiland is given radii, distances and, for each wavelength, indices; it traces
+and adds up by itself. Indices of glasses come from its own catalogue.
 """
 
 import argparse
@@ -13,8 +13,6 @@ import json
 from pathlib import Path
 
 import jax
-
-jax.config.update("jax_enable_x64", True)
 
 import jax.numpy as jnp
 import numpy as np
@@ -145,6 +143,7 @@ def indices() -> dict[str, list[float]]:
 
 
 def main() -> None:
+    jax.config.update("jax_enable_x64", True)
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

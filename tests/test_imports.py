@@ -55,11 +55,13 @@ ALLOWED = {
         "report",
         "_stopwatch",
     },
+    "charts": {"geometry", "optics", "lens", "io"},
     "_tell": {"focus", "job", "report", "shot", "bench"},
-    "cli": {"io", "config", "job", "report", "shot", "bench", "batch", "_tell"},
+    "cli": {"charts", "io", "config", "job", "report", "shot", "bench", "batch", "_tell"},
 }
 # The public face re-exports from everywhere below the command line.
 ALLOWED["__init__"] = set(ALLOWED) - {
+    "charts",
     "cli",
     "_tell",
     "report",

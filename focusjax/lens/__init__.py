@@ -16,6 +16,10 @@ from focusjax.lens._kernels import InverseDistance as InverseDistance
 from focusjax.lens._kernels import WendlandFade as WendlandFade
 from focusjax.lens._moving_least_squares import Basis as Basis
 from focusjax.lens._moving_least_squares import moving_least_squares as moving_least_squares
+from focusjax.lens._prescription import PrescriptionLens as PrescriptionLens
+from focusjax.lens._prescription import at_wavelength as at_wavelength
+from focusjax.lens._prescription import focused_lens as focused_lens
+from focusjax.lens._prescription import prescription_lens as prescription_lens
 from focusjax.lens._scheimpflug import MAX_TILT as MAX_TILT
 from focusjax.lens._scheimpflug import Movements as Movements
 from focusjax.lens._scheimpflug import focal_plane_through as focal_plane_through
@@ -28,7 +32,3 @@ from focusjax.lens._tilt_shift import TiltShiftLens as TiltShiftLens
 from focusjax.lens._tilt_shift import as_tilt_shift as as_tilt_shift
 from focusjax.lens._tilt_shift import lens_for_plane as lens_for_plane
 from focusjax.lens._tilt_shift import tilt_shift_lens as tilt_shift_lens
-from focusjax.lens._prescription import PrescriptionLens as PrescriptionLens
-from focusjax.lens._prescription import at_wavelength as at_wavelength
-from focusjax.lens._prescription import focused_lens as focused_lens
-from focusjax.lens._prescription import prescription_lens as prescription_lens

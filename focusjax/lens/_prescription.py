@@ -1,20 +1,22 @@
 """A real lens: rays traced from the film through its glass.
 
-The camera's pinhole stands at the middle of the entrance pupil, which is the centre of perspective of what a lens
-images sharply: points of the plane in focus whose rays through that point have the tangent t land, by first-order
-optics, on the film at the height -s t (`film_distance` gives s). The film point of a pixel p is therefore
+The camera's pinhole stands at the middle of the entrance pupil, which is the centre of perspective of what a
+lens images sharply: points of the plane in focus whose rays through that point have the tangent t land, by
+first-order optics, on the film at the height -s t (`film_distance` gives s). The film point of a pixel p is
+therefore
 
     h = -s (p - c) / f,         c the principal point, f the camera's focal length in pixels,
 
-so that the picture is framed as the pinhole's at every focus, but for the lens's distortion. With `breathing`, s is
-the focal length, as on a film of fixed size: the picture then grows as the lens focuses closer. A ray from h leaves
-the front of the lens as a straight line with slopes m that crosses the plane of the entrance pupil at P, and
-a = c + f m, b = f P as for every ray (y downwards). By first-order optics it is the thin lens's ray, with the
-entrance pupil's radius for the aperture's.
+so that the picture is framed as the pinhole's at every focus, but for the lens's distortion. With
+`breathing`, s is the focal length, as on a film of fixed size: the picture then grows as the lens focuses
+closer. A ray from h leaves the front of the lens as a straight line with slopes m that crosses the plane of
+the entrance pupil at P, and a = c + f m, b = f P as for every ray (y downwards). By first-order optics it is
+the thin lens's ray, with the entrance pupil's radius for the aperture's.
 
-Rays are spread over an ellipse around the opening that their film point sees (`_pupils`). Light that falls on the
-film is the integral of cos^4 over the last vertex plane, over the film distance squared; a ray's weight is its
-part of it, in units of that on the axis. So corners are darker by cos^4 and by vignetting, as in photographs.
+Rays are spread over an ellipse around the opening that their film point sees (`_pupils`). Light that falls on
+the film is the integral of cos^4 over the last vertex plane, over the film distance squared; a ray's weight
+is its part of it, in units of that on the axis. So corners are darker by cos^4 and by vignetting, as in
+photographs.
 """
 
 import dataclasses
@@ -44,7 +46,7 @@ _RADII = 33
 """Film radii at which pupils and bounds are kept; as many less one lie between them."""
 _FRAME_MARGIN = 4.0
 """Pixels beyond the frame from which rays may start, for wide filters."""
-_RINGS = 64
+_RINGS = 1024
 
 
 class PrescriptionLens(AbstractLens):
@@ -63,8 +65,9 @@ class PrescriptionLens(AbstractLens):
         film_step: tangent between the film radii of `pupils` and `bounds`.
         pupils: openings that film points see.
         bounds: disks around the rays of film points.
-        exposure: mean over the opening of what reaches the film on the axis, times the ellipse's size, in mm^2.
-        falloff: whether weights have cos^4 in them (static).
+        exposure: in mm^2, the product of the ellipse's half axes times the mean share of light over it, on
+            the axis.
+        falloff: power of the cosine to the axis at the film that is in the weights: 4, or 0.
     """
 
     prescription: Prescription
@@ -77,7 +80,7 @@ class PrescriptionLens(AbstractLens):
     pupils: Pupils
     bounds: RayBounds
     exposure: Float[Array, ""]
-    falloff: bool = eqx.field(static=True, default=True)
+    falloff: Float[Array, ""]
 
     def pupil_point(self, sample: Float[Array, "2"]) -> Float[Array, "2"]:
         return Disk().point(sample)
@@ -99,7 +102,7 @@ class PrescriptionLens(AbstractLens):
         last = self.pupils.centre.shape[0] - 1
         lit = (slope @ slope < STEEPEST**2) & (radius <= last * self.film_step)
         share = openness(found.clearance) * radial * tangential / self.exposure
-        share = jnp.where(lit, share * cosine**4 if self.falloff else share, 0.0)
+        share = jnp.where(lit, share * cosine**self.falloff, 0.0)
         # Where there is no light, any ray will do: the pinhole's.
         dark = share <= 0.0
         a = camera.principal_point + camera.focal_px * slope * upright
@@ -184,8 +187,8 @@ def prescription_lens(
         falloff: let light fall off as cos^4 towards the corners; vignetting does so either way.
 
     Raises:
-        ValueError: a lens without real images, an opening beyond the prescription's, a focus distance that takes
-            the film into the lens or to infinity, or an unknown way to focus.
+        ValueError: a lens without real images, an opening beyond the prescription's, a focus distance that
+            takes the film into the lens or to infinity, or an unknown way to focus.
 
     Example:
         >>> from focusjax.geometry import look_at
@@ -208,15 +211,14 @@ def prescription_lens(
     film, scale = film_distance(lens, lens.indices(line()), disparity * 1e-3)
     if not 0 < float(scale) < float("inf"):
         raise ValueError(
-            f"focus distance {distance} m is within the front focal point of {lens.name}, where it forms no real"
-            " image; focus farther away or use a shorter focal length"
+            f"focus distance {distance} m is within the front focal point of {lens.name}, where it forms no"
+            " real image; focus farther away or use a shorter focal length"
         )
     if not float(film) > 0:
         raise ValueError(f"the film of {lens.name} would be {-float(film):.3g} mm inside the lens")
     return focused_lens(lens, camera, disparity, focus=focus, breathing=breathing, falloff=falloff)
 
 
-@eqx.filter_jit
 def focused_lens(
     prescription: Prescription,
     camera: Camera,
@@ -226,85 +228,82 @@ def focused_lens(
     breathing: bool = False,
     falloff: bool = True,
 ) -> PrescriptionLens:
-    """As `prescription_lens`, unchecked and neither scaled nor stopped down: for derivatives and compiled code.
+    """As `prescription_lens`, unchecked, not scaled nor stopped down: for derivatives and compiled code.
 
-    Differentiable in the prescription and the focus; only the ellipse that rays are spread over is taken as it
-    is, since any that covers the opening gives the same picture.
+    Differentiable in the prescription and the focus; only the ellipse that rays are spread over is taken as
+    it is, since any that covers the opening gives the same picture.
     """
+    seen = first_order(prescription)
     indices = prescription.indices(line())
     disparity = focus_disparity * 1e-3
     film, scale = film_distance(prescription, indices, disparity)
-    seen = first_order(prescription)
     if focus == "traced":
         best = _best_film(prescription, indices, disparity)
         scale = scale * (best - seen.exit_pupil) / (film - seen.exit_pupil)
         film = best
     if breathing:
         scale = camera.focal_length * 1e3
-    return _at(prescription, indices, camera, focus_disparity, film, scale, seen.entrance_pupil, falloff)
+    power = jnp.asarray(4.0 if falloff else 0.0, dtype=film.dtype)
+    lens = _placed(prescription, indices, film, scale, seen.entrance_pupil, _film_step(camera), power)
+    return dataclasses.replace(lens, focus_disparity=focus_disparity)
 
 
-@eqx.filter_jit
 def at_wavelength(
     lens: PrescriptionLens, camera: Camera, wavelength: SupportsFloat | Float[Array, ""]
 ) -> PrescriptionLens:
     """The same lens with its film where it is, for light of another `wavelength` in nm."""
     indices = lens.prescription.indices(jnp.asarray(wavelength, dtype=lens.indices.dtype))
-    other = _at(
-        lens.prescription,
-        indices,
-        camera,
-        lens.focus_disparity,
-        lens.film_place,
-        lens.film_scale,
-        lens.entrance_pupil,
-        lens.falloff,
-    )
-    return dataclasses.replace(other, exposure=lens.exposure)
+    place = (lens.film_place, lens.film_scale, lens.entrance_pupil, _film_step(camera))
+    other = _placed(lens.prescription, indices, *place, lens.falloff)
+    return dataclasses.replace(other, focus_disparity=lens.focus_disparity, exposure=lens.exposure)
 
 
-def _at(
+def _film_step(camera: Camera) -> Float[Array, ""]:
+    """Tangent between the film radii that are kept, which reach beyond the frame's farthest corner."""
+    size = jnp.array([camera.width, camera.height], dtype=camera.principal_point.dtype)
+    farthest = jnp.maximum(camera.principal_point, size - camera.principal_point)
+    reach = jnp.sqrt(farthest @ farthest) + _FRAME_MARGIN
+    return jax.lax.stop_gradient(reach / camera.focal_px / (_RADII - 1))
+
+
+@eqx.filter_jit
+def _placed(
     prescription: Prescription,
     indices: Float[Array, " n_plus_1"],
-    camera: Camera,
-    focus_disparity: Float[Array, ""],
     film: Float[Array, ""],
     scale: Float[Array, ""],
     pupil: Float[Array, ""],
-    falloff: bool,
+    step: Float[Array, ""],
+    falloff: Float[Array, ""],
 ) -> PrescriptionLens:
     """The lens with its film in place: find what film points see, and bound their rays."""
-    farthest = jnp.maximum(
-        camera.principal_point, jnp.array([camera.width, camera.height]) - camera.principal_point
-    )
-    farthest = jax.lax.stop_gradient(jnp.sqrt(farthest @ farthest) + _FRAME_MARGIN) / camera.focal_px
-    radii = farthest * jnp.linspace(0.0, 1.0, 2 * _RADII - 1, dtype=indices.dtype)
+    radii = 0.5 * step * jnp.arange(2 * _RADII - 1, dtype=indices.dtype)
     pupils = find_pupils(prescription, indices, film, scale * radii)
     bounds = find_bounds(prescription, indices, film, scale, pupil, pupils, radii)
-    kept = jax.tree.map(lambda leaf: leaf[::2], pupils)
-    lens = PrescriptionLens(
+    # Rings of equal area: on the axis one ray stands for each.
+    rings = pupils.radial[0] * jnp.sqrt((jnp.arange(_RINGS, dtype=indices.dtype) + 0.5) / _RINGS)
+
+    def light(ring: Array) -> Array:
+        middle = jnp.zeros(2, dtype=ring.dtype)
+        found, cosine = from_film(prescription, indices, film, middle, jnp.stack([ring, middle[0]]))
+        return openness(found.clearance) * cosine**falloff
+
+    return PrescriptionLens(
         prescription=prescription,
         indices=indices,
-        focus_disparity=focus_disparity,
+        focus_disparity=jnp.zeros_like(film),
         film_place=film,
         film_scale=scale,
         entrance_pupil=pupil,
-        film_step=radii[2],
-        pupils=kept,
+        film_step=step,
+        pupils=jax.tree.map(lambda leaf: leaf[::2], pupils),
         bounds=bounds,
-        exposure=jnp.ones_like(film),
+        exposure=jnp.mean(jax.vmap(light)(rings)) * pupils.radial[0] * pupils.tangential[0],
         falloff=falloff,
     )
-    # Rings of equal area: the lens is round, so one ray stands for each.
-    rings = jnp.sqrt((jnp.arange(_RINGS, dtype=indices.dtype) + 0.5) / _RINGS)
-
-    def light(ring: Array) -> Array:
-        point = jnp.stack([ring, jnp.zeros_like(ring)])
-        return lens.ray(camera, camera.principal_point, point).weight
-
-    return dataclasses.replace(lens, exposure=jnp.mean(jax.vmap(light)(rings)))
 
 
+@eqx.filter_jit
 def _best_film(
     prescription: Prescription, indices: Float[Array, " n_plus_1"], disparity: Float[Array, ""]
 ) -> Float[Array, ""]:

@@ -1,9 +1,9 @@
 """Where light gets through a real lens, seen from the film, found by rays.
 
-From a film point h off the axis, the points of the last vertex plane through which rays reach the scene form a
-region without holes, symmetric about the meridional plane: a disk for the axis, a cat's eye towards the corners.
-The place of the greatest clearance is found by narrowing a search along the meridional line, the region's rim
-from there by bisection, and an ellipse around it is what rays are spread over. So few are lost.
+From a film point h off the axis, the points of the last vertex plane through which rays reach the scene form
+a region without holes, symmetric about the meridional plane: a disk for the axis, a cat's eye towards the
+corners. The place of the greatest clearance is found by narrowing a search along the meridional line, the
+region's rim from there by bisection, and an ellipse around it is what rays are spread over. So few are lost.
 """
 
 from typing import Any
@@ -33,7 +33,8 @@ class Pupils(eqx.Module):
         tangential: half its width across [k].
         inside: mm [k]; a point of the region.
         rim: distance in mm [k, t] from there to the rim, at angles of 0 to pi from the radial line.
-        open: whether any light comes through [k]; where none does, the rest is that of the nearest that is open.
+        open: whether any light comes through [k]; where none does, the rest is that of the nearest that is
+            open.
     """
 
     centre: Float[Array, " k"]

@@ -4,9 +4,9 @@ In tangents of the view, all rays of a film point at the radius r lie, at the di
 
     A(r) + B(r) |w - w_0(r)|        of        a(r) + b(r) w,
 
-with w_0 the disparity at which their spot is least. A and B are found at k radii from rays all over the opening.
-Film points halfway between those are traced, too: twice what they exceed the interpolated disks by is added to the
-neighbours, and 3 % for what lies between the rays.
+with w_0 the disparity at which their spot is least. A and B are found at k radii from rays all over the
+opening. Film points halfway between those are traced, too: twice what they exceed the interpolated disks by
+is added to the neighbours, and 3 % for what lies between the rays.
 """
 
 import equinox as eqx
@@ -19,7 +19,8 @@ from focusjax.optics import Prescription
 
 STEEPEST = 6.0
 """Tangent to the axis beyond which no ray is taken: 80.5 degrees."""
-_RINGS = (0.25, 0.5, 0.75, 1.0)
+_RINGS = (*(((ring + 0.5) / 4) ** 0.5 for ring in range(4)), 1.0)
+"""Shares of the rim's radius: four that stand for equal areas, and the rim, which stands for none."""
 _MARGIN = 1.03
 _ROUNDING = 2e-6
 
@@ -54,7 +55,7 @@ class RayBounds(eqx.Module):
 def exit_line(
     position: Float[Array, "3"], direction: Float[Array, "3"], pupil: Float[Array, ""]
 ) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
-    """Slopes [2] of a ray that left the lens backwards, and where in mm [2] it crosses the plane at `pupil`."""
+    """Slopes [2] of a ray that left backwards, and where [2] in mm it crosses the plane at `pupil`."""
     slope = -direction[:2] / direction[2]
     return slope, position[:2] - slope * (pupil - position[2])
 
@@ -75,8 +76,7 @@ def find_bounds(
         share = jnp.asarray(_RINGS, dtype=rim.dtype)[:, None]
         rings = share * rim[None]
         x, y = inside + rings * jnp.cos(angles), rings * jnp.sin(angles)
-        # Of equal angles a ring's rays stand for areas that grow with its radius squared.
-        area = share * rim[None] ** 2
+        area = jnp.where(share < 1.0, rim[None] ** 2, 0.0)
         film = jnp.stack([-film_scale * radius, jnp.zeros_like(radius)])
 
         def ray(x: Array, y: Array) -> tuple[Array, Array, Array]:

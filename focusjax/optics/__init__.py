@@ -37,3 +37,4 @@ from focusjax.optics._surfaces import sphere as sphere
 from focusjax.optics._trace import BLOCKED as BLOCKED
 from focusjax.optics._trace import RealRay as RealRay
 from focusjax.optics._trace import trace as trace
+from focusjax.optics._trace import trace_path as trace_path

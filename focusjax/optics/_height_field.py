@@ -10,7 +10,8 @@ class HeightField(AbstractSurface):
     """Heights on a square grid about the vertex, joined by bicubic patches (Catmull and Rom).
 
     The surface and its normal are continuous. Of a smooth surface, heights between the samples are met to the
-    third power of the spacing, and normals to the second. Beyond the grid's last ring but one there is no surface.
+    third power of the spacing, and normals to the second. Beyond the grid's last ring but one there is no
+    surface.
 
     Attributes:
         heights: sag in mm [n, n]; the first axis is y, the second x, both increasing.

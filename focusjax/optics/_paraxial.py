@@ -1,9 +1,9 @@
 """First-order optics: rays near the axis, as 2 x 2 matrices on (height y, slope u).
 
 Across a surface of curvature c, n' u' = n u - y c (n' - n); over a gap t, y' = y + t u. With [[A, B], [C, D]]
-from the first vertex to the last, the focal length in air is -1 / C and the rear focal point -A / C behind the
-last vertex. With [[a, b], [c, d]] up to the stop, the stop is seen at b / a behind the first vertex, 1 / a times
-as large.
+from the first vertex to the last, the focal length in air is -1 / C and the rear focal point -A / C behind
+the last vertex. With [[a, b], [c, d]] up to the stop, the stop is seen at b / a behind the first vertex, 1 /
+a times as large.
 """
 
 import dataclasses
@@ -79,7 +79,7 @@ def first_order(lens: Prescription, wavelength: Float[Array, ""] | None = None) 
 def system_matrices(
     lens: Prescription, indices: Float[Array, " n_plus_1"]
 ) -> tuple[Float[Array, "2 2"], Float[Array, "2 2"]]:
-    """[[A, B], [C, D]] from the first vertex to the last, in air on both sides; and to the stop, unrefracted."""
+    """[[A, B], [C, D]] from the first vertex to the last, in air; and to the stop, before it refracts."""
     curvatures = jnp.stack([surface.osculating()[0] for surface in lens.surfaces])
     before, after = indices[:-1], indices[1:]
     zero, one = jnp.zeros_like(before), jnp.ones_like(before)
@@ -111,8 +111,8 @@ def film_distance(
         disparity: 1/mm, inverse distance of the plane in focus from the entrance pupil; 0 is infinity.
 
     Returns:
-        Distance in mm from the last vertex to the film, and the film height in mm of a point of that plane per
-        unit of the slope at which the entrance pupil sees it: the focal length at infinity.
+        Distance in mm from the last vertex to the film, and the film height in mm of a point of that plane
+        per unit of the slope at which the entrance pupil sees it: the focal length at infinity.
     """
     ((A, B), (C, D)), ((a, b), _) = system_matrices(lens, indices)
     pupil = b / a

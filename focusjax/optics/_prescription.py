@@ -156,7 +156,7 @@ def _refuse_crossings(lens: Prescription) -> None:
         gap = np.asarray(lens.thicknesses[number] + after - before)
         if gap.min() < -_GAP:
             raise ValueError(
-                f"surfaces {number} and {number + 1} of {lens.name} cross {float(across[gap.argmin()]):.3g} mm"
-                f" from the axis, within their clear radius, by {-gap.min():.3g} mm; check the thickness"
+                f"surfaces {number} and {number + 1} of {lens.name} cross {float(across[gap.argmin()]):.3g}"
+                f" mm from the axis, within their clear radius, by {-gap.min():.3g} mm; check the thickness"
                 " between them and the semi-diameters"
             )

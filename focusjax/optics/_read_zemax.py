@@ -14,8 +14,9 @@ _MODEL = "___BLANK"
 def read_zemax(path: Path) -> Prescription:
     """The surfaces between the object and the image, with the stop that the file marks.
 
-    Read are UNIT, MODE, FNUM, ENPD, NAME and, of surfaces, TYPE, STOP, CURV, CONI, PARM, DISZ, GLAS and DIAM. The
-    stop is as wide as FNUM or ENPD say, or DIAM; if none says, as wide as the other surfaces let an axial beam be.
+    Read are UNIT, MODE, FNUM, ENPD, NAME and, of surfaces, TYPE, STOP, CURV, CONI, PARM, DISZ, GLAS and DIAM.
+    The stop is as wide as FNUM or ENPD say, or DIAM; if none says, as wide as the other surfaces let an axial
+    beam be.
 
     Raises:
         LensFileError: a surface type, mode or unit that is not supported, a mirror, numbers that are none, an

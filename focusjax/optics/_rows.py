@@ -125,7 +125,7 @@ def from_rows(
     f_number: float | None = None,
     pupil_diameter: float | None = None,
 ) -> Prescription:
-    """The prescription of a file's rows; `f_number` or `pupil_diameter` sets a stop that the file leaves open.
+    """The prescription of a file's rows; `f_number` or `pupil_diameter` sets its stop.
 
     Dummy planes in air are left out, and the gaps before and after them joined.
 

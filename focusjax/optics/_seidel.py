@@ -1,7 +1,7 @@
 """Third-order (Seidel) aberrations by surfaces (Welford, Aberrations of Optical Systems, chapter 8).
 
-With the refraction invariants A = n (h c + u) of the marginal ray and Ab = n (hb c + ub) of the chief ray, the
-Lagrange invariant H = n (u hb - ub h), and D(q) = q' - q across a surface of curvature c:
+With the refraction invariants A = n (h c + u) of the marginal ray and Ab = n (hb c + ub) of the chief ray,
+the Lagrange invariant H = n (u hb - ub h), and D(q) = q' - q across a surface of curvature c:
 
     S_I = -A^2 h D(u/n)          S_II = -A Ab h D(u/n)       S_III = -Ab^2 h D(u/n)
     S_IV = -H^2 c D(1/n)         S_V = -Ab^3 h D(1/n^2) + Ab c hb (2 Ab h - A hb) D(1/n)

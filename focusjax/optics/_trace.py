@@ -22,8 +22,8 @@ class RealRay(eqx.Module):
     Attributes:
         position: point of the last surface it met, in mm from the first vertex [3].
         direction: unit vector [3].
-        clearance: least 1 - (distance from the axis) / (semi-diameter) over all surfaces: 1 along the axis, 0 at
-            a rim, negative where the ray is cut off, and `BLOCKED` where there is none. A blocked ray goes
+        clearance: least 1 - (distance from the axis) / (semi-diameter) over all surfaces: 1 along the axis, 0
+            at a rim, negative where the ray is cut off, and `BLOCKED` where there is none. A blocked ray goes
             along the axis from the last vertex, so that it and its derivatives are finite.
     """
 
@@ -52,6 +52,29 @@ def trace(
     Returns:
         The ray as it leaves. Where surfaces cut it off it goes on as if they did not end.
     """
+    (x, y, z, u, v, w, clearance, alive), _ = _walk(lens, indices, position, direction, backward)
+    return RealRay(
+        position=jnp.stack([x, y, z]),
+        direction=jnp.stack([u, v, w]),
+        clearance=jnp.where(alive, clearance, BLOCKED),
+    )
+
+
+def trace_path(
+    lens: Prescription,
+    indices: Float[Array, " n_plus_1"],
+    position: Float[Array, "3"],
+    direction: Float[Array, "3"],
+) -> tuple[RealRay, Float[Array, "n 3"]]:
+    """As `trace` from the scene's side, with the points where the ray meets each surface."""
+    _, points = _walk(lens, indices, position, direction, False)
+    return trace(lens, indices, position, direction), points
+
+
+def _walk(
+    lens: Prescription, indices: Array, position: Array, direction: Array, backward: bool
+) -> tuple[tuple, Float[Array, "n 3"]]:
+    """The state of a ray after all surfaces, and its points on them in the order it meets them."""
     ahead = -1.0 if backward else 1.0
     u, v, w = direction
     alive = w * ahead > _LEAST_ADVANCE
@@ -60,19 +83,18 @@ def trace(
     state = (*position, *way, jnp.ones_like(u), alive)
     data = (lens.vertices(), lens.semi_diameters, before / after)
 
-    def step(state: tuple, surface_and_data: tuple) -> tuple[tuple, None]:
-        return _pass(state, *surface_and_data, ahead), None
+    def step(state: tuple, surface_and_data: tuple) -> tuple[tuple, Array]:
+        state = _pass(state, *surface_and_data, ahead)
+        return state, jnp.stack(state[:3])
 
+    points = []
     for run in runs(lens.surfaces, backward=backward):
         chosen = jax.tree.map(lambda leaf, run=run: leaf[jnp.array(run)], data)
         surfaces = [lens.surfaces[number] for number in run]
-        state, _ = jax.lax.scan(step, state, (jax.tree.map(lambda *one: jnp.stack(one), *surfaces), *chosen))
-    x, y, z, u, v, w, clearance, alive = state
-    return RealRay(
-        position=jnp.stack([x, y, z]),
-        direction=jnp.stack([u, v, w]),
-        clearance=jnp.where(alive, clearance, BLOCKED),
-    )
+        stacked = jax.tree.map(lambda *one: jnp.stack(one), *surfaces)
+        state, met = jax.lax.scan(step, state, (stacked, *chosen))
+        points.append(met)
+    return state, jnp.concatenate(points)
 
 
 def runs(surfaces: Sequence[AbstractSurface], *, backward: bool = False) -> list[list[int]]:

@@ -23,6 +23,7 @@ from focusjax.metrics import psnr
 from focusjax.optics import (
     RGB_WAVELENGTHS,
     air,
+    film_distance,
     find_glass,
     first_order,
     lens_preset,
@@ -58,7 +59,7 @@ def lens(request) -> PrescriptionLens:
 
 @eqx.filter_jit
 def rays_at(lens, film):
-    side = jnp.linspace(0.0, 1.0, 61)
+    side = (jnp.arange(61.0) + 0.5) / 61
     square = jnp.stack(jnp.meshgrid(side, side), axis=-1).reshape(-1, 2)
     return jax.vmap(lambda sample: lens.ray(CAMERA, film, lens.pupil_point(sample)))(square)
 
@@ -86,8 +87,9 @@ def test_bounds_hold_all_rays_with_light(lens):
             (centre, radius), reach, parallax, _ = bounds_at(lens, film, jnp.array(w))
             away = np.linalg.norm(a + b * w - np.asarray(centre), axis=1).max()
             assert away <= float(radius)
-            # Observed: 0.35, at the dark corner; nearly always above 0.8.
-            assert away >= 0.3 * float(radius)
+            if w == 1.7:
+                # Observed: 0.63 to 0.96, the least where most is cut off.
+                assert away >= 0.5 * float(radius)
             strays = np.abs(a + b * w - np.asarray(film)).max()
             assert strays <= float(reach)
             farthest[w] = max(farthest[w], strays / float(reach))
@@ -111,7 +113,7 @@ def test_light_falls_off_as_the_fourth_power_of_the_cosine_and_by_vignetting(sin
     # The stop is the lens itself: nothing else cuts rays off. Observed: 1.4 % more, as the film is farther.
     light = float(rays_at(single, corner).weight.mean())
     assert light == pytest.approx(cosine**4, rel=0.04)
-    even = dataclasses.replace(single, falloff=False)
+    even = dataclasses.replace(single, falloff=jnp.asarray(0.0))
     assert float(rays_at(even, corner).weight.mean()) == pytest.approx(1.0, rel=0.06)
     # Observed: 0.22.
     assert 0.1 < float(rays_at(gauss, corner).weight.mean()) < 0.3
@@ -129,46 +131,42 @@ def test_vignetted_highlights_are_cats_eyes(gauss):
     assert ratios[0] - 0.05 > ratios[1] > ratios[2] + 0.05
 
 
-@pytest.mark.parametrize("distance", [float("inf"), 1.5])
-def test_stopped_down_it_is_the_thin_lens(distance):
+def test_stopped_down_it_is_the_thin_lens():
     """In the middle of the picture, where third-order terms are small: the same a and b."""
-    planar = lens_preset("planar_us583336_f4.5_1897")
-    lens = prescription_lens(planar, CAMERA, focus_distance=distance, f_number=32, focus="paraxial")
+    lens = prescription_lens(biconvex(), CAMERA, focus_distance=1.5, f_number=32, focus="paraxial")
     pupil = first_order(lens.prescription).entrance_pupil_radius * 1e-3
-    thin = ThinLens(jnp.asarray(1 / distance), pupil)
+    thin = ThinLens(jnp.asarray(1 / 1.5), pupil)
     for film in (jnp.array([31.0, 19.0]), jnp.array([28.0, 21.5])):
-        rays, straight = rays_at(lens, film), rays_at(thin, film)
+        rays = rays_at(lens, film)
         lit = np.asarray(rays.weight) > 0
         a, b = np.asarray(rays.a)[lit], np.asarray(rays.b)[lit]
-        met = a + b / distance
-        # Observed: 2e-4 pixels.
-        np.testing.assert_allclose(met, np.broadcast_to(film, met.shape), atol=1e-3)
+        met = a + b / 1.5
+        # Observed: 1e-3 pixels, of spherical aberration.
+        np.testing.assert_allclose(met, np.broadcast_to(film, met.shape), atol=3e-3)
         # The soft rim lets in 1 % more.
-        assert np.linalg.norm(b, axis=1).max() == pytest.approx(
-            np.linalg.norm(np.asarray(straight.b), axis=1).max(), rel=0.015
-        )
+        assert np.linalg.norm(b, axis=1).max() == pytest.approx(float(thin.parallax(CAMERA)) * 1.01, rel=0.02)
         blur, wanted = (bounds_at(one, film, jnp.array(2.0))[3] for one in (lens, thin))
+        # Observed: 0.4 %.
         assert float(blur) == pytest.approx(float(wanted), rel=0.01)
 
 
 def test_a_traced_focus_has_the_smaller_spot(gauss):
-    paraxial = prescription_lens(
-        lens_preset("gauss_jp62087922_f1.8_1987"), CAMERA, focus_distance=2.0, focus="paraxial"
-    )
+    near, _ = film_distance(gauss.prescription, gauss.indices, jnp.asarray(0.5e-3))
+    paraxial = dataclasses.replace(gauss, film_place=near)
 
     def spot(lens):
         rays = rays_at(lens, CAMERA.principal_point)
         landed = np.asarray(rays.a + rays.b * 0.5)[np.asarray(rays.weight) > 0]
         return landed.std(axis=0).max()
 
-    assert spot(gauss) < 0.9 * spot(paraxial)
+    # Observed: 0.6.
+    assert spot(gauss) < 0.8 * spot(paraxial)
 
 
 def test_breathing_lets_the_picture_grow():
-    planar = lens_preset("planar_us583336_f4.5_1897")
     film = jnp.array([34.0, 20.0])
     still, grown = (
-        prescription_lens(planar, CAMERA, focus_distance=0.5, f_number=16, breathing=breathing)
+        prescription_lens(biconvex(), CAMERA, focus_distance=0.5, f_number=16, breathing=breathing)
         for breathing in (False, True)
     )
 
@@ -178,9 +176,7 @@ def test_breathing_lets_the_picture_grow():
 
     # What a place of the fixed film sees is nearer to the axis: by about the magnification, 0.05 / 0.45.
     assert looks(still) == pytest.approx(34.0, abs=0.02)
-    assert looks(grown) - 30.0 == pytest.approx(
-        4.0 * float(CAMERA.focal_length) * 1e3 / float(still.film_scale)
-    )
+    assert looks(grown) - 30.0 == pytest.approx(4.0 * 50.0 / float(still.film_scale), rel=1e-3)
     assert 1.05 < float(still.film_scale) / 50.0 < 1.15
 
 
@@ -203,30 +199,28 @@ def test_derivatives_are_those_of_differences():
     lens = opened_to(with_focal_length(biconvex(), 50.0), 4.0)
     film, sample = jnp.array([47.0, 12.0]), jnp.array([0.8, 0.35])
 
+    def mix(given):
+        bend, thicker, focus = given
+        bent = eqx.tree_at(
+            lambda lens: (lens.surfaces[0].curvature, lens.thicknesses),
+            lens,
+            (lens.surfaces[0].curvature * bend, lens.thicknesses * thicker),
+        )
+        made = dataclasses.replace(focused_lens(bent, CAMERA, focus), pupils=fixed)
+        ray = made.ray(CAMERA, film, made.pupil_point(sample))
+        return ray.a @ jnp.array([1.0, 0.5]) + ray.b @ jnp.array([0.7, -1.0])
+
     @jax.jit
     def slopes(given):
-        def mix(given):
-            bend, thicker, focus = given
-            bent = eqx.tree_at(
-                lambda lens: (lens.surfaces[0].curvature, lens.thicknesses),
-                lens,
-                (lens.surfaces[0].curvature * bend, lens.thicknesses * thicker),
-            )
-            made = focused_lens(bent, CAMERA, focus)
-            made = dataclasses.replace(made, pupils=jax.lax.stop_gradient(fixed))
-            ray = made.ray(CAMERA, film, made.pupil_point(sample))
-            blur = made.blur(CAMERA, film, jnp.asarray(1.0))
-            return ray.a @ jnp.array([1.0, 0.5]) + ray.b @ jnp.array([0.7, -1.0]) + ray.weight + 0.3 * blur
-
         along = jnp.array([0.5, -0.3, 0.2])
-        ends = [mix(given + step * along) for step in (1e-5, -1e-5)]
-        return jax.grad(mix)(given) @ along, (ends[0] - ends[1]) / 2e-5
+        ends = jax.vmap(mix)(given[None] + jnp.array([1e-5, -1e-5])[:, None] * along[None])
+        return jax.jvp(mix, (given,), (along,))[1], (ends[0] - ends[1]) / 2e-5
 
     given = jnp.array([1.0, 1.0, 0.5])
     fixed = focused_lens(lens, CAMERA, given[2]).pupils
     slope, difference = slopes(given)
-    # Observed: see below; the bounds' own places move with the lens in differences only.
-    assert float(slope) == pytest.approx(float(difference), rel=1e-3)
+    # Observed: 1e-9.
+    assert float(slope) == pytest.approx(float(difference), rel=1e-7)
 
 
 def test_dark_corners_and_closed_pupils_have_finite_derivatives():
@@ -245,29 +239,30 @@ def test_dark_corners_and_closed_pupils_have_finite_derivatives():
     np.testing.assert_array_equal(rays.weight, 0.0)
     np.testing.assert_array_equal(rays.a, np.broadcast_to(corner, rays.a.shape))
 
+    @eqx.filter_jit
     @eqx.filter_grad
-    def slopes(lens, film):
-        ray = lens.ray(CAMERA, film, jnp.array([0.3, 0.9]))
-        seen = lens.blur(CAMERA, film, jnp.asarray(1.0)), lens.footprint(CAMERA, film, jnp.asarray(1.0))
-        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves((ray, seen)))
+    def slopes(lens, films):
+        rays = jax.vmap(lambda film: lens.ray(CAMERA, film, jnp.array([0.3, 0.9])))(films)
+        blurs = jax.vmap(lambda film: lens.blur(CAMERA, film, jnp.asarray(1.0)))(films)
+        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves((rays, blurs)))
 
-    for film in (corner, CAMERA.principal_point, jnp.array([45.0, 20.0])):
-        for leaf in jax.tree.leaves(eqx.filter_jit(slopes)(lens, film)):
-            assert np.isfinite(leaf).all()
+    films = jnp.stack([corner, CAMERA.principal_point, jnp.array([45.0, 20.0])])
+    for leaf in jax.tree.leaves(slopes(lens, films)):
+        assert np.isfinite(leaf).all()
 
 
-def test_the_tracer_renders_it_unchanged(gauss):
+def test_the_tracer_renders_it_unchanged(single):
     """A white world is as bright as the light that falls on the film: darker towards the corners."""
     white = make_scene(
         [make_object("card", *card(), colour=(0, 0, 0), emission=1.0)],
         background=constant_background(1.0),
         unlit=True,
     )
-    image = np.asarray(render(peel(white, CAMERA, gauss), gauss, rays=64, even=True))[..., 0]
-    light = [float(rays_at(gauss, jnp.array(film)).weight.mean()) for film in ((30.5, 20.5), (58.5, 38.5))]
-    # Observed: 0.2 %, and 3 % where two of three rays are lost; of 64 rays each.
+    image = np.asarray(render(peel(white, CAMERA, single), single, rays=64, even=True))[..., 0]
+    light = [float(rays_at(single, jnp.array(film)).weight.mean()) for film in ((30.5, 20.5), (58.5, 38.5))]
+    # Observed: 0.3 % and 0.4 %, of 64 rays each.
     assert image[20, 30] == pytest.approx(light[0], rel=0.02)
-    assert image[37:40, 57:60].mean() == pytest.approx(light[1], rel=0.05)
+    assert image[37:40, 57:60].mean() == pytest.approx(light[1], rel=0.02)
 
 
 def card():
@@ -279,14 +274,13 @@ def card():
 
 def test_stopped_far_down_it_renders_the_thin_lens_picture():
     """Of a small field, where the lens hardly distorts."""
-    camera = look_at((0, 0, 2), (0, 0, 0), width=48, height=36, focal_length=0.05, sensor_width=0.008)
+    camera = look_at((0, 0, 2), (0, 0, 0), width=60, height=40, focal_length=0.05, sensor_width=0.008)
     scene = make_scene(
         [ball("near", (0.03, 0.02, 0.5), 0.06, 1), ball("far", (-0.06, 0.0, -0.6), 0.15, 2)],
         background=constant_background(0.2),
         unlit=True,
     )
-    planar = lens_preset("planar_us583336_f4.5_1897")
-    lens = prescription_lens(planar, camera, focus_distance=2.0, f_number=22, focus="paraxial", falloff=False)
+    lens = prescription_lens(biconvex(), camera, focus_distance=2.0, f_number=22, falloff=False)
     pupil = first_order(lens.prescription).entrance_pupil_radius * 1e-3
     thin = ThinLens(jnp.asarray(0.5), pupil)
     real, ideal = (

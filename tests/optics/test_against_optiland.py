@@ -1,4 +1,4 @@
-"""Rays, first-order data, Seidel sums and indices against Optiland's, made by scripts/make_lens_references.py."""
+"""Rays, first-order data, Seidel sums and indices against Optiland's (scripts/make_lens_references.py)."""
 
 import json
 from pathlib import Path

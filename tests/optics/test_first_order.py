@@ -87,7 +87,7 @@ def test_scaling_and_stopping_down():
 
 
 def test_lenses_that_form_no_image_and_openings_that_are_none():
-    with pytest.raises(ValueError, match="focal length of -48.*only a converging lens"):
+    with pytest.raises(ValueError, match=r"focal length of -48.*only a converging lens"):
         with_focal_length(singlet(-50, 50, thickness=2, semi_diameter=5, glass=GLASS), 50)
     n = float(GLASS.index(line()))
     # Concentric enough: the thickness that makes two convex surfaces a telescope.
@@ -129,7 +129,7 @@ def test_sums_of_colour_are_the_shift_of_focus_and_image(name):
 
 
 def test_bending_a_thin_singlet_for_least_spherical_aberration():
-    """The textbook's shape, -2 (n^2 - 1) / (n + 2) for far things (Kingslake), from the derivative of W040."""
+    """The textbook's shape for far things, 2 (n^2 - 1) / (n + 2), from the derivatives of W040."""
     n = 1.5
     glass, power, radius = index_glass(n), 1 / 100.0, 5.0
 

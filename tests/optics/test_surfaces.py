@@ -50,7 +50,7 @@ def rescaled(tree, factors):
 
 
 def check_slope(function, argument):
-    """Derivatives of a mix of the answers along a mix of the arguments: forwards, in reverse, by differences."""
+    """Derivatives of a mix of answers along a mix of arguments: forwards, in reverse, by differences."""
     flat, restore = ravel_pytree(argument)
     along = jnp.cos(jnp.arange(flat.size) + 1.0) * 0.3
 

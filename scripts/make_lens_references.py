@@ -13,7 +13,6 @@ import json
 from pathlib import Path
 
 import jax
-
 import jax.numpy as jnp
 import numpy as np
 import optiland

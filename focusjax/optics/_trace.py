@@ -84,7 +84,8 @@ def _walk(
     data = (lens.vertices(), lens.semi_diameters, before / after)
 
     def step(state: tuple, surface_and_data: tuple) -> tuple[tuple, Array]:
-        state = _pass(state, *surface_and_data, ahead)
+        surface, vertex, semi_diameter, ratio = surface_and_data
+        state = _pass(state, surface, vertex, semi_diameter, ratio, ahead)
         return state, jnp.stack(state[:3])
 
     points = []

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from optics_lenses import biconvex
+from scipy.stats import qmc
 from small_scenes import SQUARE, ball
 
 from focusjax.geometry import look_at
@@ -38,6 +39,7 @@ from focusjax.trace import render
 CAMERA = look_at((1.0, 0.5, 2.0), (0.0, 0.0, 0.0), width=60, height=40, focal_length=0.05)
 FILM = [(30.0, 20.0), (46.3, 13.8), (59.8, 39.7), (0.4, 22.0)]
 DISPARITIES = [0.0, 0.3, 0.5, 1.7]
+SQUARE_POINTS = qmc.Sobol(2, rng=np.random.default_rng(2)).random_base2(12)
 
 
 @pytest.fixture(scope="module")
@@ -59,9 +61,9 @@ def lens(request) -> PrescriptionLens:
 
 @eqx.filter_jit
 def rays_at(lens, film):
-    side = (jnp.arange(61.0) + 0.5) / 61
-    square = jnp.stack(jnp.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    return jax.vmap(lambda sample: lens.ray(CAMERA, film, lens.pupil_point(sample)))(square)
+    return jax.vmap(lambda sample: lens.ray(CAMERA, film, lens.pupil_point(sample)))(
+        jnp.asarray(SQUARE_POINTS)
+    )
 
 
 @eqx.filter_jit
@@ -103,7 +105,7 @@ def test_the_axis_is_the_pinholes_and_has_all_the_light(lens):
     ray = eqx.filter_jit(lambda: lens.ray(CAMERA, centre, jnp.zeros(2)))()
     np.testing.assert_allclose(ray.a, centre, atol=1e-12)
     np.testing.assert_allclose(ray.b, 0.0, atol=1e-12)
-    # Observed: 1.0005, from 61 x 61 samples of a soft rim.
+    # Observed: LIGHT.
     assert float(rays_at(lens, centre).weight.mean()) == pytest.approx(1.0, abs=2e-3)
 
 
@@ -143,8 +145,8 @@ def test_stopped_down_it_is_the_thin_lens():
         met = a + b / 1.5
         # Observed: 1e-3 pixels, of spherical aberration.
         np.testing.assert_allclose(met, np.broadcast_to(film, met.shape), atol=3e-3)
-        # The soft rim lets in 1 % more.
-        assert np.linalg.norm(b, axis=1).max() == pytest.approx(float(thin.parallax(CAMERA)) * 1.01, rel=0.02)
+        # The soft rim lets in 1 % more; no sample is quite on it.
+        assert 0.97 < np.linalg.norm(b, axis=1).max() / float(thin.parallax(CAMERA)) < 1.0101
         blur, wanted = (bounds_at(one, film, jnp.array(2.0))[3] for one in (lens, thin))
         # Observed: 0.4 %.
         assert float(blur) == pytest.approx(float(wanted), rel=0.01)

@@ -14,6 +14,8 @@ FULL_FRAME = 21.63
 """Half the diagonal in mm of a 36 mm x 24 mm film."""
 _LINE = 1001
 """Rays along a line across the pupil."""
+_NEAR_AXIS = 1e-3
+"""Field angle in radians at which a lens does not distort."""
 _LEAST_LIGHT = 0.1
 """Share of the axis's light below which a field point counts as dark."""
 
@@ -146,15 +148,15 @@ def film_at(lens: Prescription) -> float:
 def field_curves(
     lens: Prescription, fields: np.ndarray, film: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Tangential and sagittal focus (mm before or behind the film) and distortion in % for some field angles.
+    """Tangential and sagittal focus (mm from the film) and distortion in % for some field angles.
 
-    Of rays close to the one through the middle of the beam that passes.
+    Of rays close to the one through the middle of the beam that passes; distortion is against the scale of
+    the picture near the axis, where the film is.
     """
-    focal = float(first_order(lens).focal_length)
-    tangential, sagittal, distortion = [], [], []
+    tangential, sagittal, scales = [], [], []
     step = 1e-3 * float(first_order(lens).entrance_pupil_radius)
     pupil, reach = float(first_order(lens).entrance_pupil), 1500.0 * step
-    for field in fields:
+    for field in [*fields, _NEAR_AXIS]:
         line_up = np.column_stack([np.zeros(_LINE), reach * np.linspace(-1.0, 1.0, _LINE)])
         start, way = rays_from(lens, float(field), np.inf, line_up, pupil)
         passed = line_up[np.asarray(_through(lens, line(), start, way)[2]) >= 0, 1]
@@ -171,6 +173,6 @@ def field_curves(
 
         tangential.append(meet(1, 2, 1))
         sagittal.append(meet(3, 4, 0))
-        ideal = focal * np.tan(field)
-        distortion.append(100.0 * (landed[0, 1] - ideal) / ideal if field else 0.0)
-    return np.array(tangential), np.array(sagittal), np.array(distortion)
+        scales.append(landed[0, 1] / np.tan(field) if field else np.nan)
+    distortion = 100.0 * (np.array(scales[:-1]) / scales[-1] - 1.0)
+    return np.array(tangential[:-1]), np.array(sagittal[:-1]), np.nan_to_num(distortion)

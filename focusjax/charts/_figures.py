@@ -81,14 +81,12 @@ def highlights(path: Path, lens: Prescription, field: float) -> None:
     figure = _figure(9.0, 4.8)
     panels = figure.subplots(2, len(_FIELDS), sharex=True, sharey=True)
     rows = (("far behind the focus", np.inf), ("in front of the focus", 15.0 * focal))
-    size = 0.6 * focal / float(first_order(lens).f_number) / 30.0 * 1.6
-    for row, (name, distance) in zip(panels, rows, strict=True):
-        for axes, share in zip(row, _FIELDS, strict=True):
-            rays = beam(lens, share * field, distance=distance, across=401, scattered=True)
-            landed = rays.at(film)
-            middle = 0.5 * (landed.max(axis=0) + landed.min(axis=0)) if len(landed) else np.zeros(2)
-            edges = np.linspace(-size, size, 61)
-            density, _, _ = np.histogram2d(*(landed - middle).T[::-1], bins=[edges, edges])
+    landed = [[_highlight(lens, share * field, distance, film) for share in _FIELDS] for _, distance in rows]
+    size = 1.1 * max(float(np.abs(points).max(initial=1e-3)) for row in landed for points in row)
+    edges = np.linspace(-size, size, 81)
+    for row, (name, _), found in zip(panels, rows, landed, strict=True):
+        for axes, share, points in zip(row, _FIELDS, found, strict=True):
+            density, _, _ = np.histogram2d(*points.T[::-1], bins=[edges, edges])
             top = np.percentile(density[density > 0], 97) if density.any() else 1.0
             extent = (-size, size, -size, size)
             axes.imshow(density, origin="lower", extent=extent, cmap="gray", vmin=0, vmax=top)
@@ -96,6 +94,12 @@ def highlights(path: Path, lens: Prescription, field: float) -> None:
         row[0].set_ylabel(f"{name}\nmm", fontsize=8)
     figure.suptitle(f"Highlights, focused at 30 focal lengths: {_title(lens)}", fontsize=10)
     _save(figure, path)
+
+
+def _highlight(lens: Prescription, field: float, distance: float, film: float) -> np.ndarray:
+    """Where the rays of a point land, in mm about the middle of them all [r, 2]."""
+    points = beam(lens, field, distance=distance, across=401, scattered=True).at(film)
+    return points - 0.5 * (points.max(axis=0) + points.min(axis=0)) if len(points) else points
 
 
 def curves(path: Path, lens: Prescription, film: float, field: float) -> None:

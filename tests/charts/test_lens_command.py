@@ -45,7 +45,7 @@ def test_charted_curves_are_those_of_the_seidel_sums(file):
     sums = seidel_sums(lens, field=field)
     three, four = float(sums.astigmatism.sum()), float(sums.petzval.sum())
     slope = float(seen.entrance_pupil_radius / seen.focal_length)
-    # Observed: 0.3 % and 0.6 %, from terms of the fifth order.
+    # The rest is of the fifth order.
     assert sagittal[1] - sagittal[0] == pytest.approx(-(four + three) / (2 * slope**2), rel=0.03)
     assert tangential[1] - tangential[0] == pytest.approx(-(four + 3 * three) / (2 * slope**2), rel=0.03)
 

@@ -90,7 +90,7 @@ def test_bounds_hold_all_rays_with_light(lens):
             away = np.linalg.norm(a + b * w - np.asarray(centre), axis=1).max()
             assert away <= float(radius)
             if w == 1.7:
-                # Observed: 0.63 to 0.96, the least where most is cut off.
+                # Observed: 0.69 to 0.93; least for the simple lens, whose spot in focus is wide.
                 assert away >= 0.5 * float(radius)
             strays = np.abs(a + b * w - np.asarray(film)).max()
             assert strays <= float(reach)
@@ -105,7 +105,7 @@ def test_the_axis_is_the_pinholes_and_has_all_the_light(lens):
     ray = eqx.filter_jit(lambda: lens.ray(CAMERA, centre, jnp.zeros(2)))()
     np.testing.assert_allclose(ray.a, centre, atol=1e-12)
     np.testing.assert_allclose(ray.b, 0.0, atol=1e-12)
-    # Observed: within 2e-3, of 4096 samples.
+    # Observed: 1.0001.
     assert float(rays_at(lens, centre).weight.mean()) == pytest.approx(1.0, abs=2e-3)
 
 
@@ -117,7 +117,7 @@ def test_light_falls_off_as_the_fourth_power_of_the_cosine_and_by_vignetting(sin
     assert light == pytest.approx(cosine**4, rel=0.06)
     even = dataclasses.replace(single, falloff=jnp.asarray(0.0))
     assert float(rays_at(even, corner).weight.mean()) == pytest.approx(1.0, rel=0.06)
-    # Observed: 0.22.
+    # Observed: 0.23.
     assert 0.1 < float(rays_at(gauss, corner).weight.mean()) < 0.3
 
 
@@ -128,7 +128,7 @@ def test_vignetted_highlights_are_cats_eyes(gauss):
         rays = rays_at(gauss, jnp.array(film))
         b = np.asarray(rays.b)[np.asarray(rays.weight) > 0]
         ratios.append(np.ptp(b[:, 0]) / np.ptp(b[:, 1]))
-    # Observed: 1.00, 0.85, 0.65.
+    # Observed: 1.00, 0.85, 0.60.
     assert ratios[0] == pytest.approx(1.0, abs=0.02)
     assert ratios[0] - 0.05 > ratios[1] > ratios[2] + 0.05
 
@@ -143,8 +143,8 @@ def test_stopped_down_it_is_the_thin_lens():
         lit = np.asarray(rays.weight) > 0
         a, b = np.asarray(rays.a)[lit], np.asarray(rays.b)[lit]
         met = a + b / 1.5
-        # Observed: 1e-3 pixels, of spherical aberration.
-        np.testing.assert_allclose(met, np.broadcast_to(film, met.shape), atol=3e-3)
+        # Observed: 1.4e-3 and 2.8e-3 pixels, of third-order terms.
+        np.testing.assert_allclose(met, np.broadcast_to(film, met.shape), atol=4e-3)
         # The soft rim lets in 1 % more; no sample is quite on it.
         assert 0.97 < np.linalg.norm(b, axis=1).max() / float(thin.parallax(CAMERA)) < 1.0101
         blur, wanted = (bounds_at(one, film, jnp.array(2.0))[3] for one in (lens, thin))
@@ -161,7 +161,7 @@ def test_a_traced_focus_has_the_smaller_spot(gauss):
         landed = np.asarray(rays.a + rays.b * 0.5)[np.asarray(rays.weight) > 0]
         return landed.std(axis=0).max()
 
-    # Observed: 0.6.
+    # Observed: 0.43.
     assert spot(gauss) < 0.8 * spot(paraxial)
 
 
@@ -221,7 +221,7 @@ def test_derivatives_are_those_of_differences():
     given = jnp.array([1.0, 1.0, 0.5])
     fixed = focused_lens(lens, CAMERA, given[2]).pupils
     slope, difference = slopes(given)
-    # Observed: 1e-9.
+    # The differences' own error is near that.
     assert float(slope) == pytest.approx(float(difference), rel=1e-7)
 
 
@@ -262,7 +262,7 @@ def test_the_tracer_renders_it_unchanged(single):
     )
     image = np.asarray(render(peel(white, CAMERA, single), single, rays=64, even=True))[..., 0]
     light = [float(rays_at(single, jnp.array(film)).weight.mean()) for film in ((30.5, 20.5), (58.5, 38.5))]
-    # Observed: 0.3 % and 0.4 %, of 64 rays each.
+    # The noise of 64 rays a pixel is below that.
     assert image[20, 30] == pytest.approx(light[0], rel=0.02)
     assert image[37:40, 57:60].mean() == pytest.approx(light[1], rel=0.02)
 
@@ -288,6 +288,7 @@ def test_stopped_far_down_it_renders_the_thin_lens_picture():
     real, ideal = (
         np.asarray(render(peel(scene, camera, one), one, rays=256, even=True)) for one in (lens, thin)
     )
+    # Observed: 55.6 dB.
     assert psnr(real, ideal) > 50
 
 

@@ -63,7 +63,7 @@ def test_traced_rays_near_the_axis_obey_first_order(name):
     lens = LENSES[name]
     seen = first_order(lens)
     tiny, none = jnp.asarray(1e-5), jnp.asarray(0.0)
-    # Observed: 2e-11 mm, from terms of the third order.
+    # The rest is of the third order.
     assert float(ray_height(lens, tiny, none, seen.back_focal_distance)) == pytest.approx(0.0, abs=1e-9)
     landed = float(ray_height(lens, -tiny * seen.entrance_pupil, tiny, seen.back_focal_distance))
     assert landed == pytest.approx(1e-5 * float(seen.focal_length), rel=1e-8)
@@ -112,7 +112,7 @@ def test_the_spherical_sum_is_that_of_traced_rays(name):
     height = jnp.asarray(share) * seen.entrance_pupil_radius
     landed = float(ray_height(lens, height, jnp.asarray(0.0), seen.back_focal_distance))
     slope = float(seen.entrance_pupil_radius / seen.focal_length)
-    # Observed: 0.3 %, of the fifth order; it is a quarter of that at half the share.
+    # The rest is of the fifth order.
     assert landed == pytest.approx(-4 * w040 * share**3 / slope, rel=1e-2)
 
 

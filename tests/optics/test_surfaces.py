@@ -66,7 +66,7 @@ def check_slope(function, argument):
     forward, reverse, difference = slopes(flat)
     assert abs(float(forward)) > 1e-3
     assert float(reverse) == pytest.approx(float(forward), rel=1e-12)
-    # Observed: 3e-9.
+    # The differences' own error is near that.
     assert float(difference) == pytest.approx(float(forward), rel=1e-7)
 
 

@@ -49,13 +49,17 @@ from focusjax.layers import umbra_saving as umbra_saving
 from focusjax.lens import Disk as Disk
 from focusjax.lens import FocalSurface as FocalSurface
 from focusjax.lens import FocalSurfaceLens as FocalSurfaceLens
+from focusjax.lens import PrescriptionLens as PrescriptionLens
 from focusjax.lens import ThinLens as ThinLens
 from focusjax.lens import TiltShiftLens as TiltShiftLens
 from focusjax.lens import focal_surface as focal_surface
 from focusjax.lens import focal_surface_lens as focal_surface_lens
 from focusjax.lens import polygon as polygon
+from focusjax.lens import prescription_lens as prescription_lens
 from focusjax.lens import thin_lens as thin_lens
 from focusjax.lens import tilt_shift_lens as tilt_shift_lens
+from focusjax.optics import lens_preset as lens_preset
+from focusjax.optics import load_lens as load_lens
 from focusjax.scene import Scene as Scene
 from focusjax.scene import constant_background as constant_background
 from focusjax.scene import directional_light as directional_light

@@ -24,6 +24,10 @@ from focusjax.lens._moving_least_squares import Basis as Basis
 from focusjax.lens._moving_least_squares import moving_least_squares as moving_least_squares
 from focusjax.lens._obstructed import Obstructed as Obstructed
 from focusjax.lens._obstructed import obstructed as obstructed
+from focusjax.lens._prescription import PrescriptionLens as PrescriptionLens
+from focusjax.lens._prescription import at_wavelength as at_wavelength
+from focusjax.lens._prescription import focused_lens as focused_lens
+from focusjax.lens._prescription import prescription_lens as prescription_lens
 from focusjax.lens._scheimpflug import MAX_TILT as MAX_TILT
 from focusjax.lens._scheimpflug import Movements as Movements
 from focusjax.lens._scheimpflug import focal_plane_through as focal_plane_through

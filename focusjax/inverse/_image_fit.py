@@ -82,7 +82,22 @@ def standard_errors(
         slopes: of the picture by the free settings [h, w, 3, k].
         weight: of each value [h, w, 3].
     """
-    columns, size = np.array(variables.columns), len(variables.columns)
+    columns = np.array(variables.columns)
+    spread, known = covariance(residual, slopes, weight)
+    turned = np.asarray(jax.jacfwd(lambda s: _reported(s, camera))(settings), dtype=np.float64)
+    turned = turned[np.ix_(columns, columns)]
+    errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", turned, spread, turned), 0.0))
+    return {
+        name: float(error) if there else math.inf
+        for name, error, there in zip(variables.free, errors, known, strict=True)
+    }
+
+
+def covariance(
+    residual: Float[np.ndarray, "h w c"], slopes: Float[np.ndarray, "h w c k"], weight: np.ndarray
+) -> tuple[Float[np.ndarray, "k k"], np.ndarray]:
+    """The covariance of the settings that were fitted, and which the picture depends on [k]."""
+    size = slopes.shape[-1]
     rows = (np.sqrt(weight)[..., None] * slopes).reshape(-1, size).astype(np.float64)
     units = np.linalg.norm(rows, axis=0)
     safe = np.where(units > 0, units, 1.0)
@@ -90,15 +105,8 @@ def standard_errors(
     inverse = np.linalg.pinv(rows.T @ rows, hermitian=True)
     noisy = rows * (np.sqrt(weight) * residual).reshape(-1, 1)
     count = int((weight > 0).sum())
-    covariance = inverse @ (noisy.T @ noisy) @ inverse * count / max(count - size, 1)
-    covariance = covariance / np.outer(safe, safe)
-    turned = np.asarray(jax.jacfwd(lambda s: _reported(s, camera))(settings), dtype=np.float64)
-    turned = turned[np.ix_(columns, columns)]
-    spread = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", turned, covariance, turned), 0.0))
-    return {
-        name: float(s) if u > 0 else math.inf
-        for name, s, u in zip(variables.free, spread, units, strict=True)
-    }
+    spread = inverse @ (noisy.T @ noisy) @ inverse * count / max(count - size, 1)
+    return spread / np.outer(safe, safe), units > 0
 
 
 def _reported(settings: Float[Array, "5"], camera: Camera) -> Float[Array, "5"]:

@@ -112,6 +112,20 @@ def spoilt() -> tuple[np.ndarray, np.ndarray]:
     return np.where(free[..., None], target(), 3.0), free
 
 
+def test_an_exact_renderer_takes_away_what_layers_get_wrong():
+    """Targets and last steps by rays at triangles; layers have only to be near."""
+
+    def cast(lens, seed: int = 77) -> np.ndarray:
+        return lens_picture(varied_scene(), front_camera(), lens, rays=128, seed=seed)
+
+    plain, exact = (
+        misses(fitted(GAIN * cast(TRUE, seed=3), search=False, exact=renderer)) for renderer in (None, cast)
+    )
+    assert exact["f_number"] < 0.01
+    assert exact["focus"] < 0.005
+    assert exact["f_number"] < plain["f_number"]
+
+
 def test_a_mask_leaves_out_what_the_layers_do_not_have():
     picture, free = spoilt()
     fit = fitted(picture, mask=free, search=False)
@@ -169,6 +183,7 @@ def test_other_arguments_that_do_not_fit():
     refused(target(), "the mask is empty", mask=np.zeros((24, 32)))
     refused(target(), "noise has shape (7, 1, 1)", noise=np.ones((7, 1)))
     refused(target(), "a standard deviation that is not positive", noise=0.0)
+    refused(target(), "the exact picture has shape (2, 2, 3)", exact=lambda lens: np.zeros((2, 2, 3)))
     refused(target(), "min_focus_distance is -1.0 m", min_focus_distance=-1.0)
     with pytest.raises(ValueError, match="peel again"):
         fit_image(target(), layers(), ThinLens(jnp.array(0.5), jnp.array(1.0)), free=("focus",))

@@ -34,6 +34,7 @@ from focusjax.geometry import look_at as look_at
 from focusjax.geometry import make_camera as make_camera
 from focusjax.inverse import ImageFit as ImageFit
 from focusjax.inverse import autofocus as autofocus
+from focusjax.inverse import fit_focal_surface as fit_focal_surface
 from focusjax.inverse import fit_image as fit_image
 from focusjax.inverse import scan_lenses as scan_lenses
 from focusjax.inverse import widest_lens as widest_lens

@@ -159,7 +159,7 @@ def _answer(
         gain=float(found.settings[GAIN]),
         picture=problem.target + jnp.asarray(residual, dtype=real),
         rms_error=rms(residual, np.asarray(problem.weight)),
-        standard_errors=standard_errors(variables, settings, layers.camera, residual, slopes, weight),
+        standard_errors=standard_errors(variables, found, layers.camera, weight),
         at_limits=tuple(name for name, at in zip(variables.free, limits, strict=True) if at),
         levels=tuple(levels),
         steps=sum(level.steps for level in levels),

@@ -189,7 +189,7 @@ def fit_focal_surface(
         robust=robust,
         exact=exact,
     )
-    spread, known = covariance(found.residual, found.slopes, np.asarray(last.weight))
+    spread, known = covariance(found, np.asarray(last.weight))
     count = surface.xy.shape[0]
     settings = jnp.asarray(found.settings, dtype=real)
     best = variables.lens_at(settings)

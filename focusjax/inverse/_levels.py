@@ -59,6 +59,10 @@ class Problem(eqx.Module):
         """The same with pictures of another number of rays."""
         return Problem(self.layers, self.variables, self.target, self.weight, rays, self.seed)
 
+    def of_seed(self, seed: int) -> "Problem":
+        """The same with other rays."""
+        return Problem(self.layers, self.variables, self.target, self.weight, self.rays, seed)
+
     def contrast(self) -> Float[Array, ""]:
         """Root of the sum of squares of the target about its mean, by weight."""
         total = self.weight.sum(axis=(0, 1))

@@ -1,7 +1,9 @@
 """Last steps of a fit, on single pixels.
 
-A derivative at a point is as noisy as its rays are few, pixel by pixel, and noise in slopes makes steps too
-short. Secants over a part of a pixel of blur, by the same rays at both ends, have next to none.
+A derivative at a point is as noisy as its rays are few, pixel by pixel. Secants over a part of a pixel of
+blur, by the same rays at both ends, have much less noise. What is left would make steps too short, as squares
+of it add to the squares of slopes, so that slopes are taken twice, by different rays, J and K: the step
+solves (J' W K + K' W J) / 2 d = -(J + K)' W r / 2, in which no noise meets itself.
 """
 
 import dataclasses
@@ -13,10 +15,15 @@ import numpy as np
 from jaxtyping import ArrayLike, Float
 
 from focusjax.inverse._levels import Problem
-from focusjax.trace import check_reach, render, widest_opening
+from focusjax.inverse._sight import served_share
+from focusjax.trace import check_reach, render
 
-_SMALL = 0.1
-"""Squares of standard errors, per setting, that a step may be and not be made."""
+_SMALL = 4.0
+"""Squares of standard errors, per setting, that a step may be and be the last: it is nearly right."""
+_CERTAIN = 1e-5
+"""Least eigenvalue of products of slopes of unit length that tells something."""
+_APART = (32, 48)
+"""Of the seeds of slopes from that of the picture: their noise must not be that of the residual."""
 _SERVED = 1.0 - 1e-6
 
 
@@ -26,8 +33,9 @@ class Polished:
 
     Attributes:
         settings: of the lens [p].
-        residual: picture less target [h, w, 3].
+        residual: picture less target [h, w, 3]; with an exact renderer, to first order in the last step.
         slopes: of the picture by the free settings [h, w, 3, k].
+        square: sums of products of slopes by different rays [k, k], by weight.
         steps: how many there were.
         converged: whether the next one would be small against standard errors.
     """
@@ -35,6 +43,7 @@ class Polished:
     settings: np.ndarray
     residual: np.ndarray
     slopes: np.ndarray
+    square: np.ndarray
     steps: int
     converged: bool
 
@@ -58,25 +67,32 @@ def polished(
     columns = list(problem.variables.columns)
     weight, target = (np.asarray(a, dtype=np.float64) for a in (problem.weight, problem.target))
     settings = np.asarray(settings, dtype=np.float64)
-    width = problem.variables.secants(settings, problem.layers.camera)
-    slopes = _slopes(problem, settings, width)
-    rows = (np.sqrt(weight)[..., None] * slopes).reshape(-1, len(columns))
-    inverse, at = np.linalg.pinv(rows), settings
-    steps, converged = 0, False
+    steps = 0
     while True:
-        residual = _picture(problem, settings, exact) - target
-        step = -(inverse @ (np.sqrt(weight) * residual).reshape(-1))
-        noise = float((weight * residual**2).sum()) / max(int((weight > 0).sum()), 1)
-        converged = float(((rows @ step) ** 2).sum()) <= _SMALL * len(columns) * noise
-        if converged or steps == most_steps:
-            break
-        settings = problem.variables.within(_moved(settings, columns, step, width), problem.layers)
         steps += 1
-        if (np.abs(settings - at)[columns] > width[columns]).any():
-            slopes = _slopes(problem, settings, width)
-            rows = (np.sqrt(weight)[..., None] * slopes).reshape(-1, len(columns))
-            inverse, at = np.linalg.pinv(rows), settings
-    return Polished(settings, residual, slopes, steps, converged)
+        residual = _picture(problem, settings, exact) - target
+        width = problem.variables.secants(settings, problem.layers.camera)
+        slopes, square = _slopes(problem, settings, width)
+        step = -inverse_of(square) @ np.einsum("hwck,hwc->k", slopes, weight * residual)
+        noise = float((weight * residual**2).sum()) / max(int((weight > 0).sum()), 1)
+        converged = float(step @ square @ step) <= _SMALL * len(columns) * noise
+        before = settings
+        settings = problem.variables.within(_moved(settings, columns, step, width), problem.layers)
+        residual += slopes @ (settings - before)[columns]
+        if converged or steps >= most_steps:
+            break
+    if exact is None:
+        residual = _picture(problem, settings, None) - target
+    return Polished(settings, residual, slopes, square, steps, converged)
+
+
+def inverse_of(square: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:
+    """Of what slopes say for certain; nothing in directions that they leave open."""
+    units = np.sqrt(np.maximum(np.diag(square), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(square / np.outer(units, units))
+    certain = values > _CERTAIN
+    inverse = (vectors[:, certain] / values[certain]) @ vectors[:, certain].T
+    return inverse / np.outer(units, units)
 
 
 def _moved(settings: np.ndarray, columns: list[int], step: np.ndarray, width: np.ndarray) -> np.ndarray:
@@ -104,8 +120,18 @@ def _picture(
     return settings[-1] * picture.astype(np.float64)
 
 
-def _slopes(problem: Problem, settings: np.ndarray, width: np.ndarray) -> Float[np.ndarray, "h w 3 k"]:
-    """Secants over settings less and more `width`, or on one side where layers do not serve the other."""
+def _slopes(
+    problem: Problem, settings: np.ndarray, width: np.ndarray
+) -> tuple[Float[np.ndarray, "h w 3 k"], Float[np.ndarray, "k k"]]:
+    """Secants over settings less and more `width`, and sums of products of those by different rays."""
+    half = problem.of_rays(max(1, problem.rays // 2))
+    one, other = (_secants(half.of_seed(problem.seed + k), settings, width) for k in _APART)
+    product = np.einsum("hwcj,hwc,hwck->jk", one, np.asarray(problem.weight, dtype=np.float64), other)
+    return 0.5 * (one + other), 0.5 * (product + product.T)
+
+
+def _secants(problem: Problem, settings: np.ndarray, width: np.ndarray) -> Float[np.ndarray, "h w 3 k"]:
+    """On one side only where layers do not serve the other."""
     slopes = []
     for column in problem.variables.columns:
         ends = []
@@ -113,7 +139,7 @@ def _slopes(problem: Problem, settings: np.ndarray, width: np.ndarray) -> Float[
             moved = settings.copy()
             moved[column] += side * width[column]
             lens = problem.variables.lens_at(jnp.asarray(moved, dtype=problem.target.dtype))
-            ends.append(moved if float(widest_opening(problem.layers, lens)) > _SERVED else settings)
+            ends.append(moved if float(served_share(problem.layers, lens)) > _SERVED else settings)
         low, high = ends
         apart = high[column] - low[column]
         change = _picture(problem, high, None) - _picture(problem, low, None)

@@ -13,10 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from focusjax.inverse._sight import nearest_in_sight
+from focusjax.inverse._sight import nearest_in_sight, served_share
 from focusjax.layers import Layers
 from focusjax.lens import ThinLens, TiltShiftLens
-from focusjax.trace import render, widest_opening
+from focusjax.trace import render
 
 _RAYS = 8
 _APART = 16
@@ -96,7 +96,7 @@ def scan_lenses(
             tried = ThinLens(
                 jnp.asarray(disparity, dtype=real), jnp.asarray(opening, dtype=real), lens.aperture
             )
-            share = widest_opening(layers, tried)
+            share = served_share(layers, tried)
             served.append(float(share) > 1.0 - 1e-5)
             tried = eqx.tree_at(lambda each: each.aperture_radius, tried, share * tried.aperture_radius)
             pictures.append(

@@ -25,9 +25,9 @@ PARAMETERS = ("focus", "f_number", "tilt", "swing", "gain")
 
 FOCUS, RADIUS, TILT, SWING, GAIN = range(5)
 
-_SECANT_PX = 0.12
+_SECANT_PX = 0.2
 """Half the length of secants by focus, in pixels of blur."""
-RADIUS_SECANT = 0.04
+RADIUS_SECANT = 0.06
 """Of secants by the opening, as a share of its radius."""
 MOST_TILT = math.radians(45.0)
 _NEARER = 1.25

@@ -71,7 +71,7 @@ def test_all_parameters_are_found_from_a_picture_by_other_rays():
     assert found["gain"] < 2e-3
     assert fit.converged
     assert fit.at_limits == ()
-    assert [level.block for level in fit.levels] == [8, 2, 1]
+    assert [level.block for level in fit.levels] == [8, 2, 1, 1]
     assert fit.steps == sum(level.steps for level in fit.levels)
 
 
@@ -170,6 +170,9 @@ def test_targets_that_are_no_linear_pictures_of_this_camera():
     codes = np.round(200 * good / good.max())
     refused(codes.astype(np.uint8), "the target holds uint8 codes, in display encoding; decode it to linear")
     refused(codes, "whole numbers up to 200, which suggests display codes from 0 to 255")
+    refused(
+        (codes / 255).astype(np.float32), "multiples of 1/255 only, which suggests display codes over 255"
+    )
     broken = good.copy()
     broken[3, 7, 1] = np.nan
     refused(broken, "the target is not finite in 1 pixels, the first at x = 7, y = 3; leave them out")

@@ -11,7 +11,7 @@ from focusjax.inverse._coarse_to_fine import coarse_to_fine, rms
 from focusjax.inverse._image_fit import ImageFit, Level, standard_errors
 from focusjax.inverse._levels import Problem
 from focusjax.inverse._polish import Polished
-from focusjax.inverse._scan import Scan, scan_lenses
+from focusjax.inverse._scan import Scan, check_scan, scan_lenses
 from focusjax.inverse._search import best_starts
 from focusjax.inverse._target import checked_mask, checked_target, weights
 from focusjax.inverse._variables import GAIN, RADIUS, Variables, in_order, make_variables
@@ -108,6 +108,7 @@ def fit_image(
     problem = Problem(layers, variables, like, jnp.asarray(weight, dtype=real), rays, seed)
     if search:
         scan = scan_lenses(layers, lens, free=free, seed=seed) if scan is None else scan
+        check_scan(scan, layers, free)
         starts = best_starts(problem, variables, scan, _STARTS)
     else:
         starts = [(variables.start(layers), 0.0)]

@@ -15,7 +15,7 @@ from focusjax.geometry import Camera
 from focusjax.inverse._coarse_to_fine import coarse_to_fine, rms
 from focusjax.inverse._image_fit import Level, covariance
 from focusjax.inverse._levels import Problem
-from focusjax.inverse._scan import Compared, Scan, scan_lenses
+from focusjax.inverse._scan import Compared, Scan, check_scan, scan_lenses
 from focusjax.inverse._target import checked_mask, checked_target, weights
 from focusjax.inverse._variables import RADIUS_SECANT, AbstractVariables, focus_secant
 from focusjax.layers import Layers
@@ -166,6 +166,7 @@ def fit_focal_surface(
     weight = weights(checked_mask(mask, layers.camera), noise, picture.shape)
     real = layers.background.dtype
     scan = scan_lenses(layers, lens, free=free, seed=seed) if scan is None else scan
+    check_scan(scan, layers, free)
     widest = layers.lens.parallax(layers.camera) / layers.camera.focal_px
     surface, lens = jax.tree.map(lambda leaf: leaf.astype(real), (surface, lens))
     variables = SurfaceVariables(

@@ -111,6 +111,23 @@ def scan_lenses(
     return Scan(focus, radius, one, other, np.array(served).reshape(shape), edge)
 
 
+def check_scan(scan: Scan, layers: Layers, free: Sequence[str]) -> None:
+    """Refuse a scan that cannot be of these layers, or is of one opening where that is to be found.
+
+    Raises:
+        ValueError: so it is.
+    """
+    camera, edge = layers.camera, scan.block
+    expected, size = (camera.height // edge, camera.width // edge), scan.one.shape[2:4]
+    if size != expected:
+        raise ValueError(
+            f"the scan's pictures are of {size[1]} x {size[0]} blocks but the layers make"
+            f" {expected[1]} x {expected[0]}; use scan_lenses with these layers"
+        )
+    if "f_number" in free and len(scan.radius) == 1:
+        raise ValueError("the scan is of one opening but f_number is free; give scan_lenses the same free")
+
+
 class Compared:
     """A target beside the pictures of a scan, tile by tile.
 

@@ -10,7 +10,7 @@ import pytest
 from small_scenes import front_camera, patch, varied_scene, wide_lens
 
 from focusjax.baselines import lens_picture
-from focusjax.inverse import ImageFit, fit_image, widest_lens
+from focusjax.inverse import ImageFit, Scan, fit_image, widest_lens
 from focusjax.layers import Layers, peel
 from focusjax.lens import ThinLens, TiltShiftLens
 from focusjax.scene import make_scene
@@ -190,6 +190,20 @@ def test_other_arguments_that_do_not_fit():
     refused(target(), "min_focus_distance is -1.0 m", min_focus_distance=-1.0)
     with pytest.raises(ValueError, match="peel again"):
         fit_image(target(), layers(), ThinLens(jnp.array(0.5), jnp.array(1.0)), free=("focus",))
+
+
+def test_a_scan_of_something_else_is_refused():
+    def scan(shape: tuple[int, int], openings: int) -> Scan:
+        pictures = np.zeros((openings, 2, *shape, 3))
+        served = np.ones((openings, 2), dtype=bool)
+        return Scan(np.array([0.1, 1.0]), np.linspace(0.1, 0.05, openings), pictures, pictures, served, 1)
+
+    refused(
+        target(),
+        "the scan's pictures are of 16 x 12 blocks but the layers make 32 x 24",
+        scan=scan((12, 16), 2),
+    )
+    refused(target(), "the scan is of one opening but f_number is free", scan=scan((24, 32), 1))
 
 
 def test_a_picture_that_says_nothing_of_the_lens_is_refused():

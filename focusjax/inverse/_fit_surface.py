@@ -175,7 +175,7 @@ def fit_focal_surface(
         radius=widest.astype(real) if "f_number" in free else lens.aperture_radius,
         lens=lens,
         nearest=jnp.asarray(scan.focus[-1], dtype=real),
-        free=free,
+        free=tuple(free),
     )
     like = jnp.asarray(picture, dtype=real)
     problem = Problem(layers, variables, like, jnp.asarray(weight, dtype=real), rays, seed)

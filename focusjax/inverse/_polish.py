@@ -20,6 +20,10 @@ from focusjax.trace import check_reach, render
 
 _SMALL = 4.0
 """Squares of standard errors, per setting, that a step may be and be the last: it is nearly right."""
+_MORE = 4
+"""Times the rays, for slopes that exact pictures are compared with."""
+_FAR = 0.5
+"""Of the length of secants, beyond which they are taken anew."""
 _CERTAIN = 1e-5
 """Least eigenvalue of products of slopes of unit length that tells something."""
 _APART = (32, 48)
@@ -67,12 +71,17 @@ def polished(
     columns = list(problem.variables.columns)
     weight, target = (np.asarray(a, dtype=np.float64) for a in (problem.weight, problem.target))
     settings = np.asarray(settings, dtype=np.float64)
+    # One slope for several of the exact pictures, which cost the most, but a good one.
+    sloped = problem if exact is None else problem.of_rays(_MORE * problem.rays)
+    width = problem.variables.secants(settings, problem.layers.camera)
+    (slopes, square), at = _slopes(sloped, settings, width), settings
     steps = 0
     while True:
         steps += 1
+        if (np.abs(settings - at)[columns] > _FAR * width[columns]).any():
+            width = problem.variables.secants(settings, problem.layers.camera)
+            (slopes, square), at = _slopes(sloped, settings, width), settings
         residual = _picture(problem, settings, exact) - target
-        width = problem.variables.secants(settings, problem.layers.camera)
-        slopes, square = _slopes(problem, settings, width)
         step = -inverse_of(square) @ np.einsum("hwck,hwc->k", slopes, weight * residual)
         noise = float((weight * residual**2).sum()) / max(int((weight > 0).sum()), 1)
         converged = float(step @ square @ step) <= _SMALL * len(columns) * noise
@@ -88,8 +97,9 @@ def polished(
 
 def inverse_of(square: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:
     """Of what slopes say for certain; nothing in directions that they leave open."""
-    units = np.sqrt(np.maximum(np.diag(square), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(square / np.outer(units, units))
+    known = np.diag(square) > 0
+    units = np.sqrt(np.where(known, np.diag(square), 1.0))
+    values, vectors = np.linalg.eigh(np.where(np.outer(known, known), square, 0.0) / np.outer(units, units))
     certain = values > _CERTAIN
     inverse = (vectors[:, certain] / values[certain]) @ vectors[:, certain].T
     return inverse / np.outer(units, units)

@@ -176,7 +176,7 @@ class Compared:
             pt = pt + u * v * self.pt[r0, f0, y, x]
         pp, pt = (np.asarray(a).sum(axis=(-1, -2)) for a in (pp, pt))
         gains = np.maximum(pt / np.maximum(pp, 1e-30), 1e-6) if gain is None else np.full(pp.shape, gain)
-        return gains**2 * pp - 2.0 * gains * pt + self.tt, gains
+        return np.asarray(gains**2 * pp - 2.0 * gains * pt + self.tt), np.asarray(gains)
 
 
 def _ends(place: np.ndarray, count: int) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -34,7 +34,9 @@ from focusjax.geometry import look_at as look_at
 from focusjax.geometry import make_camera as make_camera
 from focusjax.inverse import ImageFit as ImageFit
 from focusjax.inverse import autofocus as autofocus
+from focusjax.inverse import fit_focal_surface as fit_focal_surface
 from focusjax.inverse import fit_image as fit_image
+from focusjax.inverse import scan_lenses as scan_lenses
 from focusjax.inverse import widest_lens as widest_lens
 from focusjax.io import load_exr as load_exr
 from focusjax.io import save_exr as save_exr
@@ -45,6 +47,7 @@ from focusjax.layers import decompose as decompose
 from focusjax.layers import disparity_map as disparity_map
 from focusjax.layers import missed_light as missed_light
 from focusjax.layers import peel as peel
+from focusjax.layers import prefilter as prefilter
 from focusjax.layers import umbra_saving as umbra_saving
 from focusjax.lens import Disk as Disk
 from focusjax.lens import FocalSurface as FocalSurface

@@ -69,6 +69,7 @@ from focusjax.scene import directional_light as directional_light
 from focusjax.scene import gradient_background as gradient_background
 from focusjax.scene import image_background as image_background
 from focusjax.scene import load_mesh as load_mesh
+from focusjax.scene import make_object as make_object
 from focusjax.scene import make_scene as make_scene
 from focusjax.scene import point_light as point_light
 from focusjax.trace import nearest_in_layers as nearest_in_layers

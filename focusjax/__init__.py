@@ -59,6 +59,7 @@ from focusjax.lens import focal_surface as focal_surface
 from focusjax.lens import focal_surface_lens as focal_surface_lens
 from focusjax.lens import polygon as polygon
 from focusjax.lens import prescription_lens as prescription_lens
+from focusjax.lens import spectral_lens as spectral_lens
 from focusjax.lens import thin_lens as thin_lens
 from focusjax.lens import tilt_shift_lens as tilt_shift_lens
 from focusjax.optics import lens_preset as lens_preset

@@ -34,6 +34,8 @@ from focusjax.lens._scheimpflug import focal_plane_through as focal_plane_throug
 from focusjax.lens._scheimpflug import lens_axis as lens_axis
 from focusjax.lens._scheimpflug import movements_of as movements_of
 from focusjax.lens._scheimpflug import view_tangents as view_tangents
+from focusjax.lens._spectral import SpectralLens as SpectralLens
+from focusjax.lens._spectral import spectral_lens as spectral_lens
 from focusjax.lens._spline import RadialSpline as RadialSpline
 from focusjax.lens._spline import radial_spline as radial_spline
 from focusjax.lens._squeezed import Squeezed as Squeezed

@@ -30,6 +30,7 @@ _MOST_PAIRS = 2
 _STEP = 0.5
 """Samples beyond a part at which rays may pass its disparity and yet meet it; see `first_hit`."""
 _TURNS = 8
+_SIZES = (1.0, 0.95, 0.85, 0.7, 0.5)
 
 
 class Highlights(eqx.Module):
@@ -234,12 +235,16 @@ def _bends(
     def of(lens: AbstractLens, film: Array, disparity: Array) -> Array:
         start, slope = towards(camera, lens, film, disparity)
 
-        def bend(turn: Array) -> Array:
-            point = lens.opening().rim(turn)
-            return jnp.abs(lens.ray(camera, film, point).at(disparity) - start - slope @ point).max()
+        def bend(size: Array, turn: Array) -> Array:
+            point = size * lens.opening().rim(turn)
+            ray = lens.ray(camera, film, point)
+            # A ray without light may go anywhere.
+            return jnp.where(ray.weight > 0, jnp.abs(ray.at(disparity) - start - slope @ point).max(), 0.0)
 
-        # At the rim, where it is largest; twice, as it is looked at in some places only.
-        return 2.0 * jax.vmap(bend)(jnp.arange(_TURNS) / _TURNS).max()
+        # Largest at the rim, or within it where that is dark; twice, as it is looked at in some places only.
+        turns = jnp.arange(_TURNS, dtype=film.dtype) / _TURNS
+        over_turns = jax.vmap(bend, in_axes=(None, 0))
+        return 2.0 * jax.vmap(over_turns, in_axes=(0, None))(jnp.asarray(_SIZES, film.dtype), turns).max()
 
     colours = [channel.lens for channel in lens.channels()] or [lens]
     bends = [jax.vmap(lambda f, w, each=each: of(each, f, w))(film, disparity) for each in colours]

@@ -62,8 +62,11 @@ def split_highlights(layers: Layers, lens: AbstractLens) -> tuple[Layers, Highli
     brightest = layers.samples.radiance.max(axis=1)
     if not brightest.size or not float(brightest.max()) > _WHITE:
         return layers, None
-    number = np.flatnonzero(np.asarray(brightest) > _WHITE)
-    index = np.flatnonzero(np.asarray(layers.cells).ravel())[number]
+    held = np.flatnonzero(np.asarray(layers.cells).ravel())
+    number = np.flatnonzero(np.asarray(brightest)[: len(held)] > _WHITE)
+    if not len(number):
+        return layers, None
+    index = held[number]
     disparity = np.asarray(layers.samples.disparity)[number]
     share, radius = _shares(layers, lens, index, disparity)
     rare = share < _LARGEST_SHARE
@@ -71,7 +74,7 @@ def split_highlights(layers: Layers, lens: AbstractLens) -> tuple[Layers, Highli
         return layers, None
     number, index, share, radius = number[rare], index[rare], share[rare], radius[rare]
     radiance = np.asarray(layers.samples.radiance)
-    level = np.minimum(radiance[: np.count_nonzero(np.asarray(layers.cells))], _WHITE).mean(axis=0)
+    level = np.minimum(radiance[: len(held)], _WHITE).mean(axis=0)
     excess = radiance[number] - level
     part = _parts(index, layers)
     value, pairs = _value_and_pairs(part, excess, share, radius, layers)

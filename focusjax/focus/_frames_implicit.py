@@ -15,8 +15,8 @@ from jaxtyping import Array, Bool, Float
 from focusjax.focus._joint import Joint
 from focusjax.focus._objective import Objective
 
-_RIDGE = 1e3
-"""Rounding steps of the largest entry that are added to what H is across, so that open directions stay."""
+_RIDGE = 16.0
+"""Rounding steps that are added to what H is across, scaled to 1, so that open directions stay."""
 
 
 def following(
@@ -78,10 +78,13 @@ def _solved(
     after = farthest
     identity = jnp.eye(size, dtype=right.dtype)
     own = curvature + diagonal[:, None, None] * identity[None]
-    ridge = _RIDGE * jnp.finfo(right.dtype).eps * jnp.max(jnp.abs(own))
-    may = moves.astype(right.dtype)
-    held = jnp.where(moves, ridge, 1.0)
+    # Every parameter of every frame in the unit that makes H's diagonal 1: a single ridge then suits all.
+    steep = jnp.abs(jnp.diagonal(own, axis1=1, axis2=2))
+    unit = 1.0 / jnp.sqrt(jnp.where(steep > 0.0, steep, 1.0))
+    may = jnp.where(moves, unit, 0.0)
+    held = jnp.where(moves, _RIDGE * jnp.finfo(right.dtype).eps, 1.0)
     own = own * may[:, :, None] * may[:, None, :] + held[:, :, None] * identity[None]
+    right = right * may
 
     # One more frame that stays, where they do not come in pairs.
     odd = count % 2
@@ -104,7 +107,7 @@ def _solved(
         coupling(after[1:-1:2], b[1:], b[:-1]),
     )
     found = _block_tridiagonal(blocks, below, right.reshape(-1, 2 * size))
-    return found.reshape(-1, size)[:count]
+    return found.reshape(-1, size)[:count] * unit
 
 
 def _square(

@@ -16,9 +16,9 @@ from focusjax.focus._frames_implicit import following
 from focusjax.focus._frames_solution import FramesSolution
 from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._image_points import ImagePoints, blurs, errors
-from focusjax.focus._joint import Joint, scales, walk_frames
+from focusjax.focus._joint import Joint, walk_frames
 from focusjax.focus._objective import Objective, make_objective
-from focusjax.focus._parameters import Start, make_start
+from focusjax.focus._parameters import Start, make_start, scales
 from focusjax.focus._path import way_through
 from focusjax.focus._priors import prior_rows
 from focusjax.focus._solution import Result

@@ -30,6 +30,7 @@ from jaxtyping import Array, Float
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import Disk
 from focusjax.lens._base import AbstractLens
+from focusjax.lens._length import length
 from focusjax.lens._pupils import Pupils, find_pupils, from_film, openness
 from focusjax.lens._ray_bounds import STEEPEST, RayBounds, exit_line, find_bounds
 from focusjax.optics import (
@@ -326,8 +327,6 @@ def _best_film(
 
 def _polar(vector: Float[Array, "2"]) -> tuple[Float[Array, ""], Float[Array, "2"]]:
     """Length and direction; of the zero vector 0 and x, with derivative 0."""
-    square = vector @ vector
-    off = square > 0.0
-    length = jnp.where(off, jnp.sqrt(jnp.where(off, square, 1.0)), 0.0)
+    size = length(vector)
     x_axis = jnp.array([1.0, 0.0], dtype=vector.dtype)
-    return length, jnp.where(off, vector / jnp.where(off, length, 1.0), x_axis)
+    return size, jnp.where(size > 0.0, vector / jnp.where(size > 0.0, size, 1.0), x_axis)

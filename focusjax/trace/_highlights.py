@@ -222,7 +222,7 @@ def _boxes(
     np.minimum.at(low, part, place)
     np.maximum.at(high, part, place + 1)
     low, high = ((corner - grid.margin) / grid.supersampling for corner in (low, high))
-    bent = _bends(layers.camera, lens, *padded(layers.disparity_scale.dtype, 0.5 * (low + high), middle))
+    bent = bends(layers.camera, lens, *padded(layers.disparity_scale.dtype, 0.5 * (low + high), middle))
     moved = float(lens.parallax(layers.camera)) * (nearest - middle)
     mixed = 0.5 * (np.bincount(part, goes_on) > 0)
     beyond = (_STEP + mixed) / grid.supersampling + moved + np.asarray(bent)[:count]
@@ -230,7 +230,7 @@ def _boxes(
 
 
 @eqx.filter_jit
-def _bends(
+def bends(
     camera: Camera, lens: AbstractLens, film: Float[Array, "k 2"], disparity: Float[Array, " k"]
 ) -> Float[Array, " k"]:
     """How far in pixels rays of film points are, at a disparity, from where `towards` takes them to be."""

@@ -30,6 +30,17 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
         console.print(f"Rise {moved['rise_mm']:+.2f} mm, shift {moved['shift_mm']:+.2f} mm", highlight=False)
     if outcome.config.lens.focal_surface is not None:
         console.print("In the middle of the picture; a focal surface sets it from place to place.")
+    taken = outcome.photograph
+    if taken is not None and taken.settings is not None:
+        settings = taken.settings
+        console.print(
+            f"{job.shutter(float(settings.time))} at ISO {float(settings.iso):.0f},"
+            f" EV {float(settings.exposure_value()):.1f};"
+            f" {100 * taken.white_share:.1f} % of the picture is white",
+            highlight=False,
+        )
+        if taken.sentence() is not None:
+            console.print(taken.sentence(), highlight=False)
     if outcome.solution is not None:
         console.print(_wishes(outcome.solution))
     if outcome.solution is not None:

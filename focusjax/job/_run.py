@@ -35,6 +35,7 @@ from focusjax.focus import (
     solve_focal_surface,
 )
 from focusjax.geometry import Camera
+from focusjax.job._photograph import Photograph, take_photograph
 from focusjax.job._picture import Picture, Progress, make_picture
 from focusjax.layers import Extent, disparity_map
 from focusjax.lens import (
@@ -62,6 +63,7 @@ class Outcome:
         disparity: first surface at every pixel centre in 1/m [h, w]; 0 on the background.
         blur: signed circle-of-confusion diameter in pixels [h, w] of that surface.
         picture: what rendering made, when there was any.
+        photograph: what the camera made of it, when the config has an exposure or a film.
         seconds: wall-clock seconds per stage, without compiling.
         compile_seconds: seconds per stage that went into compiling.
     """
@@ -74,15 +76,14 @@ class Outcome:
     disparity: Float[np.ndarray, "h w"]
     blur: Float[np.ndarray, "h w"]
     picture: Picture | None
+    photograph: Photograph | None
     seconds: dict[str, float]
     compile_seconds: dict[str, float]
 
     @property
     def middle_lens(self) -> ThinLens | TiltShiftLens:
         """The lens as the middle of the picture has it."""
-        if isinstance(self.lens, FocalSurfaceLens):
-            return self.lens.thin_lens_at(self.camera, self.camera.principal_point)
-        return self.lens
+        return _in_the_middle(self.lens, self.camera)
 
 
 def run(
@@ -143,10 +144,14 @@ def run(
                 points = _find(config, wishes, scene, camera, disparity)
                 solution = solve(points, camera, lens, **options)
             lens, points, camera = solution.lens, solution.points, solution.camera
-    picture = None
+    picture, photograph = None, None
     if rendering:
         look = build_look(config, camera, lens)
         picture = make_picture(config.render, scene, camera, look, like, watch, tell)
+        if config.exposure is not None or config.film is not None:
+            with watch.stage("develop"):
+                middle = _in_the_middle(lens, camera)
+                photograph = take_photograph(config, camera, middle, picture.image, picture.pinhole)
     return Outcome(
         config=config,
         camera=camera,
@@ -156,9 +161,17 @@ def run(
         disparity=disparity,
         blur=np.asarray(blur_map(lens, camera, jnp.asarray(disparity, dtype=float))),
         picture=picture,
+        photograph=photograph,
         seconds=watch.seconds,
         compile_seconds=watch.compile_seconds,
     )
+
+
+def _in_the_middle(
+    lens: ThinLens | TiltShiftLens | FocalSurfaceLens, camera: Camera
+) -> ThinLens | TiltShiftLens:
+    """The lens as the middle of the picture has it."""
+    return lens.thin_lens_at(camera, camera.principal_point) if isinstance(lens, FocalSurfaceLens) else lens
 
 
 def _control_surface(

@@ -144,6 +144,11 @@ class PrescriptionLens(AbstractLens):
         del camera
         return first_order(self.prescription).f_number
 
+    def pupil_magnification(self) -> Float[Array, ""]:
+        """Diameter of the exit pupil over that of the entrance pupil, at the line d."""
+        seen = first_order(self.prescription)
+        return seen.exit_pupil_radius / seen.entrance_pupil_radius
+
     def _bounds_at(self, camera: Camera, film_point: Float[Array, "2"]) -> RayBounds:
         radius, _ = _polar((film_point - camera.principal_point) / camera.focal_px)
         return self.bounds.at(radius / self.film_step)

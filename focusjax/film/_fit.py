@@ -20,6 +20,9 @@ from focusjax.film._settings import CameraSettings
 EXPOSING = ("f_number", "time", "iso")
 """Settings of which a picture shows the product only."""
 
+_POWERS = {"f_number": -0.5, "time": 1.0, "iso": 1.0}
+"""Of the factor that a stop more of light is for each."""
+
 _STOPS = np.arange(-12.0, 12.5, 0.5)
 """Steps of the exposure that are tried before the fit, against the start's."""
 
@@ -87,17 +90,18 @@ def fit_settings(
     balanced = "white_balance" in names
     medium = Sensor() if film is None else film
     wanted = encode_srgb(target)
-    known = (image, wanted, start, medium, jnp.asarray(float(luminance), dtype=image.dtype))
+    powers = jnp.asarray([_POWERS[name] * (name == exposing[0]) for name in EXPOSING], dtype=image.dtype)
+    known = (image, wanted, start, medium, jnp.asarray(float(luminance), dtype=image.dtype), powers)
     stops = jnp.asarray(_STOPS, dtype=image.dtype)
-    errors = _scan(stops, exposing[0], known)
+    errors = _scan(stops, known)
     if not float(errors.max() - errors.min()) > 0.0:
         raise ValueError("the pictures tell nothing of the exposure: one is black, or full, everywhere")
     first = jnp.zeros(3 if balanced else 1, dtype=image.dtype).at[0].set(stops[jnp.argmin(errors)])
-    value, left, slopes, converged = _refined(first, exposing[0], known, max_steps)
+    value, left, slopes, converged = _refined(first, known, max_steps)
     count = max(left.size - value.size, 1)
     covariance = np.linalg.pinv(np.asarray(slopes.T @ slopes)) * float(left @ left) / count
     return SettingsFit(
-        settings=_set(start, exposing[0], value[0]),
+        settings=_exposed(start, powers, value[0]),
         balance=_gains(value),
         rms=jnp.sqrt(jnp.mean(left**2)),
         stops_error=jnp.asarray(np.sqrt(covariance[0, 0]), dtype=image.dtype),
@@ -105,10 +109,11 @@ def fit_settings(
     )
 
 
-def _set(start: CameraSettings, name: str, stops: Float[Array, ""]) -> CameraSettings:
+def _exposed(start: CameraSettings, powers: Float[Array, "3"], stops: Float[Array, ""]) -> CameraSettings:
     """The start, exposed by so many stops more through one of its settings."""
-    factor = 2.0 ** (-0.5 * stops) if name == "f_number" else 2.0**stops
-    return dataclasses.replace(start, **{name: getattr(start, name) * factor})
+    factors = 2.0 ** (powers * stops)
+    values = {name: getattr(start, name) * factors[number] for number, name in enumerate(EXPOSING)}
+    return dataclasses.replace(start, **values)
 
 
 def _gains(value: Float[Array, " k"]) -> Float[Array, "3"]:
@@ -118,27 +123,27 @@ def _gains(value: Float[Array, " k"]) -> Float[Array, "3"]:
     return gains / (gains @ jnp.asarray(LUMINANCE, dtype=value.dtype))
 
 
-def _residuals(value: Float[Array, " k"], name: str, known: tuple) -> Float[Array, "n"]:
-    image, wanted, start, film, luminance = known
-    settings = _set(start, name, value[0])
+def _residuals(value: Float[Array, " k"], known: tuple) -> Float[Array, "n"]:
+    image, wanted, start, film, luminance, powers = known
+    settings = _exposed(start, powers, value[0])
     shown = photograph(image, settings, film, luminance=luminance, balance=_gains(value))
     return (encode_srgb(shown) - wanted).reshape(-1)
 
 
 @eqx.filter_jit
-def _scan(stops: Float[Array, "n"], name: str, known: tuple) -> Float[Array, "n"]:
-    return jax.lax.map(lambda one: jnp.mean(_residuals(one[None], name, known) ** 2), stops)
+def _scan(stops: Float[Array, "n"], known: tuple) -> Float[Array, "n"]:
+    return jax.lax.map(lambda one: jnp.mean(_residuals(one[None], known) ** 2), stops)
 
 
 @eqx.filter_jit
 def _refined(
-    first: Float[Array, " k"], name: str, known: tuple, max_steps: int
+    first: Float[Array, " k"], known: tuple, max_steps: int
 ) -> tuple[Float[Array, " k"], Float[Array, "n"], Float[Array, "n k"], Bool[Array, ""]]:
     """The best value from a first one, what is left there, and its slopes."""
 
     def left(value: Array, args: None) -> Array:
         del args
-        return _residuals(value, name, known)
+        return _residuals(value, known)
 
     tolerance = 1e-9 if first.dtype == jnp.float64 else 1e-5
     method = optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance)

@@ -3,6 +3,7 @@
 from typing import SupportsFloat
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
@@ -54,8 +55,10 @@ def expose_frames(
     frames: Float[Array, "n h w 3"], durations: Float[Array, "n"] | SupportsFloat = 1.0
 ) -> LongExposure:
     """All frames of a stack, accumulated; `durations` are theirs, or that of each."""
-    exposure = start_exposure(frames.shape[2], frames.shape[1], dtype=frames.dtype)
+
+    def add(exposure: LongExposure, each: tuple[Array, Array]) -> tuple[LongExposure, None]:
+        return exposure.add(*each), None
+
+    start = start_exposure(frames.shape[2], frames.shape[1], dtype=frames.dtype)
     spent = jnp.broadcast_to(jnp.asarray(durations, dtype=frames.dtype), frames.shape[:1])
-    for frame, duration in zip(frames, spent, strict=True):
-        exposure = exposure.add(frame, duration)
-    return exposure
+    return jax.lax.scan(add, start, (frames, spent))[0]

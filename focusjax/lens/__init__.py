@@ -57,8 +57,8 @@ from focusjax.lens._tilt_shift import lens_for_plane as lens_for_plane
 from focusjax.lens._tilt_shift import tilt_shift_lens as tilt_shift_lens
 from focusjax.lens._vignetted import VignettedLens as VignettedLens
 from focusjax.lens._vignetted import hooded_lens as hooded_lens
-from focusjax.lens._vignetted import vignetted_as as vignetted_as
 from focusjax.lens._vignetted import vignetted_lens as vignetted_lens
+from focusjax.lens._vignetted_like import vignetted_like as vignetted_like
 from focusjax.lens.aberrations import AberratedLens as AberratedLens
 from focusjax.lens.aberrations import AbstractAberration as AbstractAberration
 from focusjax.lens.aberrations import ChromaticLens as ChromaticLens

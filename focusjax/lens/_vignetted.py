@@ -4,14 +4,11 @@ import dataclasses
 from typing import SupportsFloat
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import AbstractAperture
 from focusjax.lens._base import AbstractLens, Channel
-from focusjax.lens._falloff import corner_height
-from focusjax.optics import Prescription, first_order, rim_images, with_focal_length
 
 _SOFTNESS = 0.05
 """Width of the disk's edge, a share of its radius, so that pictures change smoothly with it."""
@@ -114,49 +111,3 @@ def hooded_lens(lens: AbstractLens, *, radius: SupportsFloat, distance: Supports
     return VignettedLens(
         lens, jnp.asarray(float(radius), dtype=float), jnp.asarray(float(distance), dtype=float)
     )
-
-
-def vignetted_as(lens: AbstractLens, prescription: Prescription, camera: Camera) -> AbstractLens:
-    """`lens` with the cat's eyes and dark corners of a real lens's elements (Kyaw 2013 section 4.4).
-
-    The rims of the elements, as the scene sees them through the glass ahead of them, are disks that rays have
-    to pass, by first-order optics. Those that take no light within the frame, or only what others take
-    anyway, are left out: mostly those of the first and of the last element remain. The camera stands in the
-    entrance pupil.
-
-    Args:
-        lens: an ideal lens as it is open now.
-        prescription: scaled to the camera's focal length.
-        camera: the pinhole that frames the picture.
-
-    Raises:
-        ValueError: a prescription that forms no real images.
-    """
-    scaled = with_focal_length(prescription, float(camera.focal_length) * 1e3)
-    pupil = float(first_order(scaled).entrance_pupil)
-    places, radii = (np.asarray(each) * 1e-3 for each in rim_images(scaled))
-    aheads = pupil * 1e-3 - places
-    steepest = corner_height(camera) / float(camera.focal_length)
-    opening = float(lens.parallax(camera)) / float(camera.focal_px)
-    # What a disk leaves of the rays' heights in the pupil: r on the axis, and r - |d| t at the tangent t.
-    edges = [
-        (float(radius), float(radius - abs(ahead) * steepest), float(ahead))
-        for number, (radius, ahead) in enumerate(zip(radii, aheads, strict=True))
-        if number != scaled.stop
-    ]
-    cutting = [edge for edge in edges if edge[1] < opening]
-    kept = [
-        edge
-        for edge in cutting
-        if not any(
-            other is not edge
-            and (other[2] > 0) == (edge[2] > 0)
-            and (other[0] <= edge[0])
-            and (other[1] <= edge[1])
-            and other[:2] != edge[:2]
-            for other in cutting
-        )
-    ]
-    for radius, _, ahead in kept:
-        lens = VignettedLens(lens, jnp.asarray(radius, dtype=float), jnp.asarray(ahead, dtype=float))
-    return lens

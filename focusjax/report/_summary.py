@@ -5,6 +5,7 @@ import math
 import platform
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -90,7 +91,7 @@ def _exposure(outcome: Outcome) -> dict[str, Any] | None:
         "iso": float(settings.iso),
         "exposure_value": float(settings.exposure_value()),
         "luminance_of_one_cd_m2": taken.luminance,
-        "lux_s_of_one": float(settings.exposure(np.asarray(taken.luminance))),
+        "lux_s_of_one": float(settings.exposure(jnp.ones(()))) * (taken.luminance or 0.0),
         "chosen": list(outcome.config.exposure.free) if outcome.config.exposure else [],
         "metered_radiance": taken.metered,
         "stops_off": None if chosen is None else float(chosen.stops_off),

@@ -95,7 +95,7 @@ def test_depth_of_field_exposed_by_hand(boxes, tmp_path):
     """The widest aperture that keeps 1.8 to 2.4 m sharp, then time, then speed."""
     wish = "focus=[{depth_m = [1.7, 2.4], at_most_px = 0.2}]"
     options = ["--set", wish, "--set", "lens.f_number=1.4", "--set", "solve.f_number_min=1.4"]
-    options += ["--set", "exposure.light_ev=5", "--set", "exposure.longest_time=1/60"]
+    options += ["--set", "exposure.light_ev=8", "--set", "exposure.longest_time=1/60"]
     _, report = rendered(boxes, tmp_path, *options, command="run")
     taken = report["exposure"]
     assert report["wishes"][0]["met"]

@@ -29,7 +29,7 @@ from focusjax.lens import (
 )
 from focusjax.lens._pupils import from_film, openness
 from focusjax.optics import lens_preset
-from focusjax.scene import constant_background, make_object, make_scene
+from focusjax.scene import Scene, constant_background, make_object, make_scene
 from focusjax.trace import render, render_differentiable
 
 CAMERA = look_at((0, 0, 0), (0, 0, -1), width=36, height=24, focal_length=0.028)
@@ -42,17 +42,26 @@ def thin(f_number: float = 2.0) -> ThinLens:
 
 
 @cache
-def bright() -> Layers:
-    """A scene of radiance 1 all over: a sky, and a wall that covers part of it."""
+def bright_scene() -> Scene:
+    """Of radiance 1 all over: a sky, and a wall that covers part of it."""
     square = np.array([(-1.0, -1.0, -3), (0.2, -1.0, -3), (0.2, 0.9, -3), (-1.0, 0.9, -3)])
     wall = make_object("wall", square, np.array([(0, 1, 2), (0, 2, 3)]), colour=(0, 0, 0), emission=1.0)
-    scene = make_scene([wall], background=constant_background(1.0), unlit=True)
-    return peel(scene, CAMERA, thin(1.4), supersampling=1)
+    return make_scene([wall], background=constant_background(1.0), unlit=True)
+
+
+@cache
+def bright() -> Layers:
+    return peel(bright_scene(), CAMERA, thin(1.4), supersampling=1)
 
 
 def measured(lens: object, rays: int = 256) -> np.ndarray:
     """Of the uniform scene, in grey."""
     return np.asarray(render(bright(), lens, rays=rays, even=True))[..., 1]
+
+
+def squares(picture: np.ndarray) -> np.ndarray:
+    """Means of 2 x 2 pixels."""
+    return picture.reshape(12, 2, 18, 2).mean(axis=(1, 3))
 
 
 def overlap(apart: np.ndarray, first: float, second: float) -> np.ndarray:
@@ -75,12 +84,10 @@ def test_two_disks_darken_by_the_area_that_they_share():
     tube = vignetted_lens(thin(), CAMERA, corner_shift=1.0, disk=1.1)
     corner = np.hypot(18, 12) / float(CAMERA.focal_px)
     formula = overlap(TANGENTS / corner, 1.0, 1.1)
-    picture = measured(tube)
-    # Observed: 1.0 % off at most, the noise of 256 rays and the disk's soft edge. The film sees a sky that is
-    # far away: to the wall the disk is nearer by a hundredth.
-    np.testing.assert_allclose(picture, formula, rtol=0.02)
-    both = measured(DarkenedLens(tube, cosine_falloff()))
-    np.testing.assert_allclose(both, formula * np.cos(np.arctan(TANGENTS)) ** 4, rtol=0.02)
+    # Of squares of 2 x 2 pixels, against the noise of 256 rays; observed 1.3 % off at most.
+    np.testing.assert_allclose(squares(measured(tube)), squares(formula), rtol=0.02)
+    both = squares(measured(DarkenedLens(tube, cosine_falloff())))
+    np.testing.assert_allclose(both, squares(formula * np.cos(np.arctan(TANGENTS)) ** 4), rtol=0.02)
     assert formula.min() < 0.6
 
 
@@ -123,7 +130,7 @@ def test_a_hood_cuts_corners_off():
 
 @cache
 def double_gauss(f_number: float) -> tuple[Camera, PrescriptionLens]:
-    camera = look_at((0, 0, 2), (0, 0, 0), width=36, height=24, focal_length=0.05)
+    camera = look_at((0, 0, 0), (0, 0, -1), width=36, height=24, focal_length=0.05)
     lens = lens_preset("gauss_jp62087922_f1.8_1987")
     return camera, prescription_lens(lens, camera, focus_distance=np.inf, f_number=f_number)
 
@@ -145,7 +152,7 @@ def test_two_disks_darken_as_the_traced_glass(f_number):
 def test_a_rendered_uniform_scene_is_as_bright_as_the_traced_glass_lets_it_be():
     """The tracer's picture of a double Gauss against light summed over its last surface, ray by ray."""
     camera, traced = double_gauss(2.8)
-    layers = peel(make_scene([], background=constant_background(1.0), unlit=True), camera, traced)
+    layers = peel(bright_scene(), camera, traced, supersampling=1)
     picture = np.asarray(render(layers, traced, rays=64, even=True))[..., 1]
     prescription, indices = traced.prescription, traced.indices
     half = float(prescription.semi_diameters[-1])
@@ -160,7 +167,12 @@ def test_a_rendered_uniform_scene_is_as_bright_as_the_traced_glass_lets_it_be():
         return jnp.sum(jax.vmap(one)(grid))
 
     for pixel in ((18, 12), (30, 19), (35, 23)):
-        film = -traced.film_scale * (np.array(pixel) + 0.5 - (18, 12)) / float(camera.focal_px) * (1, -1)
+        film = (
+            -traced.film_scale
+            * (np.array(pixel) + 0.5 - (18, 12))
+            / float(camera.focal_px)
+            * np.array([1, -1])
+        )
         share = float(light(jnp.asarray(film)) / light(jnp.zeros(2)))
         assert picture[pixel[1], pixel[0]] == pytest.approx(share, rel=0.02), pixel
 
@@ -210,7 +222,7 @@ def test_values_that_are_none_are_refused(make, message):
 
 def test_derivatives_of_the_light_by_the_vignetting():
     def light(radius, distance, power, shares):
-        tube = VignettedLens(thin(), radius, distance)
+        tube = VignettedLens(thin(), 0.008 * radius, 0.01 * distance)
         lens = DarkenedLens(
             DarkenedLens(tube, cosine_falloff()), table_falloff(CAMERA, [0, 0.01, 0.03], [1, 1, 1])
         )
@@ -223,7 +235,7 @@ def test_derivatives_of_the_light_by_the_vignetting():
         return illumination(lens, CAMERA, places, side=32)
 
     slopes = check_gradients(
-        light, jnp.array(0.008), jnp.array(0.01), jnp.array(4.0), jnp.array([1.0, 0.9, 0.4])
+        light, jnp.array(1.0), jnp.array(1.0), jnp.array(4.0), jnp.array([1.0, 0.9, 0.4])
     )
     # Each counts in the corners.
     assert (np.abs(slopes[2, 1:]) > 1e-3).sum() >= 4
@@ -236,11 +248,11 @@ def test_derivatives_of_the_rendered_picture_by_the_vignetting():
     def corner(radius, power):
         tube = VignettedLens(thin(), radius, jnp.array(0.01))
         falloff = dataclasses.replace(cosine_falloff(), power=power)
-        return render_differentiable(bright(), DarkenedLens(tube, falloff), rays=64)[:4, :4].mean()
+        return render_differentiable(bright(), DarkenedLens(tube, falloff), rays=256)[:8, :8].mean()
 
     at = jnp.array(0.008), jnp.array(4.0)
     slopes = jax.jit(jax.grad(corner, argnums=(0, 1)))(*at)
-    for number, step in ((0, 1e-4), (1, 1e-3)):
+    for number, step in ((0, 1e-5), (1, 1e-3)):
         ahead, back = (
             corner(*(value + sign * step * (index == number) for index, value in enumerate(at)))
             for sign in (1, -1)

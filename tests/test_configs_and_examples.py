@@ -222,8 +222,8 @@ def test_the_example_photographs_and_reads_the_print(capsys, monkeypatch, tmp_pa
     assert "1/60 s" in shown
     assert "+0.0 stops off" in shown
     chosen, found = (float(number) for number in re.findall(r"ISO ([0-9]+)", shown))
-    # Observed SPEEDS: what the grain leaves.
-    assert found == pytest.approx(chosen, rel=0.02)
+    # Observed 6030 and 6031: what the grain leaves.
+    assert found == pytest.approx(chosen, rel=0.01)
     assert iio.imread("photograph.png").shape == (72, 96, 3)
 
 

@@ -92,18 +92,24 @@ def test_film_is_developed_with_its_grain(boxes, plain, tmp_path):
 
 
 def test_depth_of_field_exposed_by_hand(boxes, tmp_path):
-    """The widest aperture that keeps 1.8 to 2.4 m sharp, then time, then speed."""
-    wish = "focus=[{depth_m = [1.7, 2.4], at_most_px = 0.2}]"
-    options = ["--set", wish, "--set", "lens.f_number=1.4", "--set", "solve.f_number_min=1.4"]
-    options += ["--set", "exposure.light_ev=8", "--set", "exposure.longest_time=1/60"]
-    _, report = rendered(boxes, tmp_path, *options, command="run")
-    taken = report["exposure"]
-    assert report["wishes"][0]["met"]
+    """Aperture, time and speed from what is to be sharp, the light, and what a hand holds."""
+    deep = boxes.with_name("deep.toml")
+    text = boxes.read_text().replace("f_number = 2.0\nfocus_distance_m = 4.0", "")
+    deep.write_text(text.replace("[lens]", "[lens]\nsharp_from_m = 2\nsharp_to_m = 4"))
+    told, report = rendered(deep, tmp_path, "--set", "exposure.light_ev=8")
+    taken, depth = report["exposure"], report["lens"]["depth_of_field"]
+    assert (depth["near_m"], depth["far_m"]) == (pytest.approx(2.0), pytest.approx(4.0))
+    assert "sharp from 2.00 m to 4.00 m" in told
     assert taken["f_number"] == pytest.approx(report["lens"]["f_number"])
-    assert taken["f_number"] > 1.5
     assert taken["time_s"] == pytest.approx(1 / 60)
     assert 100 < taken["iso"] < 6400
     assert taken["stops_off"] == pytest.approx(0.0, abs=1e-6)
+    with pytest.raises(ConfigError, match="has one of sharp_from_m and sharp_to_m; give both"):
+        load_config(boxes, ["lens.sharp_from_m=2"])
+    with pytest.raises(ConfigError, match="which gives focus and f-number, and f_number; leave one out"):
+        load_config(boxes, ["lens.sharp_from_m=2", "lens.sharp_to_m=4"])
+    with pytest.raises(ConfigError, match="sharp_from_m = 5, which is not below sharp_to_m = 4"):
+        load_config(deep, ["lens.sharp_from_m=5"])
 
 
 @pytest.mark.parametrize(

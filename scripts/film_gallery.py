@@ -35,14 +35,14 @@ def radiance(rays: int) -> jnp.ndarray:
     meshes = ROOT / "configs" / "meshes"
     spot = fj.load_mesh(meshes / "spot.glb", rotate=(0, 160, 0), scale=0.08)
     lamp = fj.load_mesh(
-        meshes / "still_life" / "lamp_globe.ply", translate=(0.1, 0.1, -0.6), emission=(12.0, 9.0, 6.0)
+        meshes / "still_life" / "lamp_globe.ply", translate=(0.12, 0.05, -0.5), emission=(12.0, 9.0, 6.0)
     )
     lights = [fj.directional_light((-1, -2, -1)), fj.point_light((0.1, 0.2, -0.5), (0.3, 0.22, 0.15))]
     scene = fj.make_scene(
         [spot, lamp], ambient=0.12, lights=lights, background=fj.gradient_background(0.01, 0.08, 0.4)
     )
-    camera = fj.look_at((0, 0.1, 0.6), (0, 0.01, 0), width=240, height=160, focal_length=0.05)
-    lens = fj.thin_lens(focus_distance=0.55, f_number=2.0, focal_length=0.05)
+    camera = fj.look_at((0, 0.08, 0.4), (0.02, 0.025, 0), width=240, height=160, focal_length=0.05)
+    lens = fj.thin_lens(focus_distance=0.36, f_number=2.8, focal_length=0.05)
     return fj.render(fj.peel(scene, camera, lens), lens, rays=rays)
 
 

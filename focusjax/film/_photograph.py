@@ -5,6 +5,7 @@ from typing import SupportsFloat
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from focusjax.film._film import AbstractFilm, Sensor
@@ -108,7 +109,7 @@ def signal_per_exposure(settings: CameraSettings, like: Float[Array, "..."]) -> 
 
 def _refuse_unless_positive(value: ArrayLike, what: str, expected: str) -> None:
     """Of a value that is known; what is traced by JAX is taken as it is."""
-    if isinstance(value, jax.core.Tracer):
+    if isinstance(value, Tracer):
         return
     numbers = np.asarray(value, dtype=float)
     if not (np.isfinite(numbers).all() and (numbers > 0).all()):

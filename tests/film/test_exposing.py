@@ -174,7 +174,8 @@ def test_white_balance_makes_a_light_white():
     np.testing.assert_allclose(cold, jnp.ones(3), rtol=1e-12)
     for kelvin, red_to_blue in ((2856, 7.85), (5500, 1.318), (10000, 0.605)):
         gains = balance_for(kelvin)
-        # Red over blue of linear sRGB for the chromaticities of the CIE's tables, over that of 6500 K. Observed 0.6 % off.
+        # Red over blue of linear sRGB for the chromaticities of the CIE's tables, over that of 6500 K.
+        # Observed 0.6 % off.
         assert float(gains[2] / gains[0]) == pytest.approx(red_to_blue, rel=0.02)
     image = scene(2)
     gains = grey_world_balance(image)

@@ -1,10 +1,11 @@
 """How fast a picture changes as its lens moves: light that enters and leaves pixels and opening.
 
 The sum of `_motion`, with the integrals as means over traced rays: some through points of every border
-between two pixels, and some through the rim of the opening, each beside one from within the opening, on
-the way from its middle to there. Radiances are taken relative to that of the pixel, and where the rim
-brings what the opening brings nothing changes, so that noise is left only where the picture is about to
-change. What leaves a pixel enters its neighbour by the same rays, so that noise cancels over regions, too.
+between two pixels, some through the rim of the opening, and a few from within it. Radiances are taken
+relative to that of the pixel, and where the rim brings what the opening brings nothing changes, so that
+noise is left only where the picture is about to change. What leaves a pixel enters its neighbour by the
+same rays, so that noise cancels over regions, too: what is left is that of the borders around one, whose
+rays are spread evenly along whole lines of borders.
 """
 
 from collections.abc import Callable
@@ -19,9 +20,11 @@ from jaxtyping import Array, Float, Int
 from focusjax.lens import AbstractLens
 from focusjax.trace._motion import LEAST_PLACE, divergence, film_flow, gain, opening_point, rim_flow
 from focusjax.trace._radiances import TracedScene, radiances
-from focusjax.trace._samples import chances, spread_points, tile_edge, z_order
+from focusjax.trace._samples import chances, line_points, spread_points, tile_edge, z_order
 
 _Values = TypeVar("_Values", Array, tuple[Array, Array])
+_WITHIN = 4
+"""Rays of a border or rim for each from within the opening, of which there are as many at least."""
 _ASIDE = 2.0**-8
 """Pixels beside a border at which the flow is taken: that of a lens may differ from pixel to pixel."""
 
@@ -91,7 +94,8 @@ def picture_flow(still: Still, moved: AbstractLens) -> Float[Array, "h w 3"]:
 
     (right, bottom), (left, top) = grids(before), grids(after)
     film = right[:, 1:] - left[:, :-1] + bottom[1:] - top[:-1]
-    return film + _through_rim(still, moved).reshape(height, width, 3)
+    opening = _through_rim(still, moved) + _within_opening(still, moved)
+    return film + opening.reshape(height, width, 3)
 
 
 def in_blocks(
@@ -124,7 +128,8 @@ def _through_borders(still: Still, moved: AbstractLens) -> tuple[Float[Array, "n
     )
     axis = np.repeat([0, 1], [len(row) for row in rows])
     row, column = np.concatenate(rows), np.concatenate(columns)
-    points = np.stack([spread_points(3, edge, rays.number, rays.seed + k).astype(real) for k in (1, 2)])
+    upright, level = (line_points(edge, rays.number, rays.seed + k).astype(real) for k in (1, 2))
+    points = np.stack([upright.swapaxes(0, 1), level]).reshape(2, edge**2, rays.number, 3)
     along = jnp.asarray(points[..., 0])
     places = jnp.asarray(np.maximum(points[..., 1:], LEAST_PLACE))
     sites = [jnp.asarray(a) for a in (column, row, axis)]
@@ -156,27 +161,51 @@ def _through_borders(still: Still, moved: AbstractLens) -> tuple[Float[Array, "n
 
 
 def _through_rim(still: Still, moved: AbstractLens) -> Float[Array, "p 3"]:
-    """What each pixel gains at the rim of the opening and within it."""
+    """What each pixel gains at the rim of the opening."""
     camera, lens, rays, edge = still.scene.camera, still.lens, still.rays, still.tile
     row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
-    points = spread_points(4, edge, rays.number, rays.seed + 3).astype(still.least.dtype)
+    points = jnp.asarray(spread_points(3, edge, rays.number, rays.seed + 3).astype(still.least.dtype))
+
+    def block(pixel: Int[Array, " b"]) -> Float[Array, "b 3"]:
+        column, row = pixel % camera.width, pixel // camera.width
+        tile = row % edge * edge + column % edge
+        film = jnp.stack([column, row], axis=-1)[:, None] + points[tile][..., :2]
+        turn = points[tile][..., 2]
+        brought = still.along(pixel, tile, film, jax.vmap(jax.vmap(lens.rim_point))(turn))
+        flow = jax.vmap(jax.vmap(lambda p, t: rim_flow(lens, moved, camera, p, t)))(film, turn)
+        return jnp.einsum("bs,bsc->bc", flow, brought - still.picture[pixel][:, None]) / rays.number
+
+    return in_blocks(block, column, row, max(1, rays.at_once // rays.number))
+
+
+def _within_opening(still: Still, moved: AbstractLens) -> Float[Array, "p 3"]:
+    """What each pixel gains where rays move apart or carry more light.
+
+    The picture is the mean of what rays bring, so that only a rate that differs from ray to ray needs rays of
+    its own, and few of them: no such rate is large.
+    """
+    camera, lens, edge = still.scene.camera, still.lens, still.tile
+    number = max(_WITHIN, still.rays.number // _WITHIN)
+    row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
+    points = spread_points(4, edge, number, still.rays.seed + 4).astype(still.least.dtype)
     points = jnp.asarray(np.maximum(points, LEAST_PLACE))
 
     def block(pixel: Int[Array, " b"]) -> Float[Array, "b 3"]:
         column, row = pixel % camera.width, pixel // camera.width
         tile = row % edge * edge + column % edge
         film = jnp.stack([column, row], axis=-1)[:, None] + points[tile][..., :2]
-        within = points[tile][..., 2:]
-        places = jnp.concatenate([within, within.at[..., 0].set(1.0)], axis=1)
-        pupil = jax.vmap(jax.vmap(lambda place: opening_point(lens, place)))(places)
-        brought = still.along(pixel, tile, jnp.concatenate([film, film], axis=1), pupil)
+        place = points[tile][..., 2:]
+        pupil = jax.vmap(jax.vmap(lambda place: opening_point(lens, place)))(place)
+        brought = still.along(pixel, tile, film, pupil)
+        own = still.picture[pixel]
 
-        def over(function: Callable[..., Array], where: Array) -> Float[Array, "b s"]:
-            return jax.vmap(jax.vmap(lambda p, s: function(lens, moved, camera, p, s)))(film, where)
+        def over(function: Callable[..., Array]) -> Float[Array, "b s"]:
+            return jax.vmap(jax.vmap(lambda p, s: function(lens, moved, camera, p, s)))(film, place)
 
-        lost, gained = over(divergence, within), over(gain, within)
-        flow = jnp.concatenate([-lost, over(rim_flow, within[..., 1])], axis=1)
-        changed = jnp.einsum("bs,bsc->bc", flow, brought - still.picture[pixel][:, None])
-        return (changed + jnp.einsum("bs,bsc->bc", gained, brought[:, : rays.number])) / rays.number
+        gained = over(gain)
+        rate = gained - over(divergence)
+        uneven = rate - rate.mean(axis=1, keepdims=True)
+        changed = jnp.einsum("bs,bsc->bc", uneven, brought - own[:, None]) / number
+        return changed + gained.mean(axis=1, keepdims=True) * own
 
-    return in_blocks(block, column, row, max(1, rays.at_once // (2 * rays.number)))
+    return in_blocks(block, column, row, max(1, still.rays.at_once // number))

@@ -107,7 +107,8 @@ def in_blocks(
     reverse each block is worked out again instead of being remembered.
     """
     count = len(column)
-    size = min(size, count)
+    # All of one size, so that filling up the last one adds little.
+    size = -(-count // -(-count // size))
     order = np.argsort(z_order(column, row), kind="stable")
     blocks = order[np.minimum(np.arange(-(-count // size) * size), count - 1)].reshape(-1, size)
     values = jax.lax.map(jax.checkpoint(function), jnp.asarray(blocks))

@@ -22,6 +22,11 @@ radiances as they are. For a thin lens q(w) = p + f E u (w - w_f) the focal disp
 film, v = (-f E u, 0), so the picture changes by what enters and leaves its pixels; the aperture radius
 widens the opening, v = (0, u / E), and dI/dE = 2 / E (mean over the rim - mean over the opening).
 
+The divergence is how fast the density of rays changes along the flow, which takes derivatives in one
+direction instead of four:
+
+    div v = (d/dt - v . grad) log |det J|.
+
 Opening points are given by their place (s, t) in the unit square, u = sqrt(s) c(t) with c the rim, which is
 uniform by area. A parameter that changes the shape of the opening moves u where (s, t) stays.
 """
@@ -46,7 +51,8 @@ def film_flow(
     lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
 ) -> Float[Array, "2"]:
     """W v_p [2] for the difference between two lenses, to first order in it."""
-    return _weighted(lens, moved, camera, film, place)[0]
+    v_film, _, weight = _flow(lens, moved, camera, film, place)
+    return weight * v_film
 
 
 def rim_flow(
@@ -57,8 +63,8 @@ def rim_flow(
     With u = sqrt(s) c(t), the rim's outward element is n dl = (c'_y, -c'_x) dt and A = (c x c') / 2.
     """
     rim, along = jax.jvp(lens.rim_point, (turn,), (jnp.ones_like(turn),))
-    _, across = _weighted(lens, moved, camera, film, jnp.stack([jnp.ones_like(turn), turn]))
-    return 2.0 * _cross(across, along) / _cross(rim, along)
+    _, v_point, weight = _flow(lens, moved, camera, film, jnp.stack([jnp.ones_like(turn), turn]))
+    return 2.0 * weight * _cross(v_point, along) / _cross(rim, along)
 
 
 def gain(
@@ -74,36 +80,62 @@ def divergence(
 ) -> Float[Array, ""]:
     """Div (W v), to first order in the difference between two lenses."""
 
-    def flow(film: Float[Array, "2"], place: Float[Array, "2"]) -> tuple[Array, Array]:
-        return _weighted(lens, moved, camera, film, place)
+    v_film, v_point, weight = _flow(lens, moved, camera, film, place)
+    point = opening_point(lens, place)
+    before = lens.ray(camera, film, point).weight, _density(lens, camera, film, point)
+    upstream = film - v_film, opening_point(moved, place) - v_point
+    after = moved.ray(camera, *upstream).weight, _density(moved, camera, *upstream)
+    # A pinhole has no density, and moves no ray within its opening.
+    dense = before[1] > 0
+    ratio = jnp.where(dense, after[1] / jnp.where(dense, before[1], 1.0), 1.0)
+    spread = ratio * _area(moved, place[1]) / _area(lens, place[1]) - 1.0
+    return gain(lens, moved, camera, film, place) - (after[0] - before[0]) + weight * spread
 
-    (by_film, _), (_, by_place) = jax.jacfwd(flow, argnums=(0, 1))(film, place)
-    places = jax.jacfwd(lambda place: opening_point(lens, place))(place)
-    return jnp.trace(by_film) + jnp.trace(by_place @ _inverse(places))
 
-
-def _weighted(
+def _flow(
     lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
-) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
-    """W v_p and W v_u, by eliminating v_u from J v = dr.
+) -> tuple[Float[Array, "2"], Float[Array, "2"], Float[Array, ""]]:
+    """v_p, v_u and W, by eliminating v_u from J v = dr.
 
     A pinhole has rays of one b only. Their v_u is then 0: what the opening gains on one side as it opens, it
     gains on the other, too.
     """
     point = opening_point(lens, place)
+    still = lens.ray(camera, film, point)
+    other = moved.ray(camera, film, opening_point(moved, place))
+    (a_film, a_point), (b_film, b_point) = _jacobian(lens, camera, film, point)
+    back = _inverse(b_point)
+    by_b = a_point @ back
+    v_film = _inverse(a_film - by_b @ b_film) @ (other.a - still.a - by_b @ (other.b - still.b))
+    v_point = back @ (other.b - still.b - b_film @ v_film)
+    return v_film, v_point, still.weight
+
+
+def _density(
+    lens: AbstractLens, camera: Camera, film: Float[Array, "2"], point: Float[Array, "2"]
+) -> Float[Array, ""]:
+    """|det J|."""
+    (a_film, a_point), (b_film, b_point) = _jacobian(lens, camera, film, point)
+    eliminated = a_film - a_point @ _inverse(b_point) @ b_film
+    return jnp.abs(_cross(*eliminated) * _cross(*b_point))
+
+
+def _area(lens: AbstractLens, turn: Float[Array, ""]) -> Float[Array, ""]:
+    """Twice the opening's, which is alike for all turns."""
+    rim, along = jax.jvp(lens.rim_point, (turn,), (jnp.ones_like(turn),))
+    return _cross(rim, along)
+
+
+def _jacobian(
+    lens: AbstractLens, camera: Camera, film: Float[Array, "2"], point: Float[Array, "2"]
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Of a and of b, by film point and by opening point, each [2, 2]."""
 
     def ray(film: Float[Array, "2"], point: Float[Array, "2"]) -> tuple[Array, Array]:
         ray = lens.ray(camera, film, point)
         return ray.a, ray.b
 
-    still = lens.ray(camera, film, point)
-    other = moved.ray(camera, film, opening_point(moved, place))
-    (a_film, a_point), (b_film, b_point) = jax.jacfwd(ray, argnums=(0, 1))(film, point)
-    back = _inverse(b_point)
-    by_b = a_point @ back
-    v_film = _inverse(a_film - by_b @ b_film) @ (other.a - still.a - by_b @ (other.b - still.b))
-    v_point = back @ (other.b - still.b - b_film @ v_film)
-    return still.weight * v_film, still.weight * v_point
+    return jax.jacfwd(ray, argnums=(0, 1))(film, point)
 
 
 def _inverse(matrix: Float[Array, "2 2"]) -> Float[Array, "2 2"]:

@@ -9,12 +9,15 @@ both sides, made twice with other rays. What the two differ by is its noise, tak
 `plain` is the derivative of what the same rays bring back, with visibility as it is: what differentiating a
 tracer gives that does not know of silhouettes.
 
-    python scripts/gradient_study.py --cache truths
+    python scripts/gradient_study.py --cache truths --page docs/gradients.md
+
+`gradient_cost.py` tells what they cost.
 """
 
 import argparse
 import dataclasses
 import hashlib
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -23,6 +26,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from _gradient_page import write_page
+from _mitsuba_derivative import mitsuba_answers
 from jaxtyping import Array, Float
 from rich.console import Console
 from rich.table import Table
@@ -39,6 +44,9 @@ from focusjax.trace._flux import Rays
 BLOCK = 8
 PARAMETERS = ("focus", "aperture", "tilt")
 CONFIGS = ("bars", "still_life", "town")
+HEADINGS = (
+    "scene", "by", "rays", "projection", "error", "8 x 8: projection", "8 x 8: error", "loss: error", "s",
+)  # fmt: skip
 
 
 def moved(lens: TiltShiftLens, values: Float[Array, "3"]) -> TiltShiftLens:
@@ -113,11 +121,10 @@ def score(found: np.ndarray, truths: np.ndarray) -> tuple[float, float]:
     return float((found * mean).sum() / power), float(np.sqrt(max(error, 0.0) / power))
 
 
-def loss_error(found: np.ndarray, truths: np.ndarray, picture: np.ndarray) -> float:
-    """Relative error of the derivative of half the squared difference from a picture half as bright."""
-    weights = 0.5 * picture
-    expected = (weights * truths.mean(axis=0)).sum()
-    return float(abs((weights * found).sum() - expected) / abs(expected))
+def loss_error(found: np.ndarray, truths: np.ndarray, difference: np.ndarray) -> float:
+    """Relative error of the derivative of half the squared difference from another picture."""
+    expected = (difference * truths.mean(axis=0)).sum()
+    return float(abs((difference * found).sum() - expected) / abs(expected))
 
 
 def timed(function: Callable[[], Array]) -> tuple[np.ndarray, float]:
@@ -144,67 +151,35 @@ def plain(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3
     return jax.jacfwd(picture)(jnp.zeros(3))
 
 
-@eqx.filter_jit
-def forward(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3"]:
-    return render_differentiable(layers, lens, rays=rays)
-
-
-@eqx.filter_jit
-def along(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3"]:
-    def picture(values: Float[Array, "3"]) -> Float[Array, "h w 3"]:
-        return render_differentiable(layers, moved(lens, values), rays=rays)
-
-    return jax.jvp(picture, (jnp.zeros(3),), (jnp.ones(3),))[1]
-
-
-@eqx.filter_jit
-def back(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "3"]:
-    def loss(values: Float[Array, "3"]) -> Float[Array, ""]:
-        return (render_differentiable(layers, moved(lens, values), rays=rays) ** 2).sum()
-
-    return jax.grad(loss)(jnp.zeros(3))
-
-
-def study(path: Path, options: argparse.Namespace, table: Table, costs: Table) -> None:
+def study(path: Path, options: argparse.Namespace) -> list[list[str]]:
+    """Rows of the table for one config."""
     size = tuple(int(side) for side in options.size.split("x"))
     case, lens = wide_case(path, (size[0], size[1]), options.blur)
     # Room for differences, and for the steps of whoever solves with them.
     widest = moved(lens, jnp.array([0.0, 0.1, 0.0]))
     layers = peel(case.scene, case.camera, widest, supersampling=options.supersampling, max_layers=32)
     truths = truth(case, lens, options.truth_rays, options.cache)
-    picture = np.asarray(render(layers, lens, rays=64))
+    # Another lens: a smaller opening, and a pixel more of blur by focus and by tilt.
+    by_focus, _, by_tilt = 3.0 * steps(case, lens)
+    other = moved(lens, jnp.array([by_focus, -0.2, by_tilt]))
+    pictures = [np.asarray(render(layers, one, rays=256)) for one in (lens, other)]
+    difference = pictures[0] - pictures[1]
     rows: list[tuple[str, np.ndarray, float]] = []
     for rays in options.rays:
         found, seconds = timed(lambda rays=rays: jacobian(layers, lens, rays))
         rows.append((str(rays), found, seconds))
     found, seconds = timed(lambda: plain(layers, lens, options.rays[-1]))
     rows.append((f"plain, {options.rays[-1]}", found, seconds))
+    table = []
     for number, parameter in enumerate(PARAMETERS):
         for label, found, seconds in rows:
             one, true = found[..., number], truths[..., number]
             whole = score(one, true)
             means = score(in_blocks(one), np.stack([in_blocks(t) for t in true]))
-            table.add_row(
-                case.name,
-                parameter,
-                label,
-                f"{whole[0]:.3f}",
-                f"{whole[1]:.2f}",
-                f"{means[0]:.3f}",
-                f"{means[1]:.3f}",
-                f"{loss_error(one, true, picture):.3f}",
-                f"{seconds:.2f}",
-            )
-    rays = options.rays[len(options.rays) // 2]
-    _, base = timed(lambda: forward(layers, lens, rays))
-    _, by_jvp = timed(lambda: along(layers, lens, rays))
-    _, by_vjp = timed(lambda: back(layers, lens, rays))
-    start = time.perf_counter()
-    render(layers, lens, rays=rays, even=True).block_until_ready()
-    hits = time.perf_counter() - start
-    costs.add_row(
-        case.name, str(rays), f"{hits:.2f}", f"{base:.2f}", f"{by_jvp / base:.1f}", f"{by_vjp / base:.1f}"
-    )
+            scores = [f"{whole[0]:.3f}", f"{whole[1]:.2f}", f"{means[0]:.3f}", f"{means[1]:.3f}"]
+            loss = f"{loss_error(one, true, difference):.3f}"
+            table.append([case.name, parameter, label, *scores, loss, f"{seconds:.2f}"])
+    return table
 
 
 def main() -> None:
@@ -214,29 +189,37 @@ def main() -> None:
     parser.add_argument(
         "configs", nargs="*", type=Path, help="those in configs/ with a plain lens by default"
     )
-    parser.add_argument("--size", default="128x96", help="pixels")
-    parser.add_argument("--blur", type=float, default=16.0, help="widest blur in pixels")
+    parser.add_argument("--size", default="80x60", help="pixels")
+    parser.add_argument("--blur", type=float, default=12.0, help="widest blur in pixels")
     parser.add_argument("--supersampling", type=int, default=2, help="layer samples per pixel and axis")
-    parser.add_argument("--rays", type=int, nargs="+", default=[16, 64, 256], help="per border and per rim")
-    parser.add_argument("--truth-rays", type=int, default=4096, help="per pixel, twelve times over")
+    parser.add_argument(
+        "--rays", type=int, nargs="+", default=[16, 64, 256], help="per pixel, border and rim"
+    )
+    parser.add_argument("--truth-rays", type=int, default=768, help="per pixel, twelve times over")
     parser.add_argument("--cache", type=Path, help="folder that keeps the truths")
+    parser.add_argument("--page", type=Path, help="Markdown file to write with what was measured")
     options = parser.parse_args()
     folder = Path(__file__).parent.parent / "configs"
-    table = Table(
-        title=f"{options.size}, blur up to {options.blur:g} px; seconds for all parameters together"
-    )
-    for heading in (
-        "scene", "by", "rays", "projection", "error", "8 x 8: projection", "error", "loss: error", "s",
-    ):  # fmt: skip
-        table.add_column(heading, justify="left" if heading in ("scene", "by") else "right")
-    costs = Table(title="cost, in pictures of render_differentiable")
-    for heading in ("scene", "rays", "render s", "picture s", "jvp", "vjp"):
-        costs.add_column(heading, justify="left" if heading == "scene" else "right")
+    rows = []
     for path in options.configs or [folder / f"{name}.toml" for name in CONFIGS]:
-        study(path, options, table, costs)
-    console = Console(width=max(120, Console().width))
-    console.print(table)
-    console.print(costs)
+        rows += study(path, options)
+    title = f"{options.size}, blur up to {options.blur:g} px; seconds for all parameters together"
+    table = Table(title=title)
+    for heading in HEADINGS:
+        table.add_column(heading, justify="left" if heading in ("scene", "by") else "right")
+    for row in rows:
+        table.add_row(*row)
+    Console(width=max(120, Console().width)).print(table)
+    if options.page is not None:
+        answers: list[tuple[str, ...]] | str
+        try:
+            answers = [("parameter", "integrator", "derivative of the picture"), *mitsuba_answers()]
+        except ValueError as error:
+            answers = str(error)
+        # Seconds are this machine's, and no part of a page about derivatives.
+        kept = [row[:-1] for row in [list(HEADINGS), *rows]]
+        command = f"python scripts/gradient_study.py {' '.join(sys.argv[1:])}"
+        write_page(options.page, command, kept, answers)
 
 
 if __name__ == "__main__":

@@ -73,8 +73,8 @@ def write_page(file: Path, command: str, measured: Sequence[Row], other: Sequenc
         "Against central differences of pictures cast by Embree, which share nothing with the layers."
         " Projection: of the derivative on the true one, 1 is right. Error: root-mean-square over that of the"
         " truth, whose own noise is taken out. Loss: relative error of the derivative of the"
-        " squared difference from the picture through another lens. `plain` is the derivative of what traced rays bring back, with"
-        " visibility as it is.",
+        " squared difference from the picture through another lens. `plain` is the derivative of what traced"
+        " rays bring back, with visibility as it is.",
         _table(measured),
         "## Mitsuba's own derivative",
         "It marks neither parameter as differentiable. Asked all the same, of a glowing square out of focus:",

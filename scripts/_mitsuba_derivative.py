@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from focusjax.baselines import FASTEST, mitsuba
+from focusjax.baselines import mitsuba
 
 PARAMETERS = ("sensor.focus_distance", "sensor.aperture_radius")
 INTEGRATORS = ("direct_projective", "prb_projective", "prb")
@@ -16,7 +16,7 @@ def mitsuba_answers() -> list[tuple[str, str, str]]:
     Raises:
         ValueError: Mitsuba cannot be used.
     """
-    mi = mitsuba(FASTEST)
+    mi = mitsuba()
     import drjit  # pyright: ignore[reportMissingImports]  # comes with Mitsuba
 
     scene = mi.load_dict(

@@ -17,7 +17,7 @@ from focusjax.trace._flux import Rays, Still, in_blocks, picture_flow
 from focusjax.trace._radiances import disparity_ranges, traced_scene
 from focusjax.trace._reach import check_reach, out_of_reach
 from focusjax.trace._samples import ray_samples
-from focusjax.trace._tracer import trace_block
+from focusjax.trace._tracer import block_radiances
 
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
 
@@ -42,7 +42,7 @@ def render_differentiable(
         layers: peeled for this lens or for one whose rays go farther.
         lens: any lens.
         rays: rays per pixel of the picture.
-        derivative_rays: rays per border between pixels, per rim of the opening and per opening, of which
+        derivative_rays: rays per border between pixels and, up to `rays`, per rim of the opening, of which
             derivatives by the lens are made; half of `rays` if not given.
         seed: chooses the rays. The same seed gives the same picture and the same derivatives.
 
@@ -79,44 +79,54 @@ def _differentiable(
     fixed = jax.tree.map(jax.lax.stop_gradient, eqx.filter(layers, eqx.is_array))
     fixed = eqx.combine(fixed, layers)
     look = layers.samples.radiance, layers.background
-    return _picture(look, lens, fixed, picture=picture, derivative=derivative)
+    return _picture(look, lens, fixed, picture=picture, derivative=derivative)[0]
 
 
 @eqx.filter_custom_jvp
 def _picture(
     look: tuple[Array, Array], lens: AbstractLens, layers: Layers, *, picture: Rays, derivative: Rays
-) -> Float[Array, "h w 3"]:
-    del derivative
-    return _traced(look, lens, layers, picture)
+) -> tuple[Float[Array, "h w 3"], Float[Array, "h w 3"]]:
+    """The picture, and the one of its first rays only, which moves nothing."""
+    return _traced(look, lens, layers, picture, _at_rim(picture, derivative))
 
 
 @_picture.def_jvp
-def _picture_jvp(primals: Any, tangents: Any, *, picture: Rays, derivative: Rays) -> tuple[Array, Array]:
+def _picture_jvp(primals: Any, tangents: Any, *, picture: Rays, derivative: Rays) -> tuple[Any, Any]:
     look, lens, layers = primals
     look_moves, lens_moves, _ = tangents
-    value = _picture(look, lens, layers, picture=picture, derivative=derivative)
+    value, beside = _picture(look, lens, layers, picture=picture, derivative=derivative)
+    few = _at_rim(picture, derivative)
     change = jnp.zeros_like(value)
     if jax.tree.leaves(look_moves):
-        change += eqx.filter_jvp(lambda new: _traced(new, lens, layers, picture), (look,), (look_moves,))[1]
+        change += eqx.filter_jvp(
+            lambda new: _traced(new, lens, layers, picture, few)[0], (look,), (look_moves,)
+        )[1]
     if jax.tree.leaves(lens_moves):
         least, largest, _ = disparity_ranges(layers, lens)
-        still = Still(traced_scene(layers), lens, least, largest, value.reshape(-1, 3), derivative)
+        film = ray_samples(lens, [picture.number], picture.seed).offset[:, :few]
+        pictures = value.reshape(-1, 3), beside.reshape(-1, 3)
+        still = Still(traced_scene(layers), lens, least, largest, *pictures, film, derivative)
         change += eqx.filter_jvp(lambda new: picture_flow(still, new), (lens,), (lens_moves,))[1]
-    return value, change
+    return (value, beside), (change, jnp.zeros_like(beside))
+
+
+def _at_rim(picture: Rays, derivative: Rays) -> int:
+    """Rays through the rim of the opening for each pixel."""
+    return min(picture.number, derivative.number)
 
 
 def _traced(
-    look: tuple[Array, Array], lens: AbstractLens, layers: Layers, rays: Rays
-) -> Float[Array, "h w 3"]:
-    """The picture of layers of a given radiance."""
+    look: tuple[Array, Array], lens: AbstractLens, layers: Layers, rays: Rays, few: int
+) -> tuple[Float[Array, "h w 3"], Float[Array, "h w 3"]]:
+    """The picture of layers of a given radiance, by all rays and by the first few."""
     camera = layers.camera
     least, largest, _ = disparity_ranges(layers, lens)
     samples = dataclasses.replace(layers.samples, radiance=look[0])
     scene = traced_scene(dataclasses.replace(layers, samples=samples, background=look[1]))
     starts = ray_samples(lens, [rays.number], rays.seed, with_chances=layers.samples.opacity is not None)
 
-    def block(pixels: Int[Array, " b"]) -> Float[Array, "b 3"]:
-        return trace_block(
+    def block(pixels: Int[Array, " b"]) -> tuple[Array, Array]:
+        values = block_radiances(
             scene,
             lens,
             starts,
@@ -127,7 +137,9 @@ def _traced(
             together=rays.number,
             depth=layers.count,
         )
+        return values.mean(axis=1), values[:, :few].mean(axis=1)
 
     row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
-    means = in_blocks(block, column, row, max(1, rays.at_once // rays.number))
-    return means.reshape(camera.height, camera.width, 3)
+    pictures = in_blocks(block, column, row, max(1, rays.at_once // rays.number))
+    whole, first = (means.reshape(camera.height, camera.width, 3) for means in pictures)
+    return whole, first

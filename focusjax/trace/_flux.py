@@ -8,6 +8,7 @@ same rays, so that noise cancels over regions, too: what is left is that of the 
 rays are spread evenly along whole lines of borders.
 """
 
+import math
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -51,7 +52,9 @@ class Still(eqx.Module):
         lens: where they come from.
         least: least disparity [p] that the rays of each pixel can meet, row-major.
         largest: largest one [p].
-        picture: radiance [p, 3] of each pixel, by other rays; only what differs from it makes noise.
+        picture: radiance [p, 3] of each pixel; only what differs from it makes noise.
+        beside: that of the picture's first rays, whose film points [t, s, 2] the rim's rays share.
+        film: those points in their pixel, for each of a tile.
         rays: which rays.
     """
 
@@ -60,6 +63,8 @@ class Still(eqx.Module):
     least: Float[Array, " p"]
     largest: Float[Array, " p"]
     picture: Float[Array, "p 3"]
+    beside: Float[Array, "p 3"]
+    film: Float[Array, "t s 2"]
     rays: Rays
 
     @property
@@ -68,13 +73,20 @@ class Still(eqx.Module):
         return tile_edge(self.rays.number)
 
     def along(
-        self, pixel: Int[Array, " b"], tile: Int[Array, " b"], film: Float[Array, "b s 2"], pupil: Array
+        self,
+        pixel: Int[Array, " b"],
+        tile: Int[Array, " b"],
+        edge: int,
+        film: Float[Array, "b s 2"],
+        pupil: Array,
     ) -> Float[Array, "b s 3"]:
-        """Radiances along rays whose film points lie in or on the borders of the given pixels."""
+        """Radiances along rays whose film points lie in or on the borders of the given pixels.
+
+        `tile` is each pixel's place in tiles of a given edge.
+        """
         chance = None
         if self.scene.volume.opacity is not None:
-            table = jnp.asarray(chances(self.tile, self.rays.number, self.rays.seed))
-            chance = jnp.tile(table[tile], (1, film.shape[1] // self.rays.number))
+            chance = jnp.asarray(chances(edge, film.shape[1], self.rays.seed))[tile]
         ends = self.least[pixel], self.largest[pixel]
         return radiances(self.scene, self.lens, film, pupil, chance, *ends, depth=self.scene.volume.layers)[0]
 
@@ -147,7 +159,7 @@ def _through_borders(still: Still, moved: AbstractLens) -> tuple[Float[Array, "n
         place, on_border = places[axis, tile], along[axis, tile]
         film = jnp.stack([column, row], axis=-1)[:, None] + (1.0 - normal)[:, None] * on_border[..., None]
         pupil = jax.vmap(jax.vmap(lambda place: opening_point(still.lens, place)))(place)
-        brought = still.along(after, tile, film, pupil)
+        brought = still.along(after, tile, edge, film, pupil)
 
         def crossing(side: float, pixel: Int[Array, " b"]) -> Float[Array, "b 3"]:
             def one(film: Array, place: Array, normal: Array) -> Array:
@@ -162,21 +174,33 @@ def _through_borders(still: Still, moved: AbstractLens) -> tuple[Float[Array, "n
 
 
 def _through_rim(still: Still, moved: AbstractLens) -> Float[Array, "p 3"]:
-    """What each pixel gains at the rim of the opening."""
-    camera, lens, rays, edge = still.scene.camera, still.lens, still.rays, still.tile
+    """What each pixel gains at the rim of the opening.
+
+    Where things are in focus, or the opening is small, rays of one film point bring much the same: there the
+    opening's mean is that of rays with the rim's own film points. Elsewhere that of all rays is better.
+    """
+    camera, lens, seed = still.scene.camera, still.lens, still.rays.seed
     row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
-    points = jnp.asarray(spread_points(3, edge, rays.number, rays.seed + 3).astype(still.least.dtype))
+    number, edge = still.film.shape[1], math.isqrt(still.film.shape[0])
+    turns = jnp.asarray(spread_points(1, edge, number, seed + 3)[..., 0].astype(still.least.dtype))
+
+    def sharp(pixel: Int[Array, ""]) -> Float[Array, ""]:
+        film = jnp.stack([pixel % camera.width, pixel // camera.width]) + 0.5
+        ends = jnp.stack([still.least[pixel], still.largest[pixel]])
+        radius = jax.vmap(lambda w: lens.footprint(camera, film, w)[1])(ends).max()
+        return 1.0 / (1.0 + radius**2)
 
     def block(pixel: Int[Array, " b"]) -> Float[Array, "b 3"]:
         column, row = pixel % camera.width, pixel // camera.width
         tile = row % edge * edge + column % edge
-        film = jnp.stack([column, row], axis=-1)[:, None] + points[tile][..., :2]
-        turn = points[tile][..., 2]
-        brought = still.along(pixel, tile, film, jax.vmap(jax.vmap(lens.rim_point))(turn))
+        film, turn = jnp.stack([column, row], axis=-1)[:, None] + still.film[tile], turns[tile]
+        brought = still.along(pixel, tile, edge, film, jax.vmap(jax.vmap(lens.rim_point))(turn))
+        own, beside = still.picture[pixel], still.beside[pixel]
+        mean = own + jax.vmap(sharp)(pixel)[:, None] * (beside - own)
         flow = jax.vmap(jax.vmap(lambda p, t: rim_flow(lens, moved, camera, p, t)))(film, turn)
-        return jnp.einsum("bs,bsc->bc", flow, brought - still.picture[pixel][:, None]) / rays.number
+        return jnp.einsum("bs,bsc->bc", flow, brought - mean[:, None]) / number
 
-    return in_blocks(block, column, row, max(1, rays.at_once // rays.number))
+    return in_blocks(block, column, row, max(1, still.rays.at_once // number))
 
 
 def _within_opening(still: Still, moved: AbstractLens) -> Float[Array, "p 3"]:
@@ -197,7 +221,7 @@ def _within_opening(still: Still, moved: AbstractLens) -> Float[Array, "p 3"]:
         film = jnp.stack([column, row], axis=-1)[:, None] + points[tile][..., :2]
         place = points[tile][..., 2:]
         pupil = jax.vmap(jax.vmap(lambda place: opening_point(lens, place)))(place)
-        brought = still.along(pixel, tile, film, pupil)
+        brought = still.along(pixel, tile, edge, film, pupil)
         own = still.picture[pixel]
 
         def over(function: Callable[..., Array]) -> Float[Array, "b s"]:

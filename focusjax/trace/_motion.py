@@ -79,7 +79,6 @@ def divergence(
     lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
 ) -> Float[Array, ""]:
     """Div (W v), to first order in the difference between two lenses."""
-
     v_film, v_point, weight = _flow(lens, moved, camera, film, place)
     point = opening_point(lens, place)
     before = lens.ray(camera, film, point).weight, _density(lens, camera, film, point)

@@ -104,10 +104,29 @@ def trace_block(
     depth: int,
 ) -> Float[Array, "p 3"]:
     """Mean radiance of `together` rays of each of some `pixels`, those from `first` on."""
+    values = block_radiances(
+        scene, lens, samples, pixels, first, least, largest, together=together, depth=depth
+    )
+    return values.mean(axis=1)
+
+
+def block_radiances(
+    scene: TracedScene,
+    lens: AbstractLens,
+    samples: RaySamples,
+    pixels: Int[Array, " p"],
+    first: Int[Array, " p"],
+    least: Float[Array, " n"],
+    largest: Float[Array, " n"],
+    *,
+    together: int,
+    depth: int,
+) -> Float[Array, "p s 3"]:
+    """What each ray of `trace_block` adds to its pixel."""
     width = scene.camera.width
     column, row = pixels % width, pixels // width
     offsets, pupil, chance = jax.vmap(samples.of_pixel, in_axes=(0, 0, 0, None))(column, row, first, together)
     film = jnp.stack([column, row], axis=-1).astype(offsets.dtype)[:, None] + offsets
     ends = least[pixels], largest[pixels]
     along, share = radiances(scene, lens, film, pupil, chance, *ends, depth=depth)
-    return (share[..., None] * along).mean(axis=1)
+    return share[..., None] * along

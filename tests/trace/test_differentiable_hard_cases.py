@@ -1,0 +1,142 @@
+"""Derivatives of pictures where something is closed, in focus, thin, touching, empty, cornered or glaring."""
+
+from functools import cache
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from small_scenes import front_camera, patch, wide_lens
+
+from focusjax.layers import Layers, peel
+from focusjax.lens import Polygon, ThinLens
+from focusjax.scene import Scene, SceneObject, constant_background, make_scene
+from focusjax.trace import render_differentiable
+
+RAYS = 64
+CAMERA = front_camera(16, 12)
+WIDEST = wide_lens(CAMERA, focus=0.0)
+PARALLAX = 11.0
+WALL = (-60.0, -60.0, 80.0, 80.0)
+GLARE = 1e5
+
+
+def scene_of(*objects: SceneObject) -> Scene:
+    return make_scene(list(objects), background=constant_background(0.2), unlit=True)
+
+
+def hard_scene() -> Scene:
+    """Bars a pixel wide, two surfaces that touch, one a hair before them, and small lamps, near and far."""
+    boxes = {
+        "bar": ((5.27, -60, 6.27, 80), 1.0, 0.6),
+        "level bar": ((-60, 7.13, 80, 8.13), 0.9, 0.8),
+        "left": ((-60, -60, 9.37, 80), 0.3, 0.9),
+        "right": ((9.37, -60, 80, 80), 0.3, 0.1),
+        "hair": ((8.19, 2.21, 12.43, 5.77), 0.3 + 1e-6, 0.5),
+        "near lamp": ((12.31, 8.57, 13.31, 9.57), 1.0, GLARE),
+        "far lamp": ((2.11, 2.39, 3.11, 3.39), 0.31, GLARE),
+    }
+    return scene_of(*(patch(name, CAMERA, *values) for name, values in boxes.items()))
+
+
+@cache
+def layers_of(case: str) -> Layers:
+    """All cases have layers of one shape, which share compiled programs."""
+    if case == "hard":
+        return peel(hard_scene(), CAMERA, WIDEST, supersampling=1, max_layers=5)
+    sharp = [patch("left", CAMERA, (-60, -60, 7.37, 80), 0.5, 0.9), patch("wall", CAMERA, WALL, 0.5, 0.1)]
+    aside = patch("aside", CAMERA, (900, 900, 901, 901), 0.5)
+    scene = scene_of(*(sharp if case == "in focus" else [aside]))
+    return peel(scene, CAMERA, WIDEST, supersampling=1, max_layers=5, like=layers_of("hard"))
+
+
+def lens_of(values: jax.Array, layers: Layers) -> ThinLens:
+    """From focus in 1/m, pixels that the rim moves per dioptre, and how the blades are turned and bent."""
+    radius = values[1] / layers.camera.focal_px
+    return ThinLens(values[0], radius, Polygon(rotation=values[2], roundness=values[3], blades=5))
+
+
+@eqx.filter_jit
+def both_modes(layers: Layers, values: jax.Array) -> tuple[jax.Array, ...]:
+    """The picture, its Jacobian [h, w, 3, 4], and the gradient of a weighted sum with its weights."""
+
+    def picture(values: jax.Array) -> jax.Array:
+        return render_differentiable(layers, lens_of(values, layers), rays=RAYS, derivative_rays=RAYS)
+
+    value = picture(values)
+    weights = jnp.cos(jnp.arange(value.size, dtype=value.dtype)).reshape(value.shape)
+    gradient = jax.grad(lambda values: (weights * picture(values)).sum())(values)
+    return value, jax.jacfwd(picture)(values), gradient, weights
+
+
+def derivatives(case: str, values: tuple[float, ...]) -> tuple[np.ndarray, ...]:
+    return tuple(np.asarray(part) for part in both_modes(layers_of(case), jnp.array(values)))
+
+
+CORNERED, ROUND = (0.4, 0.0), (0.4, 1.0)
+LENSES = {
+    "before all": ("hard", (0.2, PARALLAX, *ROUND)),
+    "corners": ("hard", (0.5, PARALLAX, *CORNERED)),
+    "infinity": ("hard", (0.0, PARALLAX, *ROUND)),
+    "closed": ("hard", (0.5, 0.0, *ROUND)),
+    "nearly closed": ("hard", (0.5, 1e-3, *ROUND)),
+    "in focus": ("in focus", (0.5, PARALLAX, *CORNERED)),
+    "empty": ("empty", (0.5, PARALLAX, *CORNERED)),
+}
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_finite_and_alike_in_both_modes_and_precisions(name: str):
+    case, values = LENSES[name]
+    results = {"double": derivatives(case, values)}
+    with jax.enable_x64(False):
+        single = jax.tree.map(
+            lambda a: a.astype(jnp.float32) if eqx.is_inexact_array(a) else a, layers_of(case)
+        )
+        results["single"] = tuple(
+            np.asarray(part) for part in both_modes(single, jnp.array(values, jnp.float32))
+        )
+    for precision, tolerance in (("double", 1e-10), ("single", 1e-5)):
+        value, jacobian, gradient, weights = results[precision]
+        assert np.isfinite(value).all()
+        assert np.isfinite(jacobian).all()
+        assert np.isfinite(gradient).all()
+        forward = np.einsum("hwc,hwck->k", weights, jacobian.astype(np.float64))
+        scale = np.einsum("hwc,hwck->k", np.abs(weights), np.abs(jacobian.astype(np.float64)))
+        print(name, precision, np.abs(gradient - forward) / scale.max())
+        assert (np.abs(gradient - forward) <= tolerance * scale.max() + np.finfo(value.dtype).eps).all()
+    double, single = (results[precision][1].astype(np.float64) for precision in ("double", "single"))
+    scale, apart = np.linalg.norm(double), np.linalg.norm(single - double)
+    print(name, scale, apart)
+    assert apart <= 0.01 * scale + 1e-6
+
+
+def test_a_closed_opening_changes_nothing():
+    """Openings of either sign make one picture, so that its derivative by a closed one is 0."""
+    _, jacobian, gradient, _ = derivatives(*LENSES["closed"])
+    print(np.abs(jacobian).max(axis=(0, 1, 2)), gradient)
+    np.testing.assert_array_equal(jacobian[..., 0], 0.0)
+    assert np.abs(jacobian[..., 1:]).max() < 0.01 * GLARE
+
+
+def test_what_is_in_focus_changes_nothing_by_the_opening():
+    """Rays of a film point meet in one point whatever the opening, and as focus moves the edge only blurs."""
+    _, jacobian, _, _ = derivatives(*LENSES["in focus"])
+    # Observed: 6e-19.
+    assert np.abs(jacobian[..., 1:]).max() < 1e-12
+
+
+def test_an_empty_picture_changes_nothing():
+    value, jacobian, _, _ = derivatives(*LENSES["empty"])
+    np.testing.assert_allclose(value, 0.2, rtol=1e-12)
+    np.testing.assert_allclose(jacobian, 0.0, rtol=0, atol=1e-12)
+
+
+def test_glare_is_moved_and_neither_lost_nor_made():
+    """As lamps blur over more of the frame, their light stays the same but for what crosses its border."""
+    value, jacobian, _, _ = derivatives(*LENSES["before all"])
+    assert value.max() > 100
+    gained = jacobian[..., 0].sum(axis=(0, 1)) / np.abs(jacobian[..., 0]).sum(axis=(0, 1))
+    # Observed: 0.019.
+    assert np.abs(gained).max() < 0.06

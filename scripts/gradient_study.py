@@ -146,7 +146,7 @@ def jacobian(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h 
 def plain(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3 3"]:
     def picture(values: Float[Array, "3"]) -> Float[Array, "h w 3"]:
         look = layers.samples.radiance, layers.background
-        return _traced(look, moved(lens, values), layers, Rays(rays, 0, 1 << 17))
+        return _traced(look, moved(lens, values), layers, Rays(rays, 0, 1 << 17), 1)[0]
 
     return jax.jacfwd(picture)(jnp.zeros(3))
 

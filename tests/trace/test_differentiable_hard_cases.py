@@ -97,6 +97,7 @@ def test_finite_and_alike_in_both_modes_and_precisions(name: str):
         results["single"] = tuple(
             np.asarray(part) for part in both_modes(single, jnp.array(values, jnp.float32))
         )
+    # Observed: 2e-16 in double precision.
     for precision, tolerance in (("double", 1e-10), ("single", 1e-5)):
         value, jacobian, gradient, weights = results[precision]
         assert np.isfinite(value).all()
@@ -104,19 +105,20 @@ def test_finite_and_alike_in_both_modes_and_precisions(name: str):
         assert np.isfinite(gradient).all()
         forward = np.einsum("hwc,hwck->k", weights, jacobian.astype(np.float64))
         scale = np.einsum("hwc,hwck->k", np.abs(weights), np.abs(jacobian.astype(np.float64)))
-        print(name, precision, np.abs(gradient - forward) / scale.max())
         assert (np.abs(gradient - forward) <= tolerance * scale.max() + np.finfo(value.dtype).eps).all()
     double, single = (results[precision][1].astype(np.float64) for precision in ("double", "single"))
     scale, apart = np.linalg.norm(double), np.linalg.norm(single - double)
-    print(name, scale, apart)
     assert apart <= 0.01 * scale + 1e-6
 
 
 def test_a_closed_opening_changes_nothing():
-    """Openings of either sign make one picture, so that its derivative by a closed one is 0."""
-    _, jacobian, gradient, _ = derivatives(*LENSES["closed"])
-    print(np.abs(jacobian).max(axis=(0, 1, 2)), gradient)
+    """Openings of either sign make one picture, so that its derivative by a closed one is 0.
+
+    Rays to opposite sides cancel but for noise.
+    """
+    _, jacobian, _, _ = derivatives(*LENSES["closed"])
     np.testing.assert_array_equal(jacobian[..., 0], 0.0)
+    # Observed: 2.9e-3 of the glare.
     assert np.abs(jacobian[..., 1:]).max() < 0.01 * GLARE
 
 

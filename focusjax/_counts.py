@@ -22,7 +22,7 @@ def require_counts(**counts: Any) -> None:
         if count is None:
             continue
         try:
-            enough = operator.index(count) >= 1
+            enough = not isinstance(count, bool) and operator.index(count) >= 1
         except TypeError:
             enough = False
         if not enough:

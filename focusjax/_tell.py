@@ -32,11 +32,19 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
         console.print("In the middle of the picture; a focal surface sets it from place to place.")
     if outcome.solution is not None:
         console.print(_wishes(outcome.solution))
-    if isinstance(outcome.solution, Solution):
+    if outcome.solution is not None:
         for sentence in diagnose(outcome.solution).sentences:
             console.print(sentence, highlight=False, markup=False)
     if outcome.picture is not None and not outcome.picture.complete:
-        console.print("Some surfaces did not fit into the layers; raise render.max_layers.")
+        console.print("Some surfaces did not fit into the layers; raise render.max_layers or render.slabs.")
+    if outcome.picture is not None and outcome.picture.examined is not None:
+        missed, saving = outcome.picture.examined.missed, outcome.picture.examined.saving
+        console.print(
+            f"The layers miss {100 * missed.share:.4f} % of the light, ± {100 * missed.standard_error:.4f} %."
+            f" Plain peeling makes {len(saving.plain)} layers, the umbra {len(saving.umbra)}, which spares"
+            f" {100 * saving.samples_saved:.0f} % of the samples.",
+            highlight=False,
+        )
     stages = outcome.seconds | {"compile": sum(outcome.compile_seconds.values())}
     seconds = ", ".join(f"{name.replace('_', ' ')} {_duration(value)}" for name, value in stages.items())
     console.print(f"[dim]{seconds}[/]", highlight=False, soft_wrap=True)
@@ -59,12 +67,8 @@ def tell_shot(console: Console, solved: SolvedShot) -> None:
                 f"{name}: at most {change.per_frame:.3g} per frame, {change.per_frame2:.3g} per frame^2",
                 highlight=False,
             )
-    for name, count, error in solved.missed():
-        console.print(
-            f"{name} is missed in {count} frame{'' if count == 1 else 's'}, by up to {error:.2f} px",
-            highlight=False,
-            markup=False,
-        )
+    for sentence in solved.diagnosis.sentences:
+        console.print(sentence, highlight=False, markup=False)
 
 
 def comparison(found: bench.CaseResults) -> Table:

@@ -32,6 +32,8 @@ LAMPS = (
 )
 """Pixel and radiance of each highlight."""
 LAMP_SIZE, LAMP_DISPARITY = 6.0, 0.25
+SHARP_LAMP = ((120, 130), 12, (0.8, 0.8, 0.7))
+"""Pixel, size and radiance of what is in focus."""
 WALL = (0.02, 0.025, 0.04)
 """Radiance behind the highlights."""
 BLADES, TURN = 6, 0.26
@@ -150,7 +152,8 @@ def highlights() -> SpecialCase:
         for k, (place, colour) in enumerate(LAMPS)
     ]
     wall = patch("wall", camera, (-99, -99, 400, 400), 0.2, WALL)
-    sharp = lamp("in focus", camera, (120, 130), 1.0, 12.0, (0.8, 0.8, 0.7))
+    place, size, colour = SHARP_LAMP
+    sharp = lamp("in focus", camera, place, 1.0, size, colour)
     scene = make_scene([*lamps, wall, sharp], unlit=True)
     lens = lens_with(camera, 1.0, LAMP_DISPARITY, 44.0, polygon(BLADES, rotation=TURN))
     what = "lamps of 6 px, 30 to 90 times white, blurred over 44 px through six blades"

@@ -146,7 +146,8 @@ def jacobian(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h 
 def plain(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3 3"]:
     def picture(values: Float[Array, "3"]) -> Float[Array, "h w 3"]:
         look = layers.samples.radiance, layers.background
-        return _traced(look, moved(lens, values), layers, Rays(rays, 0, 1 << 17), 1)[0]
+        means = _traced(look, moved(lens, values), layers, Rays(rays, 0, 1 << 17), 1)
+        return means.picture.reshape(layers.camera.height, layers.camera.width, 3)
 
     return jax.jacfwd(picture)(jnp.zeros(3))
 

@@ -1,5 +1,7 @@
 """The hard cases of the papers as pictures and numbers: ours, a ray cast, and filters of one sharp view.
 
+The truth of the highlights is their closed form, as a ray cast of them would be too noisy to tell.
+
 For every case, folder OUT gets the picture and a sheet: above, the pinhole view, the ray cast (the truth) and
 ours; below, four times the error of ours, multilayer and gather. results.json and results.md hold PSNR in dB
 and SSIM against the truth, of linear radiance up to white; how many surfaces lie behind one another at the
@@ -12,11 +14,24 @@ shape of highlights.
 
 import argparse
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
-from _special_scenes import BLADES, CASES, LAMP_DISPARITY, LAMP_SIZE, LAMPS, TURN, WALL, SpecialCase
+import scipy.signal
+from _special_scenes import (
+    BLADES,
+    CASES,
+    LAMP_DISPARITY,
+    LAMP_SIZE,
+    LAMPS,
+    SHARP_LAMP,
+    TURN,
+    WALL,
+    SpecialCase,
+)
 
 from focusjax.baselines import RayScene, gather, lens_picture, multilayer, pinhole_view
 from focusjax.io import save_png
@@ -45,7 +60,11 @@ def study(case: SpecialCase, options: argparse.Namespace) -> tuple[dict, dict[st
     ready = RayScene(scene)
     truth = kept(
         options.out / "truth" / f"{case.name} {options.truth_rays}.npy",
-        lambda: lens_picture(ready, camera, lens, rays=options.truth_rays),
+        lambda: (
+            highlights_truth(case)
+            if case.name == "highlights"
+            else lens_picture(ready, camera, lens, rays=options.truth_rays)
+        ),
     )
     layers = peel(scene, camera, lens, supersampling=options.supersampling, max_layers=case.max_layers)
     sharp, disparity = pinhole_view(ready, camera)
@@ -71,6 +90,37 @@ def study(case: SpecialCase, options: argparse.Namespace) -> tuple[dict, dict[st
         **special(case, pictures),
     }
     return result, pictures
+
+
+def highlights_truth(case: SpecialCase, fine: int = 8) -> np.ndarray:
+    """Every lamp's square, spread over the opening's outline; all in `fine` steps per pixel and axis.
+
+    No lamp's light crosses another or the thing in focus.
+    """
+    camera, steps = case.camera, np.array([case.camera.height, case.camera.width]) * fine
+    radius = abs(float(case.lens.blur(camera, camera.principal_point, jnp.asarray(LAMP_DISPARITY)))) / 2
+    edge = 2 * math.ceil(radius + 2)
+    y, x = (np.mgrid[: edge * fine, : edge * fine] + 0.5) / fine - edge / 2
+    opening = (beyond_opening(x, y, radius) < 0).astype(float)
+    out = np.broadcast_to(np.array(WALL), (camera.height, camera.width, 3)).copy()
+    for place, radiance in LAMPS:
+        square = np.zeros(steps)
+        left, top = (round((at - LAMP_SIZE / 2) * fine) for at in place)
+        square[top : top + round(LAMP_SIZE * fine), left : left + round(LAMP_SIZE * fine)] = 1.0
+        share = scipy.signal.fftconvolve(square, opening / opening.sum(), mode="same")
+        share = share.reshape(camera.height, fine, camera.width, fine).mean(axis=(1, 3))
+        out += np.maximum(share, 0.0)[..., None] * (np.array(radiance) - WALL)
+    (x, y), size = SHARP_LAMP[0], SHARP_LAMP[1]
+    half = int(size / 2)
+    out[y - half : y + half, x - half : x + half] = SHARP_LAMP[2]
+    return out
+
+
+def beyond_opening(x: np.ndarray, y: np.ndarray, radius: float) -> np.ndarray:
+    """How far places lie outside the outline of the blades, whose corners are at `radius`; below 0 inside."""
+    sides = TURN + (2 * np.arange(BLADES) + 1) * np.pi / BLADES
+    across = np.max([x * np.cos(side) + y * np.sin(side) for side in sides], axis=0)
+    return across - radius * np.cos(np.pi / BLADES)
 
 
 def shown(picture: np.ndarray) -> np.ndarray:
@@ -108,16 +158,14 @@ def lights(case: SpecialCase, picture: np.ndarray) -> dict[str, list[float]]:
     standard deviation there over the mean.
     """
     y, x = np.mgrid[: picture.shape[0], : picture.shape[1]] + 0.5
-    blur = float(case.lens.blur(case.camera, case.camera.principal_point, LAMP_DISPARITY))
+    blur = float(case.lens.blur(case.camera, case.camera.principal_point, jnp.asarray(LAMP_DISPARITY)))
     soft = (LAMP_SIZE + 1.0) / np.sqrt(2.0)
     out: dict[str, list[float]] = {"energy": [], "outside": [], "unevenness": []}
     for place, radiance in LAMPS:
         light = ((picture - WALL) / (np.array(radiance) - WALL)).mean(axis=-1)
         dx, dy = x - place[0], y - place[1]
         near = np.maximum(np.abs(dx), np.abs(dy)) < blur / 2 + soft + 1
-        sides = TURN + (2 * np.arange(BLADES) + 1) * np.pi / BLADES
-        beyond = np.max([dx * np.cos(side) + dy * np.sin(side) for side in sides], axis=0)
-        beyond -= blur / 2 * np.cos(np.pi / BLADES)
+        beyond = beyond_opening(dx, dy, blur / 2)
         out["energy"].append(float(light[near].sum() / LAMP_SIZE**2))
         out["outside"].append(float(np.abs(light[near & (beyond > soft)]).sum() / light[near].sum()))
         out["unevenness"].append(float(light[beyond < -soft].std() / light[beyond < -soft].mean()))

@@ -123,12 +123,13 @@ def test_a_missed_wish_is_status_3(scene_folder, tmp_path):
 
 
 def test_sharp_at_infinity_is_a_wish_like_any_other(scene_folder, tmp_path):
-    status, printed, _ = focusjax(
+    status, printed, complaint = focusjax(
         "solve", scene_folder / "boxes.toml", "--out", tmp_path / "out",
         "--set", "focus=[{pixel=[20.5, 1.5], sharp=true}]", "--set", "solve.free=['focus']",
     )  # fmt: skip
     assert status == 0
     assert "Focus ∞" in printed
+    assert "solve.f_number_min limits nothing, since f_number is not free; add 'f_number' to" in complaint
     assert json.loads((tmp_path / "out" / "report.json").read_text())["lens"]["focus_distance_m"] == "inf"
 
 
@@ -154,13 +155,29 @@ BAD_MESHES = {
         (["focus.1.object=far bix"], 2, r"no object named 'far bix'; did you mean 'far box'\?"),
         (
             ["focus=[{pixel=[400, 3], sharp=true}]"],
-            1,
-            r"focus point 'pixel \(400, 3\)' .*(screen|frame|picture)",
+            2,
+            r"boxes\.toml: focus\.0\.pixel: focus point 'pixel \(400, 3\)' .*(screen|frame|picture)",
         ),
-        (["focus.0.point=[0, 0, 3]", "focus.1.weight=0"], 1, r"box's front.* behind the camera"),
+        (["focus.0.point=[0, 0, 3]", "focus.1.weight=0"], 2, r"focus\.0\.point: .*box's front.* behind the"),
+        (
+            ["focus=[{triangle=1, barycentric=[0.7, 0.7, 0.1], sharp=true}]"],
+            2,
+            r"boxes\.toml: focus\.0\.triangle: .* barycentric coordinates \[0\.7, 0\.7, 0\.1\]; expected",
+        ),
+        (
+            ["focus.1={object='far box', same_blur_as=\"box's frnt\"}"],
+            2,
+            r"boxes\.toml: focus\.1\.same_blur_as: .* does not exist; did you mean \"box's front\"\?",
+        ),
+        (["focus.0.weight=0", "focus.1.weight=0"], 2, r"boxes\.toml: focus: every focus point's weight is 0"),
+        (["lens.f_number=64"], 2, r"boxes\.toml: lens\.f_number: the starting f-number is 64; expected"),
         (["focus=[{triangle=99, barycentric=[1,0,0], object='far box', sharp=true}]"], 2, r"0 to 11"),
         (["lens.focus_distance_m=0.04"], 2, r"focus distance 0\.04 m is within the focal length 0\.05 m"),
-        (["solve.min_focus_distance_m=0.04"], 1, r"minimum focus distance in metres"),
+        (
+            ["solve.min_focus_distance_m=0.04"],
+            2,
+            r"boxes\.toml: solve\.min_focus_distance_m: minimum focus distance in metres is 0\.04; expected",
+        ),
         (["solve.f_number_min=33"], 2, r"f_number_min = 33, which is not below f_number_max = 32"),
         (["camera.look_at=[0, 0, 0]"], 2, r"the camera looks at its own position"),
         (["camera.up=[0, 0, 1]"], 2, r"along the view axis; choose another up direction"),

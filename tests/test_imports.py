@@ -10,9 +10,9 @@ ROOT = Path(__file__).parents[1] / "focusjax"
 # What each part of the package may import, besides itself. The order is the pipeline's.
 ALLOWED = {
     "geometry": set(),
-    "lens": {"geometry"},
-    "scene": {"geometry"},
-    "focus": {"geometry", "lens"},
+    "lens": {"geometry", "_words"},
+    "scene": {"geometry", "_words"},
+    "focus": {"geometry", "lens", "_words"},
     "layers": {"geometry", "lens", "scene", "_counts", "_parallel"},
     "trace": {"geometry", "lens", "scene", "layers", "_counts", "_parallel"},
     "film": {"geometry", "lens", "scene", "layers"},
@@ -21,11 +21,12 @@ ALLOWED = {
     # Slow or simple twins share no code with what they are compared with.
     "baselines": {"geometry", "lens", "scene", "_counts", "_parallel"},
     "io": {"film"},
-    "config": {"geometry", "lens", "scene", "focus", "trace"},
+    "config": {"geometry", "lens", "scene", "focus", "trace", "_words"},
     "_counts": set(),
+    "_words": set(),
     "_parallel": set(),
     "_stopwatch": set(),
-    "job": {"geometry", "lens", "scene", "focus", "layers", "trace", "config", "_stopwatch"},
+    "job": {"geometry", "lens", "scene", "focus", "layers", "trace", "config", "_stopwatch", "_words"},
     "report": {"geometry", "lens", "focus", "io", "config", "job"},
     "bench": {
         "geometry",
@@ -53,6 +54,7 @@ ALLOWED = {
         "job",
         "report",
         "_stopwatch",
+        "_words",
     },
     "_tell": {"focus", "job", "report", "shot", "bench"},
     "cli": {"io", "config", "job", "report", "shot", "bench", "batch", "_tell"},
@@ -67,6 +69,7 @@ ALLOWED["__init__"] = set(ALLOWED) - {
     "_counts",
     "_parallel",
     "_stopwatch",
+    "_words",
     "baselines",
     "bench",
     "batch",

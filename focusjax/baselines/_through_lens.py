@@ -16,7 +16,7 @@ from focusjax._counts import require_counts
 from focusjax._parallel import CORES, in_parallel, parts
 from focusjax.baselines._raycast import RayCaster, world_rays
 from focusjax.geometry import Camera
-from focusjax.lens import AbstractLens
+from focusjax.lens import AbstractLens, in_colour
 from focusjax.scene import AbstractBackground, Scene, Shader
 
 _AT_ONCE = 1 << 15
@@ -99,11 +99,14 @@ def radiance(
 ) -> Float[np.ndarray, "n 3"]:
     """Weighted radiance along one ray per film point in pixels and pupil sample of the unit square."""
     real = jnp.zeros(()).dtype
-    a, b, weight = (
-        np.asarray(part, dtype=np.float64)
-        for part in _image_lines(lens, camera, jnp.asarray(film, dtype=real), jnp.asarray(pupil, dtype=real))
-    )
-    return weight[:, None] * line_radiance(ready, camera, a, b)[0]
+    starts = jnp.asarray(film, dtype=real), jnp.asarray(pupil, dtype=real)
+
+    def seen(lens: AbstractLens) -> Float[np.ndarray, "n 3"]:
+        lines = _image_lines(lens, camera, *starts)
+        a, b, weight = (np.asarray(part, dtype=np.float64) for part in lines)
+        return weight[:, None] * line_radiance(ready, camera, a, b)[0]
+
+    return np.asarray(in_colour(seen, lens))
 
 
 def line_radiance(

@@ -142,6 +142,7 @@ def _check_lens(config: Config) -> None:
         "camera.rise_mm": camera.rise_mm,
         "camera.shift_mm": camera.shift_mm,
         "lens.focal_surface": lens.focal_surface is not None,
+        **{f"lens.{key}": True for key in lens.look},
     }
     for key, value in settings.items():
         if value:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from focusjax.config._build_look import build_aperture
 from focusjax.config._errors import ConfigError
 from focusjax.config._load import Config
 from focusjax.config._scene import (
@@ -16,14 +17,10 @@ from focusjax.config._scene import (
     PointTable,
     SceneTable,
 )
-from focusjax.config._view import PolygonTable
 from focusjax.geometry import Camera, look_at, make_camera
 from focusjax.lens import (
-    AbstractAperture,
-    Disk,
     ThinLens,
     TiltShiftLens,
-    polygon,
     thin_lens,
     tilt_shift_lens,
 )
@@ -128,7 +125,7 @@ def build_lens(config: Config, camera: Camera, *, solved: bool) -> ThinLens | Ti
             "focal_length": float(camera.focal_length),
             "f_number": table.f_number,
             "aperture_radius": None if table.aperture_radius_mm is None else table.aperture_radius_mm / 1000,
-            "aperture": _aperture(config),
+            "aperture": build_aperture(config),
         }
         if not tilted:
             return thin_lens(**settings)
@@ -171,13 +168,6 @@ def _background(table: SceneTable, folder: Path) -> AbstractBackground:
     if isinstance(background, GradientTable):
         return gradient_background(background.bottom, background.horizon, background.top)
     return image_background(folder / background.file, gain=background.gain, turn=background.turn_deg)
-
-
-def _aperture(config: Config) -> AbstractAperture:
-    table = config.lens.aperture
-    if isinstance(table, PolygonTable):
-        return polygon(table.blades, rotation=math.radians(table.rotation_deg), roundness=table.roundness)
-    return Disk()
 
 
 def located(error: ValueError, config: Config) -> ConfigError:

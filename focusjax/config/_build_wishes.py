@@ -1,6 +1,7 @@
 """From the focus and solve tables of a config to wishes and options of the solve, units converted."""
 
 import math
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -59,15 +60,24 @@ def build_focus_points(config: Config, scene: Scene) -> tuple[FocusPoint, ...]:
 
 
 def build_solve_options(config: Config) -> dict[str, Any]:
-    """The keyword arguments of the solve that `[solve]` stands for."""
+    """The keyword arguments of the solve that `[solve]` stands for.
+
+    Warns of limits to what is not free.
+    """
     table = config.solve
-    options: dict[str, Any] = {
-        "free": table.free,
-        "max_focus_distance": table.max_focus_distance_m,
-        "f_number_range": (table.f_number_min, table.f_number_max),
-    }
-    if table.min_focus_distance_m is not None:
-        options["min_focus_distance"] = table.min_focus_distance_m
+    for key, name in table.idle_limits():
+        warnings.warn(
+            f"{config.source}: solve.{key} limits nothing, since {name} is not free; add {name!r} to"
+            f" solve.free, or remove {key}",
+            stacklevel=1,
+        )
+    options: dict[str, Any] = {"free": table.free, "method": table.method}
+    if "focus" in table.free:
+        options["max_focus_distance"] = table.max_focus_distance_m
+        if table.min_focus_distance_m is not None:
+            options["min_focus_distance"] = table.min_focus_distance_m
+    if "f_number" in table.free:
+        options["f_number_range"] = (table.f_number_min, table.f_number_max)
     if "tilt" in table.free:
         options["tilt_range"] = (math.radians(table.tilt_min_deg), math.radians(table.tilt_max_deg))
     if "swing" in table.free:

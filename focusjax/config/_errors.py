@@ -1,6 +1,5 @@
 """One clear sentence out of a failed validation: file, key, value, what was expected, what to do."""
 
-import difflib
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -9,6 +8,8 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
+
+from focusjax._words import nearest_name
 
 _EXPECTED = {
     "bool_type": "true or false",
@@ -53,8 +54,8 @@ def _describe(detail: ErrorDetails, model: type[BaseModel]) -> str:
     remedy = f"; give {field.description}" if field is not None and field.description else ""
     kind = detail["type"]
     if kind == "extra_forbidden":
-        close = difflib.get_close_matches(str(location[-1]), siblings, n=1, cutoff=0.5)
-        hint = f"did you mean {close[0]}?" if close else f"known keys here are {', '.join(siblings)}"
+        close = nearest_name(str(location[-1]), siblings)
+        hint = f"did you mean {close}?" if close else f"known keys here are {', '.join(siblings)}"
         return f"unknown key {key}; {hint}"
     if kind == "missing":
         return f"{key} is missing{remedy}"

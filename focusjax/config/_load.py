@@ -8,12 +8,13 @@ from typing import Annotated, Any
 from pydantic import Field, PrivateAttr, Strict, ValidationError, model_validator
 
 from focusjax.config._errors import ConfigError, key_path, sentence_for
+from focusjax.config._render import RenderTable
 from focusjax.config._scene import SceneTable
 from focusjax.config._shot import ShotTable
 from focusjax.config._solve import SolveTable
 from focusjax.config._values import Table
 from focusjax.config._view import CameraTable, LensTable
-from focusjax.config._wishes import FocusTable, RenderTable
+from focusjax.config._wishes import FocusTable
 
 
 class Config(Table):

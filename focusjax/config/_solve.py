@@ -100,6 +100,29 @@ class SolveTable(Table):
     )
     prior: PriorTable = Field(default=PriorTable(), description="a [solve.prior] table")
 
+    method: Literal["optimistix", "dogleg", "jaxopt"] = Field(
+        default="optimistix",
+        description='"optimistix" (Levenberg-Marquardt), "dogleg", or "jaxopt" to check them with',
+    )
+
+    def idle_limits(self) -> list[tuple[str, Name]]:
+        """Limits that are given of settings that are not free, with the name of the setting."""
+        limits: dict[Name, tuple[str, ...]] = {
+            "focus": ("min_focus_distance_m", "max_focus_distance_m"),
+            "f_number": ("f_number_min", "f_number_max"),
+            "tilt": ("tilt_min_deg", "tilt_max_deg"),
+            "swing": ("swing_min_deg", "swing_max_deg"),
+            "focal_length": ("focal_length_min_mm", "focal_length_max_mm", "keep_field_of_view"),
+            "shift": ("shift_min_mm", "shift_max_mm"),
+            "rise": ("rise_min_mm", "rise_max_mm"),
+        }
+        return [
+            (key, name)
+            for name, keys in limits.items()
+            for key in keys
+            if name not in self.free and key in self.model_fields_set
+        ]
+
     @model_validator(mode="after")
     def _bounds_in_order(self) -> "SolveTable":
         if len(set(self.free)) != len(self.free):

@@ -1,11 +1,13 @@
 """The camera and lens tables of a config."""
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, Strict, model_validator
 
 from focusjax.config._focal_surface import FocalSurfaceTable
+from focusjax.config._look import Look
+from focusjax.config._opening import DiskTable, ImageTable, PolygonTable
 from focusjax.config._values import Millimetres, NotNegative, Number, Positive, Table, Vector
 
 Row = Annotated[tuple[Number, Number, Number, Number], Strict(False)]
@@ -49,26 +51,7 @@ class CameraTable(Table):
         return self
 
 
-class DiskTable(Table):
-    """A round opening."""
-
-    shape: Literal["disk"]
-
-
-class PolygonTable(Table):
-    """An opening of straight or rounded blades."""
-
-    shape: Literal["polygon"]
-    blades: Annotated[int, Field(ge=3, le=64)] = Field(description="the number of blades, 3 or more")
-    rotation_deg: Number = Field(
-        default=0.0, description="the first corner's angle in degrees, clockwise from +x"
-    )
-    roundness: Annotated[float, Field(ge=0, le=1)] = Field(
-        default=0.0, description="a roundness from 0 (straight blades) to 1 (a circle)"
-    )
-
-
-class LensTable(Table):
+class LensTable(Look):
     """`[lens]`: the lens as it is before solving; `render` uses it unchanged."""
 
     f_number: Positive | None = Field(default=None, description="the f-number, for example 2.8")
@@ -84,7 +67,7 @@ class LensTable(Table):
     swing_deg: Movement = Field(
         default=0.0, description="the lens's swing in degrees, positive to the right, up to 45"
     )
-    aperture: Annotated[DiskTable | PolygonTable, Field(discriminator="shape")] = Field(
+    aperture: Annotated[DiskTable | PolygonTable | ImageTable, Field(discriminator="shape")] = Field(
         default=DiskTable(shape="disk"),
         description='the opening, for example {shape = "polygon", blades = 6}, or {shape = "disk"}',
     )
@@ -106,6 +89,8 @@ class LensTable(Table):
             )
         if self.focal_surface is not None and self.aperture_radius_mm == 0:
             raise ValueError("has a focal_surface and aperture_radius_mm = 0; open the aperture")
+        if self.aperture_radius_mm == 0 and self.look:
+            raise ValueError(f"has {self.look[0]} and aperture_radius_mm = 0; open the aperture")
         if self.focus_distance_m is not None and math.isnan(self.focus_distance_m):
             raise ValueError("has focus_distance_m = nan; give metres, or inf")
         return self

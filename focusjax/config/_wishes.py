@@ -1,11 +1,10 @@
-"""The focus and render tables of a config."""
+"""The focus table of a config."""
 
 from typing import Annotated, Literal
 
 from pydantic import Field, Strict, model_validator
 
 from focusjax.config._values import NotNegative, Number, Positive, Table, Vector
-from focusjax.trace import decibels_of
 
 
 class FocusTable(Table):
@@ -89,8 +88,7 @@ class FocusTable(Table):
     def _one_place_one_wish(self) -> "FocusTable":
         by_object = self.object if self.triangle is None else None
         spread = (by_object, self.mask, self.depth_m)
-        places = (self.pixel, self.point, self.direction, self.triangle, *spread)
-        if sum(place is not None for place in places) != 1:
+        if len(self._places()) != 1:
             raise ValueError(
                 "needs exactly one of pixel, point, direction, triangle, object, mask and depth_m to say"
                 " where"
@@ -105,12 +103,7 @@ class FocusTable(Table):
 
     @model_validator(mode="after")
     def _one_wish(self) -> "FocusTable":
-        wishes = ["sharp", "same_blur_as", "shown_at"] + [
-            f"{kind}_{unit}"
-            for kind in ("blur", "at_most", "at_least", "in_frame")
-            for unit in ("px", "mm", "height")
-        ]
-        given = [wish for wish in wishes if getattr(self, wish) is not None]
+        given = self._wishes()
         if len(given) != 1:
             raise ValueError(
                 "needs exactly one of sharp = true, blur_px, at_most_px, at_least_px, same_blur_as, shown_at"
@@ -136,44 +129,36 @@ class FocusTable(Table):
             )
         return self
 
+    def _places(self) -> list[str]:
+        """The keys that say where; `object` with a triangle only says how that is counted."""
+        keys = ["pixel", "point", "direction", "triangle", "mask", "depth_m"]
+        return [
+            key
+            for key in [*keys, *(["object"] if self.triangle is None else [])]
+            if getattr(self, key) is not None
+        ]
+
+    def _wishes(self) -> list[str]:
+        """The keys that say what is wished."""
+        lengths = [
+            f"{kind}_{unit}"
+            for kind in ("blur", "at_most", "at_least", "in_frame")
+            for unit in ("px", "mm", "height")
+        ]
+        keys = ["sharp", "same_blur_as", "shown_at", *lengths]
+        return [key for key in keys if getattr(self, key) is not None]
+
+    @property
+    def place_key(self) -> str:
+        """The key that says where."""
+        return self._places()[0]
+
+    @property
+    def wish_key(self) -> str:
+        """The key that says what is wished."""
+        return self._wishes()[0]
+
     @property
     def wants_a_value(self) -> bool:
         """Whether the wish is for sharpness or a blur, and not for a limit, another's blur or a place."""
         return any(getattr(self, key) is not None for key in ("sharp", "blur_px", "blur_mm", "blur_height"))
-
-
-class RenderTable(Table):
-    """`[render]`: how carefully the picture is made, and how it is shown."""
-
-    rays: Annotated[int, Field(ge=1, le=65536)] = Field(
-        default=64, description="lens rays per pixel on the average, for example 64"
-    )
-    quality: str | Number | None = Field(
-        default=None, description="'draft', 'good', 'reference' or decibels such as '40 dB', instead of rays"
-    )
-    supersampling: Annotated[int, Field(ge=1, le=8)] = Field(
-        default=2, description="layer samples along each side of a pixel, 1 to 8"
-    )
-    max_layers: Annotated[int, Field(ge=1, le=64)] = Field(
-        default=16, description="the most layers to peel, up to 64"
-    )
-    view_dependent: bool = Field(
-        default=False, description="true to let every lens ray see highlights and mirrors for itself"
-    )
-    pixel_filter: Literal["box", "tent", "gaussian"] = Field(
-        default="box", description="the pixel filter: 'box', 'tent' or 'gaussian'"
-    )
-    exposure: Number = Field(default=0.0, description="the exposure in stops; 1 doubles the brightness")
-    png_bits: Literal[8, 16] = Field(default=8, description="8 or 16 bits per channel for image.png")
-    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = Field(
-        default=0, description="a whole number that fixes the jitter"
-    )
-
-    @model_validator(mode="after")
-    def _rays_or_quality(self) -> "RenderTable":
-        if self.quality is not None:
-            if "rays" in self.model_fields_set:
-                raise ValueError("has rays, and a quality that finds its own number; leave one of them out")
-            # Only asked to refuse what is no quality.
-            decibels_of(self.quality)
-        return self

@@ -1,9 +1,13 @@
 """Wishes about what is sharp and what is blurred, and the lens that meets them best."""
 
-from focusjax.focus._diagnose import Conflict as Conflict
-from focusjax.focus._diagnose import Diagnosis as Diagnosis
-from focusjax.focus._diagnose import Unreachable as Unreachable
+from focusjax.focus._checks import ArgumentError as ArgumentError
 from focusjax.focus._diagnose import diagnose as diagnose
+from focusjax.focus._diagnose_frames import FramesDiagnosis as FramesDiagnosis
+from focusjax.focus._diagnose_frames import MissedWish as MissedWish
+from focusjax.focus._diagnose_picture import Diagnosis as Diagnosis
+from focusjax.focus._diagnose_surface import SurfaceDiagnosis as SurfaceDiagnosis
+from focusjax.focus._findings import Conflict as Conflict
+from focusjax.focus._findings import Unreachable as Unreachable
 from focusjax.focus._frames_solution import FramesSolution as FramesSolution
 from focusjax.focus._frames_solution import LargestChange as LargestChange
 from focusjax.focus._image_points import ACROSS as ACROSS

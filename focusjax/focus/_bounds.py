@@ -1,6 +1,7 @@
 """How far the solved parameters may go: what a photographer limits, and the box it makes."""
 
-from typing import TypeAlias
+from collections.abc import Mapping
+from typing import Any, TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,7 +9,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
-from focusjax.focus._checks import require
+from focusjax.focus._checks import ArgumentError, require
 from focusjax.geometry import Camera
 from focusjax.lens import MAX_TILT
 
@@ -26,6 +27,21 @@ UPPER_NAMES = (
 
 LIFE_SIZE = 2.0
 """Default minimum focus distance in focal lengths, where the image is as large as the subject."""
+
+F_NUMBERS = (1.0, 32.0)
+"""Range of the f-number when none is given."""
+
+LIMITED = {
+    "min_focus_distance": "focus",
+    "max_focus_distance": "focus",
+    "f_number_range": "f_number",
+    "tilt_range": "tilt",
+    "swing_range": "swing",
+    "focal_length_range": "focal_length",
+    "shift_range": "shift",
+    "rise_range": "rise",
+}
+"""Which parameter each limit of `solve` is to."""
 
 Range: TypeAlias = tuple[ArrayLike, ArrayLike]
 Ends: TypeAlias = tuple[Float[Array, ""], Float[Array, ""]]
@@ -92,8 +108,8 @@ def make_limits(
     camera: Camera,
     *,
     min_focus_distance: ArrayLike | None = None,
-    max_focus_distance: ArrayLike = jnp.inf,
-    f_number_range: Range = (1.0, 32.0),
+    max_focus_distance: ArrayLike | None = None,
+    f_number_range: Range | None = None,
     tilt_range: Range | None = None,
     swing_range: Range | None = None,
     focal_length_range: Range | None = None,
@@ -106,40 +122,58 @@ def make_limits(
         ValueError: limits that are out of range or reversed.
     """
     length = camera.focal_length
-    shortest, longest = (length, length) if focal_length_range is None else focal_length_range
+    shortest, longest = (
+        (length, length) if focal_length_range is None else _ends("focal_length_range", focal_length_range)
+    )
     shortest = require(
         jnp.asarray(shortest, dtype=float),
         lambda v: v > 0,
         "the focal length range's start in metres",
         "a positive length such as 0.024",
+        "focal_length_range.0",
     )
     longest = require(
         jnp.asarray(longest, dtype=float),
         lambda v: (v >= shortest) & (v < np.inf),
         "the focal length range's end in metres",
         "a finite length, not below the range's start",
+        "focal_length_range.1",
     )
     if min_focus_distance is None:
         min_focus_distance = LIFE_SIZE * longest
     near = jnp.asarray(min_focus_distance, dtype=float)
-    far = jnp.asarray(max_focus_distance, dtype=float)
-    widest = jnp.asarray(f_number_range[0], dtype=float)
-    narrowest = jnp.asarray(f_number_range[1], dtype=float)
+    far = jnp.asarray(jnp.inf if max_focus_distance is None else max_focus_distance, dtype=float)
+    widest, narrowest = (
+        jnp.asarray(end, dtype=float)
+        for end in _ends("f_number_range", F_NUMBERS if f_number_range is None else f_number_range)
+    )
     near = require(
         near,
         lambda v: (v > longest) & (v < np.inf),
         "minimum focus distance in metres",
         "a finite distance beyond the focal length; raise it, or use a shorter focal length",
+        "min_focus_distance",
     )
     far = require(
-        far, lambda v: v > near, "maximum focus distance in metres", "more than the minimum, or infinity"
+        far,
+        lambda v: v > near,
+        "maximum focus distance in metres",
+        "more than the minimum, or infinity",
+        "max_focus_distance",
     )
-    widest = require(widest, lambda v: v > 0, "the f-number range's start", "a positive number such as 1.4")
+    widest = require(
+        widest,
+        lambda v: v > 0,
+        "the f-number range's start",
+        "a positive number such as 1.4",
+        "f_number_range.0",
+    )
     narrowest = require(
         narrowest,
         lambda v: (v > widest) & (v < np.inf),
         "the f-number range's end",
         "a finite number above the range's start",
+        "f_number_range.1",
     )
     return Limits(
         near=near,
@@ -153,6 +187,32 @@ def make_limits(
     )
 
 
+def refuse_idle(limits: Mapping[str, Any], free: tuple[str, ...]) -> None:
+    """Refuse limits to what is not free, which would limit nothing.
+
+    Raises:
+        ArgumentError: one is given.
+    """
+    for name, parameter in LIMITED.items():
+        if limits.get(name) is not None and parameter not in free:
+            raise ArgumentError(
+                f"{name} is given, but {parameter} is not free, so that it would limit nothing; add"
+                f" {parameter!r} to free, or leave {name} out",
+                name,
+            )
+
+
+def _ends(name: str, ends: Any) -> Range:
+    """The two ends of a range."""
+    try:
+        least, most = ends
+    except (TypeError, ValueError):
+        raise ArgumentError(
+            f"{name} is {ends!r}; expected two numbers, the least and the most", name
+        ) from None
+    return least, most
+
+
 def _slides(name: str, ends: Range | None, camera: Camera) -> Ends:
     """How far the lens may slide; half the sensor's width both ways when nothing is said."""
     if ends is None:
@@ -160,34 +220,38 @@ def _slides(name: str, ends: Range | None, camera: Camera) -> Ends:
         # A known width is divided without the device, which compiles nothing.
         half = width / 2.0 if isinstance(width, Tracer) else float(width) / 2.0
         ends = (-half, half)
-    least, most = ends
+    least, most = _ends(f"{name}_range", ends)
     least = require(
         jnp.asarray(least, dtype=float),
         lambda v: abs(v) < np.inf,
         f"the {name} range's start in metres",
         "a finite length such as -0.011",
+        f"{name}_range.0",
     )
     most = require(
         jnp.asarray(most, dtype=float),
         lambda v: (v >= least) & (v < np.inf),
         f"the {name} range's end in metres",
         "a finite length, not below the range's start",
+        f"{name}_range.1",
     )
     return least, most
 
 
 def _angles(name: str, ends: Range | None) -> Ends:
-    least, most = (-MAX_TILT, MAX_TILT) if ends is None else ends
+    least, most = (-MAX_TILT, MAX_TILT) if ends is None else _ends(f"{name}_range", ends)
     least = require(
         jnp.asarray(least, dtype=float),
         lambda v: abs(v) < np.pi / 2,
         f"the {name} range's start in radians",
         "an angle between -pi/2 and pi/2",
+        f"{name}_range.0",
     )
     most = require(
         jnp.asarray(most, dtype=float),
         lambda v: (v >= least) & (v < np.pi / 2),
         f"the {name} range's end in radians",
         "an angle from the range's start to less than pi/2",
+        f"{name}_range.1",
     )
     return least, most

@@ -7,6 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax.focus._frames_asked import FramesAsked
 from focusjax.focus._image_points import ImagePoints
 from focusjax.focus._solution import Result, WishResult, wish_table
 from focusjax.geometry import Camera
@@ -50,6 +51,7 @@ class FramesSolution(eqx.Module):
         at_upper: the same for upper bounds.
         open: for every free parameter, whether the wishes of all frames together leave it open.
         free: what was solved for, in the order of `PARAMETERS` (static).
+        asked: the problem.
     """
 
     lens: ThinLens | TiltShiftLens
@@ -66,6 +68,7 @@ class FramesSolution(eqx.Module):
     at_upper: Bool[Array, "t k"]
     open: Bool[Array, "k"]
     free: tuple[str, ...] = eqx.field(static=True)
+    asked: FramesAsked | None = None
 
     @property
     def count(self) -> int:

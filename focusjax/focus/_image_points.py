@@ -163,7 +163,14 @@ def stacked(problems: Sequence[ImagePoints]) -> ImagePoints:
         )
         for each in problems
     ]
-    return jax.tree.map(lambda *leaves: jnp.asarray(np.stack(leaves)), *alike)
+    return jax.tree.map(together, *alike)
+
+
+def together(*leaves: Array) -> Array:
+    """Arrays as one with a leading axis; by numpy where it can be, which compiles nothing."""
+    if any(isinstance(leaf, Tracer) for leaf in leaves):
+        return jnp.stack(leaves)
+    return jnp.asarray(np.stack([np.asarray(leaf) for leaf in leaves]))
 
 
 def with_relations(points: ImagePoints, *, related: bool, referring: bool, placing: bool) -> ImagePoints:

@@ -6,9 +6,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Integer
 
+from focusjax._words import did_you_mean, kind_of, shown
+from focusjax.focus._checks import ArgumentError, about, require_kind
 from focusjax.focus._framing import ends, frames, with_framing
 from focusjax.focus._image_points import AT_LEAST, AT_MOST, EQUAL, SAME, ImagePoints
-from focusjax.focus._places import BEHIND, OUTSIDE, Finder, Place, did_you_mean
+from focusjax.focus._places import BEHIND, OUTSIDE, Finder, Place
 from focusjax.focus._points import AtLeast, AtMost, Blur, FocusPoint, SameBlur, Wish
 from focusjax.focus._units import pixels
 from focusjax.geometry import Camera
@@ -49,9 +51,9 @@ def locate(
         may_be_idle: whether it is fine that no wish counts, as in some frames of a shot.
 
     Raises:
-        ValueError: no points; none that counts, unless that is fine; a pixel that is off screen; a place that
-            is not finite or not in the scene; a mask that is empty or of another size; an unknown name; a
-            missing argument.
+        ArgumentError: (a `ValueError`) no points; none that counts, unless that is fine; a pixel that is
+            off screen; a place that is not finite or not in the scene; a mask that is empty or of another
+            size; an unknown name; a missing argument.
 
     Example:
         >>> from focusjax.focus import AtPoint, Sharp
@@ -61,19 +63,23 @@ def locate(
         >>> found.names, found.xy.tolist(), found.disparity.tolist()
         (('nose',), [[32.0, 24.0]], [0.5])
     """
-    if not points:
-        raise ValueError("there are no focus points; give at least one wish")
+    _check_wishes(points, camera)
     if not 0 <= favour_near < np.inf:
-        raise ValueError(f"favour_near is {favour_near}; expected zero or a positive finite number")
+        raise ArgumentError(
+            f"favour_near is {shown(favour_near)}; expected zero or a positive finite number", "favour_near"
+        )
     names = _names(points)
     finder = Finder(camera, vertices, faces, objects or {}, _checked_map(disparity_map, camera))
-    places = [_place(finder, point, name) for point, name in zip(points, names, strict=True)]
+    places = []
+    for index, (point, name) in enumerate(zip(points, names, strict=True)):
+        with about(f"points.{index}.where"):
+            places.append(_place(finder, point, name))
     targets, relations, signed = zip(*(_meaning(point.wish, camera) for point in points), strict=True)
     counts = np.array([len(place.rows) for place in places])
     shares = np.array([_share(point, place) for point, place in zip(points, places, strict=True)])
     rows = np.concatenate([place.rows for place in places])
     wish = np.repeat(np.arange(len(points)), counts)
-    others = [_other(point.wish, name, names, places) for point, name in zip(points, names, strict=True)]
+    others = [_other(points[index].wish, index, names, places) for index in range(len(points))]
     shares = shares * [1.0 if other is None or other.trouble != BEHIND else 0.0 for other in others]
     weight = np.array([float(point.weight) for point in points]) * shares
     if not may_be_idle:
@@ -98,6 +104,25 @@ def locate(
     return with_framing(found, [point.wish for point in points], camera)
 
 
+def _check_wishes(points: object, camera: object) -> None:
+    """Refuses what is no row of wishes, and no camera."""
+    usage = "locate(points, camera)"
+    if isinstance(points, FocusPoint):
+        raise ArgumentError(f"points of {usage} is one FocusPoint; put it into a list: [point]", "points")
+    require_kind(points, Sequence, usage, "a list of focus points", "points")
+    assert isinstance(points, Sequence)
+    if not points:
+        raise ArgumentError("there are no focus points; give at least one wish", "points")
+    for index, point in enumerate(points):
+        if not isinstance(point, FocusPoint):
+            raise ArgumentError(
+                f"points.{index} of {usage} is {kind_of(point)}; expected a FocusPoint, which has a place and"
+                " a wish",
+                f"points.{index}",
+            )
+    require_kind(camera, Camera, usage, "`look_at` and `make_camera` make one", "camera")
+
+
 def _names(points: Sequence[FocusPoint]) -> tuple[str, ...]:
     """What reports call the wishes.
 
@@ -107,7 +132,9 @@ def _names(points: Sequence[FocusPoint]) -> tuple[str, ...]:
     names = tuple(point.name or f"point {index + 1}" for index, point in enumerate(points))
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise ValueError(f"several focus points are called {twice[0]!r}; give each a name of its own")
+        raise ArgumentError(
+            f"several focus points are called {twice[0]!r}; give each a name of its own", "points"
+        )
     return names
 
 
@@ -151,19 +178,24 @@ def _note(place: Place, share: float) -> str:
     return place.trouble if share == 0 else "" if share == 1 else f"{100 * (1 - share):.0f} % hidden"
 
 
-def _other(wish: Wish, name: str, names: tuple[str, ...], places: Sequence[Place]) -> Place | None:
-    """The place of the point whose blur `wish` refers to."""
+def _other(wish: Wish, index: int, names: tuple[str, ...], places: Sequence[Place]) -> Place | None:
+    """The place of the point whose blur the wish of that index refers to."""
     if not isinstance(wish, SameBlur):
         return None
+    name = names[index]
     found = [index for index, known in enumerate(names) if known == wish.other]
     if len(found) != 1:
         hint = did_you_mean(wish.other, names, f"the focus points are {list(names)}")
         problem = "does not exist" if not found else "is not the only one of that name"
-        raise ValueError(
-            f"focus point {name!r} is to be as blurred as {wish.other!r}, which {problem}; {hint}"
+        raise ArgumentError(
+            f"focus point {name!r} is to be as blurred as {wish.other!r}, which {problem}; {hint}",
+            f"points.{index}.wish",
         )
     if wish.other == name:
-        raise ValueError(f"focus point {name!r} is to be as blurred as itself; name another focus point")
+        raise ArgumentError(
+            f"focus point {name!r} is to be as blurred as itself; name another focus point",
+            f"points.{index}.wish",
+        )
     return places[found[0]]
 
 
@@ -187,7 +219,7 @@ def _check_some_count(
     """Refuses wishes that all have no say, in the words of the first that would have one."""
     if weight.max() > 0:
         return
-    for point, name, place in zip(points, names, places, strict=True):
+    for index, (point, name, place) in enumerate(zip(points, names, places, strict=True)):
         if place.trouble and float(point.weight) > 0:
             many = "" if len(points) == 1 else ", and no other focus point counts"
             remedy = {
@@ -196,7 +228,9 @@ def _check_some_count(
             }.get(place.trouble, "move the camera, or let it count even_hidden")
             x, y = place.rows.mean(axis=0)[:2]
             where = f" around pixel ({x:.6g}, {y:.6g})" if place.trouble != BEHIND else ""
-            raise ValueError(f"focus point {name!r} is {place.trouble}{where}{many}; {remedy}")
+            raise ArgumentError(
+                f"focus point {name!r} is {place.trouble}{where}{many}; {remedy}", f"points.{index}.where"
+            )
 
 
 def _checked_map(

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from focusjax.focus._image_points import ImagePoints
+from focusjax.focus._refuse import require_points
 from focusjax.focus._solution import Asked, Solution
 from focusjax.focus._solve import prepared, solved
 from focusjax.geometry import Camera
@@ -44,7 +45,10 @@ def solve_many(
         >>> solve_many(stacked(sets), camera, start).lens.focus_disparity.tolist()
         [1.0, 0.5, 0.25]
     """
-    asked = prepared(dataclasses.replace(points, names=(), notes=()), camera, lens, **options)
+    usage = "solve_many(points, camera, lens)"
+    require_points(points, usage, axes=2)
+    anonymous = dataclasses.replace(points, names=(), notes=())
+    asked = prepared(anonymous, camera, lens, usage=usage, axes=2, **options)
     solutions, failed = _solve_all(asked)
     if throw and bool(jnp.any(failed)):
         count = int(failed.sum())

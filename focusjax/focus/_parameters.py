@@ -15,12 +15,15 @@ the picture and leave x, y and with them all blur as they are; a point is shown,
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from focusjax._words import did_you_mean
+from focusjax.focus._checks import ArgumentError
 from focusjax.focus._image_points import ACROSS, BLUR, DOWN, ImagePoints
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens, as_tilt_shift, view_tangents
@@ -124,15 +127,19 @@ def make_start(
     return Start(camera, lens, free, keep_view)
 
 
-def in_order(free: tuple[str, ...]) -> tuple[str, ...]:
-    """The free parameters in the order of `PARAMETERS`.
+def in_order(free: str | Sequence[str]) -> tuple[str, ...]:
+    """The free parameters in the order of `PARAMETERS`; a single one may be given by its name.
 
     Raises:
-        ValueError: nothing is free, or something that cannot be.
+        ArgumentError: nothing is free, or something that cannot be.
     """
-    if not free or len(set(free)) != len(free) or not set(free) <= set(PARAMETERS):
-        raise ValueError(f"free parameters are {list(free)}; expected some of {list(PARAMETERS)}, each once")
-    return tuple(name for name in PARAMETERS if name in free)
+    names = [free] if isinstance(free, str) else list(free)
+    if not names or len(set(names)) != len(names) or not set(names) <= set(PARAMETERS):
+        known = f"expected some of {list(PARAMETERS)}, each once"
+        unknown = [name for name in names if name not in PARAMETERS]
+        hint = did_you_mean(str(unknown[0]), PARAMETERS, known) if unknown else known
+        raise ArgumentError(f"free parameters are {names}; {hint}", "free")
+    return tuple(name for name in PARAMETERS if name in names)
 
 
 class FrameModel(eqx.Module):

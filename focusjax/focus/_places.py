@@ -1,7 +1,6 @@
 """From one place in the scene to image positions and disparities."""
 
 import dataclasses
-import difflib
 from collections.abc import Mapping
 
 import equinox as eqx
@@ -10,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Integer
 
+from focusjax._words import did_you_mean, shown
 from focusjax.focus._points import (
     AtInfinity,
     AtPixel,
@@ -112,7 +112,7 @@ class Finder:
 
     def _direction(self, direction: Float[np.ndarray, "3"], label: str) -> Place:
         if not np.any(direction):
-            raise ValueError(f"{label} is in direction {direction.tolist()}; give one that is not zero")
+            raise ValueError(f"{label} is in direction {shown(direction)}; give one that is not zero")
         x, y, z = np.asarray(self.camera.world_from_camera)[:3, :3].T.astype(float) @ direction
         if not z < 0:
             return self._nowhere(BEHIND)
@@ -135,7 +135,7 @@ class Finder:
             raise ValueError(f"{label} is on face {face}; the scene has faces 0 to {len(faces) - 1}")
         if weights.min() < -1e-6 or abs(weights.sum() - 1) > 1e-6:
             raise ValueError(
-                f"{label} has barycentric coordinates {weights.tolist()}; expected three numbers that"
+                f"{label} has barycentric coordinates {shown(weights)}; expected three numbers that"
                 " are not negative and add up to 1"
             )
         return weights @ vertices[faces[face]].astype(float)
@@ -202,12 +202,6 @@ class Finder:
         return Place(np.append(self._middle(), 0.0)[None], trouble, 0.0)
 
 
-def did_you_mean(name: str, known: Mapping[str, object] | tuple[str, ...], otherwise: str) -> str:
-    """A known name that is like `name`, as a question."""
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.4)
-    return f"did you mean {near[0]!r}?" if near else otherwise
-
-
 @eqx.filter_jit
 def _project_all(camera: Camera, positions: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
     xy, disparity = jax.vmap(camera.project)(positions)
@@ -231,7 +225,10 @@ def _along_z_curve(
 
 
 def _finite(values: Vector, what: str) -> Float[np.ndarray, "3"]:
-    array = np.asarray(values, dtype=float)
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{what} is {values!r}; expected three finite numbers") from None
     if array.shape != (3,) or not np.all(np.isfinite(array)):
-        raise ValueError(f"{what} is {array.tolist()}; expected three finite numbers")
+        raise ValueError(f"{what} is {shown(array)}; expected three finite numbers")
     return array

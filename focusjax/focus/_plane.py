@@ -27,7 +27,7 @@ from focusjax.focus._bounds import LIFE_SIZE
 from focusjax.focus._checks import require
 from focusjax.focus._disk import least_in_disk
 from focusjax.focus._image_points import repeated, room_for, unweighted
-from focusjax.focus._refuse import opened
+from focusjax.focus._refuse import opened, require_lens
 from focusjax.focus._solution import first_rows
 from focusjax.geometry import Camera
 from focusjax.lens import MAX_TILT, ThinLens, TiltShiftLens, as_tilt_shift, view_tangents
@@ -121,6 +121,7 @@ def fit_focal_plane(
         >>> fit.undetermined, fit.active_bounds
         ('', ())
     """
+    require_lens(camera, lens, "fit_focal_plane(xy, disparity, camera, lens)")
     count = disparity.shape[0]
     if count == 0:
         raise ValueError("there are no points to fit a plane to; give at least one")
@@ -153,10 +154,10 @@ def _checked_points(
     weight = jnp.ones_like(disparity) if weight is None else weight
     blur = jnp.zeros_like(disparity) if blur is None else blur
     return (
-        require(xy, finite, "a point's image position", "finite pixels"),
-        require(disparity, not_negative, "a point's disparity", "0 (infinity) or more dioptres"),
-        require(weight, not_negative, "a point's weight", "zero or a positive number"),
-        require(blur, finite, "a wanted blur", "a finite number of pixels"),
+        require(xy, finite, "a point's image position", "finite pixels", "xy"),
+        require(disparity, not_negative, "a point's disparity", "0 (infinity) or more dioptres", "disparity"),
+        require(weight, not_negative, "a point's weight", "zero or a positive number", "weight"),
+        require(blur, finite, "a wanted blur", "a finite number of pixels", "blur"),
     )
 
 
@@ -176,12 +177,14 @@ def _checked_limits(
             lambda v: (v >= 0) & (v < np.pi / 2),
             "the tilt limit in radians",
             "0 up to less than pi/2",
+            "max_tilt",
         ),
         require(
             jnp.asarray(min_focus_distance, dtype=dtype),
             lambda v: (v * jnp.cos(jnp.asarray(max_tilt)) > camera.focal_length) & (v < np.inf),
             "minimum focus distance in metres",
             "a finite distance beyond the focal length over the cosine of the tilt limit; raise it",
+            "min_focus_distance",
         ),
     )
 

@@ -8,6 +8,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from focusjax._words import kind_of, shown
+from focusjax.focus._checks import ArgumentError, require_kind
 from focusjax.focus._parameters import PARAMETERS
 from focusjax.geometry import Camera
 
@@ -38,7 +40,7 @@ class Prior:
 
     def __post_init__(self) -> None:
         if not 0 < self.sigma < math.inf:
-            raise ValueError(f"a prior's sigma is {self.sigma}; expected a positive finite number")
+            raise ValueError(f"a prior's sigma is {shown(self.sigma)}; expected a positive finite number")
         if math.isnan(self.value):
             raise ValueError("a prior's value is nan; expected a number")
 
@@ -67,17 +69,27 @@ def checked_priors(priors: Mapping[str, Prior], free: tuple[str, ...]) -> Number
     """The priors as arrays, so that other numbers do not compile the solve again.
 
     Raises:
-        ValueError: a prior of something that is not free, or one that no lens has.
+        ArgumentError: a prior of something that is not free, one that no lens has, or what is no prior.
     """
+    require_kind(priors, Mapping, "solve", "as in {'f_number': Prior(2.8, sigma=1)}", "priors")
     for name, prior in priors.items():
+        key = f"priors.{name}"
         if name not in free:
-            raise ValueError(
-                f"there is a prior for {name!r}, which is not free; expected one of {list(free)}"
+            raise ArgumentError(
+                f"there is a prior for {name!r}, which is not free; expected one of {list(free)}", key
+            )
+        if not isinstance(prior, Prior):
+            raise ArgumentError(
+                f"the prior of {name} is {kind_of(prior)}; expected a Prior with a value and a sigma, which"
+                " says how far off it may be, as in Prior(2.8, sigma=1)",
+                key,
             )
         if name in ("focus", "f_number", "focal_length") and not prior.value > 0:
-            raise ValueError(f"the prior of {name} is {prior.value}; expected a positive number")
+            raise ArgumentError(
+                f"the prior of {name} is {shown(prior.value)}; expected a positive number", key
+            )
         if name != "focus" and not math.isfinite(prior.value):
-            raise ValueError(f"the prior of {name} is {prior.value}; expected a finite number")
+            raise ArgumentError(f"the prior of {name} is {shown(prior.value)}; expected a finite number", key)
     return {
         name: (jnp.asarray(prior.value, dtype=float), jnp.asarray(prior.sigma, dtype=float))
         for name, prior in priors.items()

@@ -9,8 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
+from focusjax._words import shown
 from focusjax.focus._bounds import Limits
-from focusjax.focus._checks import require
+from focusjax.focus._checks import ArgumentError, require, require_kind
 from focusjax.focus._image_points import ImagePoints
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens
@@ -53,9 +54,10 @@ def check_start(
             what, value, (least, most), kind = starts[name]
             room = slack * max(abs(value), 1e-3)
             if not float(least) - room <= value <= float(most) + room:
-                raise ValueError(
-                    f"{what} is {value:.7g}; expected a value in the {kind} range, {float(least):.7g} to"
-                    f" {float(most):.7g}; change one of them"
+                raise ArgumentError(
+                    f"{what} is {shown(value)}; expected a value in the {kind} range, {shown(least)} to"
+                    f" {shown(most)}; change one of them",
+                    f"{name}_range",
                 )
 
 
@@ -66,21 +68,27 @@ def checked_points(points: ImagePoints) -> ImagePoints:
         ValueError: a value that is not, or no point.
     """
     if points.disparity.shape[-1] == 0:
-        raise ValueError("there are no focus points; give at least one wish")
+        raise ArgumentError("there are no focus points; give at least one wish", "points")
     weight = require(
         points.weight,
         lambda v: (v >= 0) & (v < np.inf),
         "a focus point's weight",
         "zero or a positive finite number",
+        "points",
     )
     weight = require(
-        weight, lambda v: (v > 0).any(axis=-1), "every focus point's weight", "at least one that is positive"
+        weight,
+        lambda v: (v > 0).any(axis=-1),
+        "every focus point's weight",
+        "at least one that is positive",
+        "points",
     )
     disparity = require(
         points.disparity,
         lambda v: (v >= 0) & (v < np.inf),
         "a focus point's disparity",
         "0 (infinity) or a positive finite number of dioptres",
+        "points",
     )
     # Known signs go to numpy, as known targets do in `require`: nothing is then compiled for them.
     signed = points.signed if isinstance(points.signed, Tracer) else np.asarray(points.signed)
@@ -89,8 +97,47 @@ def checked_points(points: ImagePoints) -> ImagePoints:
         lambda v: (abs(v) < np.inf) & (signed | (v >= 0)),
         "a focus point's wished blur",
         "a finite number of pixels, negative only when signed",
+        "points",
     )
     return dataclasses.replace(points, weight=weight, disparity=disparity, target=target)
+
+
+def require_points(points: object, usage: str, *, axes: int) -> None:
+    """Refuse what is no set of located wishes, or as many sets as are not expected.
+
+    Args:
+        points: what was given.
+        usage: the call with its arguments in order.
+        axes: 1 for one set, 2 for many.
+
+    Raises:
+        ArgumentError: says what to do.
+    """
+    remedy = "`find_points` or `locate` finds wishes in the picture"
+    require_kind(points, ImagePoints, usage, remedy, "points")
+    assert isinstance(points, ImagePoints)
+    found = jnp.ndim(points.disparity)
+    if found != axes:
+        remedy = (
+            "`solve_many` solves them, and `at` of what it finds is the solution of one"
+            if axes == 1
+            else "`stacked` puts several together, and `solve` solves one"
+        )
+        many = "many sets of wishes" if found > 1 else "one set of wishes"
+        raise ArgumentError(
+            f"points of {usage} are {many}; expected {'one' if axes == 1 else 'many'}: {remedy}", "points"
+        )
+
+
+def require_lens(camera: object, lens: object, usage: str) -> None:
+    """Refuse what is no camera, and no lens.
+
+    Raises:
+        ArgumentError: says what to do.
+    """
+    require_kind(camera, Camera, usage, "`look_at` and `make_camera` make one", "camera")
+    lenses = (ThinLens, TiltShiftLens)
+    require_kind(lens, lenses, usage, "`thin_lens` and `tilt_shift_lens` make one", "lens")
 
 
 def opened(lens: Lens) -> Lens:
@@ -104,5 +151,6 @@ def opened(lens: Lens) -> Lens:
         lambda v: (v > 0) & (v < np.inf),
         "the aperture radius in metres",
         "a positive length; a pinhole is sharp everywhere, so open the lens",
+        "lens",
     )
     return eqx.tree_at(lambda lens: lens.aperture_radius, lens, radius)

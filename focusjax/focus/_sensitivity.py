@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._image_points import ACROSS, AT_LEAST, AT_MOST, BLUR, DOWN, SAME
 from focusjax.focus._parameters import FOCUS, PARAMETERS, RADIUS, RISE, SHIFT, SWING, TILT, ZOOM
 from focusjax.focus._priors import prior_rows
@@ -20,25 +21,29 @@ _IN_LINE = 1e-3
 
 @dataclasses.dataclass(frozen=True)
 class Sensitivity:
-    """See `Diagnosis` for the first four.
+    """See `Diagnosis` for singular values, directions and standard errors.
 
     Attributes:
         names: free parameters that no bound holds.
         singular_values: pixels over the allowed ranges, largest first.
         directions: principal directions as rows, in shares of the ranges.
         standard_errors: by name of every free parameter.
-        points_in_line: whether all points that count lie on one line in the picture.
-        line: that line's angle from level in degrees, counterclockwise; None when there is but one point.
-        one_depth: whether all points that count are equally far.
+        open: those of the directions that change nothing by as much as `UNDETERMINED_PX`.
+        line: of the line in the picture on which all points that count lie, and those whose blur others are
+            to have, the angle from level in degrees, counterclockwise; None when there is no such line.
+        one_depth: whether all these points are equally far.
+        turn: the direction that turns the plane in focus about that line; None when that is no direction of
+            what moves.
     """
 
     names: tuple[str, ...]
     singular_values: Float[np.ndarray, "m"]
     directions: Float[np.ndarray, "m k"]
     standard_errors: dict[str, float]
-    points_in_line: bool
+    open: Float[np.ndarray, "o k"]
     line: float | None
     one_depth: bool
+    turn: Float[np.ndarray, "k"] | None
 
 
 def sensitivity(solution: Solution, asked: Asked) -> Sensitivity:
@@ -54,19 +59,42 @@ def sensitivity(solution: Solution, asked: Asked) -> Sensitivity:
     inverse = np.asarray(priors.inverse, dtype=float)
     scaled = np.concatenate([jacobian[counted], np.diag(inverse)]) * span
     _, values, rows = np.linalg.svd(scaled[:, moves], full_matrices=False)
-    focused = counted & ~_framed(solution)
-    tangents = _tangents(solution, np.asarray(solution.points.xy, dtype=float))[focused]
-    in_line, angle = _line(tangents)
-    depths = np.asarray(solution.points.disparity, dtype=float)[focused]
+    places = _places(solution, counted & ~_framed(solution))
+    tangents, depths = _tangents(solution, places[:, :2]), places[:, 2]
+    names = tuple(name for name, free in zip(solution.free, moves, strict=True) if free)
+    angle = _line(tangents)
     return Sensitivity(
-        names=tuple(name for name, free in zip(solution.free, moves, strict=True) if free),
+        names=names,
         singular_values=values,
         directions=rows,
         standard_errors=_standard_errors(solution, asked, jacobian, inverse, span, moves),
-        points_in_line=in_line,
+        open=rows[values < UNDETERMINED_PX],
         line=angle,
-        one_depth=bool(focused.any()) and bool(np.ptp(depths) <= 1e-6 * max(depths.max(), 1e-12)),
+        one_depth=len(depths) > 0 and bool(np.ptp(depths) <= 1e-6 * max(depths.max(), 1e-12)),
+        turn=None if angle is None else _turn(names, tangents.mean(axis=0), angle, span[moves]),
     )
+
+
+def _places(solution: Solution, which: Bool[np.ndarray, "n"]) -> Float[np.ndarray, "m 3"]:
+    """Position and disparity of the points of some rows, and of those whose blur they are to have."""
+    points = solution.points
+    own = np.column_stack([np.asarray(points.xy, float), np.asarray(points.disparity, float)])[which]
+    if points.reference is None or points.relation is None:
+        return own
+    same = which & (np.asarray(points.relation) == SAME)
+    return np.concatenate([own, np.asarray(points.reference, dtype=float)[same]])
+
+
+def _turn(
+    names: tuple[str, ...], through: Float[np.ndarray, "2"], angle: float, span: Float[np.ndarray, "k"]
+) -> Float[np.ndarray, "k"] | None:
+    """The change of focus, tilt and swing, in shares of their ranges, that leaves a line's focus alone."""
+    right, up = -np.sin(np.radians(angle)), np.cos(np.radians(angle))
+    change = {"focus": -(through @ np.array([right, up])), "tilt": up, "swing": right}
+    if any(abs(size) > 1e-9 and name not in names for name, size in change.items()):
+        return None
+    direction = np.array([change.get(name, 0.0) for name in names]) / span
+    return direction / np.linalg.norm(direction)
 
 
 def _framed(solution: Solution) -> Bool[np.ndarray, "n"]:
@@ -182,13 +210,12 @@ def _standard_errors(
     return {name: float(spread[index] * units[name]) for index, name in enumerate(solution.free)}
 
 
-def _line(tangents: Float[np.ndarray, "n 2"]) -> tuple[bool, float | None]:
-    """Whether points lie on one line in the picture, and its angle from level in degrees."""
+def _line(tangents: Float[np.ndarray, "n 2"]) -> float | None:
+    """The angle from level in degrees of the line on which points lie; None when they lie on none or many."""
     if not len(tangents):
-        return True, None
+        return None
     around = tangents - tangents.mean(axis=0)
     _, spread, axes = np.linalg.svd(np.concatenate([around, np.zeros((2, 2))]), full_matrices=False)
-    if spread[0] < _IN_LINE:
-        return True, None
-    angle = float(np.degrees(np.arctan2(axes[0, 1], axes[0, 0]))) % 180.0
-    return bool(spread[1] < _IN_LINE), angle
+    if spread[0] < _IN_LINE or spread[1] >= _IN_LINE:
+        return None
+    return float(np.degrees(np.arctan2(axes[0, 1], axes[0, 0]))) % 180.0

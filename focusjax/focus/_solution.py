@@ -10,6 +10,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._bounds import LOWER_NAMES, UPPER_NAMES, Limits
+from focusjax.focus._checks import ArgumentError
 from focusjax.focus._image_points import ACROSS, AT_LEAST, AT_MOST, BLUR, EQUAL, SAME, ImagePoints
 from focusjax.focus._parameters import PARAMETERS
 from focusjax.focus._priors import Numbers
@@ -121,6 +122,8 @@ class Asked(eqx.Module):
 class Solution(eqx.Module):
     """The solved lens and how it was found. A pytree; the lens and camera carry gradients.
 
+    That of `solve_many` has a leading axis on every array, and `at` gives one of its solutions.
+
     Attributes:
         lens: the solved lens; its aperture's shape is that of the starting lens.
         camera: the camera, with the solved focal length when that was free.
@@ -152,14 +155,37 @@ class Solution(eqx.Module):
     free: tuple[str, ...] = eqx.field(static=True)
     asked: Asked | None = None
 
+    def at(self, index: int) -> "Solution":
+        """One of the solutions that `solve_many` found, counted from 0."""
+        if np.ndim(self.cost) == 0:
+            raise ArgumentError(
+                "the solution is of one problem, and has no `at`; use it as it is", "solution"
+            )
+        if not -len(self.cost) <= index < len(self.cost):
+            raise ArgumentError(
+                f"there are {len(self.cost)} solutions, and no number {index} (counted from 0)", "index"
+            )
+        # By numpy, which compiles nothing.
+        return jax.tree.map(lambda leaf: jnp.asarray(np.asarray(leaf)[index]), self)
+
+    def _alone(self, what: str) -> None:
+        """Refuses to say of many problems what only one has."""
+        if np.ndim(self.cost) > 0:
+            raise ArgumentError(
+                f"the solution is of {len(self.cost)} problems; `solution.at(0).{what}` is for the first of"
+                " them",
+                "solution",
+            )
+
     @property
-    def met(self) -> Bool[Array, "n"]:
+    def met(self) -> Bool[Array, "*p n"]:
         """Whether each point's error is within its tolerance."""
         return jnp.abs(self.error) <= self.points.tolerance
 
     @property
     def active_bounds(self) -> tuple[str, ...]:
         """Bounds that keep a parameter from a better value, such as "min_focus_distance"."""
+        self._alone("active_bounds")
         columns = [PARAMETERS.index(name) for name in self.free]
         names = [*(LOWER_NAMES[column] for column in columns), *(UPPER_NAMES[column] for column in columns)]
         flags = np.concatenate([np.asarray(self.at_lower), np.asarray(self.at_upper)])
@@ -168,10 +194,12 @@ class Solution(eqx.Module):
     @property
     def undetermined(self) -> tuple[str, ...]:
         """Parameters that the wishes leave open, such as "f_number"."""
+        self._alone("undetermined")
         return tuple(name for name, is_open in zip(self.free, np.asarray(self.open), strict=True) if is_open)
 
     def table(self) -> tuple[WishResult, ...]:
         """One line per wish, in the order they were given."""
+        self._alone("table()")
         return wish_table(self.points, self.blur, self.error)
 
 

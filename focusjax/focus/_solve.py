@@ -1,7 +1,7 @@
 """From wishes to a lens: weighted least squares over the parameters that are free."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -11,7 +11,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool
 
-from focusjax.focus._bounds import Box, Range, make_limits
+from focusjax.focus._bounds import Box, Range, make_limits, refuse_idle
+from focusjax.focus._checks import ArgumentError
 from focusjax.focus._global import find_optimum
 from focusjax.focus._image_points import ImagePoints, blurs, errors, padded, room_for
 from focusjax.focus._objective import make_objective
@@ -28,7 +29,7 @@ from focusjax.focus._parameters import (
 )
 from focusjax.focus._priors import Prior, checked_priors, prior_rows
 from focusjax.focus._refine import METHODS, Problem
-from focusjax.focus._refuse import check_start, checked_points
+from focusjax.focus._refuse import check_start, checked_points, require_lens, require_points
 from focusjax.focus._search import Basin, search
 from focusjax.focus._solution import Asked, Plan, Result, Solution, first_rows
 from focusjax.geometry import Camera
@@ -43,10 +44,10 @@ def solve(
     camera: Camera,
     lens: ThinLens | TiltShiftLens,
     *,
-    free: tuple[str, ...] = ("focus",),
+    free: str | Sequence[str] = ("focus",),
     min_focus_distance: ArrayLike | None = None,
-    max_focus_distance: ArrayLike = jnp.inf,
-    f_number_range: Range = (1.0, 32.0),
+    max_focus_distance: ArrayLike | None = None,
+    f_number_range: Range | None = None,
     tilt_range: Range | None = None,
     swing_range: Range | None = None,
     focal_length_range: Range | None = None,
@@ -78,12 +79,13 @@ def solve(
         lens: where to start, and the values of what is not free. With tilt or swing free, a thin lens
             becomes a tilt-shift lens.
         free: parameters to solve for, of "focus", "f_number", "tilt", "swing", "focal_length", "shift" and
-            "rise". Shift and rise move the frame and change neither perspective nor blur: wishes for where
-            things are shown (`ShownAt`, `InFrame`) determine them, and those for blur do not.
+            "rise"; limits may be given to these only. Shift and rise move the frame and change neither
+            perspective nor blur: wishes for where things are shown (`ShownAt`, `InFrame`) determine them, and
+            those for blur do not.
         min_focus_distance: metres along the view axis, more than the focal length; twice the (longest)
             focal length when not given.
-        max_focus_distance: metres, or infinity.
-        f_number_range: smallest and largest f-number; used only when the f-number is free.
+        max_focus_distance: metres; infinity when not given.
+        f_number_range: smallest and largest f-number; 1 to 32 when not given.
         tilt_range: least and largest tilt in radians, within -pi/2 to pi/2; 45 degrees both ways by default.
         swing_range: the same for the angle of the lens's axis to the right, which is the swing of a lens
             without tilt.
@@ -99,7 +101,8 @@ def solve(
         throw: raise an error, rather than report it in `Solution.result`, when the solver fails.
 
     Raises:
-        ValueError: an argument out of range, or no point with positive weight.
+        ArgumentError: (a `ValueError`) an argument out of range or of the wrong kind, a limit to what is not
+            free, or no point with positive weight.
         RuntimeError: the solver failed, and `throw` is true.
 
     Example:
@@ -150,24 +153,38 @@ def prepared(
     camera: Camera,
     lens: ThinLens | TiltShiftLens,
     *,
-    free: tuple[str, ...] = ("focus",),
+    usage: str = "solve(points, camera, lens)",
+    axes: int = 1,
+    free: str | Sequence[str] = ("focus",),
     method: str = "optimistix",
     max_steps: int = 256,
     keep_field_of_view: bool = False,
     priors: Mapping[str, Prior] | None = None,
     **ranges: Any,
 ) -> Asked:
-    """The arguments of a solve, checked.
+    """The arguments of a solve, checked; `usage` and `axes` are for `require_points`.
 
     Raises:
-        ValueError: as `solve`.
+        ArgumentError: as `solve`.
     """
+    require_points(points, usage, axes=axes)
+    require_lens(camera, lens, usage)
     free = in_order(free)
     if method not in METHODS:
-        raise ValueError(f"method is {method!r}; expected one of {list(METHODS)}")
+        raise ArgumentError(f"method is {method!r}; expected one of {list(METHODS)}", "method")
     if "focal_length" in free and ranges.get("focal_length_range") is None:
-        raise ValueError("the focal length is free without a range; give focal_length_range in metres")
+        raise ArgumentError(
+            "the focal length is free without a range; give focal_length_range in metres",
+            "focal_length_range",
+        )
     limits = make_limits(camera, **ranges)
+    refuse_idle(ranges, free)
+    if keep_field_of_view and "focal_length" not in free:
+        raise ArgumentError(
+            "keep_field_of_view is given, but focal_length is not free, so that it would change nothing; add"
+            " 'focal_length' to free, or leave keep_field_of_view out",
+            "keep_field_of_view",
+        )
     numbers = checked_priors(priors or {}, free)
     points = checked_points(points)
     check_start(camera, lens, limits, free)

@@ -7,22 +7,29 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jax.core import Tracer
+from jaxtyping import Array, ArrayLike, Float
 
 from focusjax.focus._bounds import Box, Limits
+from focusjax.focus._frames_asked import FramesAsked, frames_asked
+from focusjax.focus._frames_implicit import following
 from focusjax.focus._frames_solution import FramesSolution
 from focusjax.focus._global import UNDETERMINED_PX
-from focusjax.focus._image_points import ImagePoints, blurs, errors, padded, stacked
+from focusjax.focus._image_points import ImagePoints, blurs, errors
 from focusjax.focus._joint import Joint, scales, walk_frames
 from focusjax.focus._objective import Objective, make_objective
 from focusjax.focus._parameters import Start, make_start
 from focusjax.focus._path import way_through
-from focusjax.focus._priors import Numbers, prior_rows
-from focusjax.focus._solution import Plan, Result
-from focusjax.focus._solve import prepared, room_for
+from focusjax.focus._priors import prior_rows
+from focusjax.focus._solution import Result
 from focusjax.geometry import Camera
-from focusjax.lens import ThinLens, TiltShiftLens, as_tilt_shift
+from focusjax.lens import ThinLens, TiltShiftLens
+
+_PARTLY_OPEN = 0.01
+"""As for one picture: the share of an open direction from which on a parameter is called open."""
+
+_HELD = 1.0 - 1e-6
+"""The share from which on it stays, whatever the others do."""
 
 
 def solve_frames(
@@ -30,8 +37,8 @@ def solve_frames(
     cameras: Camera | Sequence[Camera],
     lenses: ThinLens | TiltShiftLens | Sequence[ThinLens | TiltShiftLens],
     *,
-    smoothness: float = 100.0,
-    steadiness: float = 1.0,
+    smoothness: ArrayLike = 100.0,
+    steadiness: ArrayLike = 1.0,
     max_steps: int = 256,
     throw: bool = True,
     **options: Any,
@@ -55,8 +62,11 @@ def solve_frames(
     and falls over some frames come and go without a jump (see `focusjax.shot`). Where a wish leaves its side
     open, all frames together choose, and one frame alone gives what `solve` gives. How sides
     are best chosen over all frames is searched from the frames' own good answers only, so that a better
-    choice may be missed where wishes contradict each other. Unlike that of `solve`, the solution carries no
-    gradients.
+    choice may be missed where wishes contradict each other.
+
+    As that of `solve`, the solution is differentiable, by the implicit function theorem, in the points, the
+    cameras, the bounds, the priors, the two smoothing weights and whatever of the lenses is not solved for,
+    with sides and active bounds held: once, forward or backward.
 
     Args:
         points: every frame's wishes, the same in every frame, as `locate` finds them; there may be frames in
@@ -85,19 +95,16 @@ def solve_frames(
         >>> [round(1 / w, 2) for w in solution.settings()["focus_per_m"].tolist()]
         [4.0, 3.9, 3.8]
     """
-    for name, weight in (("smoothness", smoothness), ("steadiness", steadiness)):
-        if not 0 <= weight < np.inf:
-            raise ValueError(f"{name} is {weight}; expected zero or a positive finite number")
-    asked, plan = _asked(points, cameras, lenses, options)
-    bend, pace = jnp.asarray(smoothness, dtype=float), jnp.asarray(steadiness, dtype=float)
-    solution, slopes = _solve(asked, bend, pace, jnp.asarray(max_steps), plan)
-    is_open = _open(np.asarray(slopes, dtype=float))
-    named = dataclasses.replace(solution.points, names=points[0].names)
+    asked = frames_asked(
+        points, cameras, lenses,
+        smoothness=smoothness, steadiness=steadiness, max_steps=max_steps, options=options,
+    )  # fmt: skip
+    solution = solve_frames_asked(asked)
     result = solution.result
-    if is_open.any() and bool(result == Result.solved):
-        result = Result.undetermined
-    solution = dataclasses.replace(solution, points=named, open=jnp.asarray(is_open), result=result)
-    if throw and bool((result == Result.max_steps_reached) | (result == Result.not_finite)):
+    failed = (result == Result.max_steps_reached) | (result == Result.not_finite)
+    if isinstance(failed, Tracer):
+        return result.error_if(solution, failed) if throw else solution
+    if throw and bool(failed):
         raise RuntimeError(
             f"the solve of {len(points)} frames failed after {int(solution.steps)} steps:"
             f" {Result[solution.result]}"
@@ -105,98 +112,18 @@ def solve_frames(
     return solution
 
 
-class _Asked(eqx.Module):
-    """A shot, its values checked; every array has a leading axis of frames.
-
-    Attributes:
-        points: wishes.
-        filled: the same, with those of a frame nearby where none counts.
-        counts: frames whose wishes are their own.
-        camera: pinholes.
-        lens: where to start.
-        limits: bounds.
-        numbers: priors by name.
-    """
-
-    points: ImagePoints
-    filled: ImagePoints
-    counts: Bool[Array, "t"]
-    camera: Camera
-    lens: ThinLens | TiltShiftLens
-    limits: Limits
-    numbers: Numbers
-
-
-def _asked(
-    points: Sequence[ImagePoints],
-    cameras: Camera | Sequence[Camera],
-    lenses: ThinLens | TiltShiftLens | Sequence[ThinLens | TiltShiftLens],
-    options: dict[str, Any],
-) -> tuple[_Asked, Plan]:
-    """The arguments of a solve, checked and stacked."""
-    if not points:
-        raise ValueError("there are no frames; give the focus points of at least one")
-    for frame, each in enumerate(points):
-        if each.names != points[0].names:
-            raise ValueError(
-                f"frame {frame} has the wishes {list(each.names)}, but frame 0 has {list(points[0].names)};"
-                " give all frames the same, with weight 0 where they are not to count"
-            )
-    count = len(points)
-    cameras = [cameras] * count if isinstance(cameras, Camera) else list(cameras)
-    lenses = [lenses] * count if isinstance(lenses, ThinLens | TiltShiftLens) else list(lenses)
-    for what, given in (("cameras", cameras), ("lenses", lenses)):
-        if len(given) != count:
-            raise ValueError(
-                f"there are {len(given)} {what} for {count} frames; give one each, or one for all"
-            )
-    if len({(camera.width, camera.height) for camera in cameras}) > 1:
-        raise ValueError("the cameras have pictures of several sizes; give all frames the same size")
-    if any(isinstance(lens, TiltShiftLens) for lens in lenses):
-        lenses = [as_tilt_shift(lens) for lens in lenses]
-    weights = np.array([float(np.sum(each.weight)) for each in points])
-    own = weights > 0
-    if not own.any():
-        raise ValueError("no wish counts in any frame; give at least one a weight in one of them")
-    nearest = [int(np.flatnonzero(own)[np.argmin(np.abs(np.flatnonzero(own) - t))]) for t in range(count)]
-    checked: dict[tuple[int, int], Any] = {}
-    plans = []
-    for t in range(count):
-        key = (id(cameras[t]), id(lenses[t]))
-        if key not in checked:
-            checked[key] = prepared(points[nearest[t]], cameras[t], lenses[t], **options)
-        plans.append(checked[key])
-    rows = room_for(max(each.disparity.shape[0] for each in points))
-    alike = stacked([padded(each, rows) for each in points])
-    alike = dataclasses.replace(alike, names=(), notes=())
-    filled = jax.tree.map(lambda leaf: jnp.asarray(np.asarray(leaf)[nearest]), alike)
-    plan = dataclasses.replace(plans[0].plan, exact=False, many=not bool(np.asarray(alike.signed).all()))
-    if plan.method != "optimistix":
-        raise ValueError(f"method is {plan.method!r}; frames are solved together by one method only")
-    stack = lambda *leaves: jnp.asarray(np.stack([np.asarray(leaf) for leaf in leaves]))  # noqa: E731
-    return (
-        _Asked(
-            points=alike,
-            filled=filled,
-            counts=jnp.asarray(own),
-            camera=jax.tree.map(stack, *cameras),
-            lens=jax.tree.map(stack, *lenses),
-            limits=jax.tree.map(stack, *(each.limits for each in plans)),
-            numbers=plans[0].numbers,
-        ),
-        plan,
-    )
+def solve_frames_asked(asked: FramesAsked) -> FramesSolution:
+    """The solution of a checked problem."""
+    # Names are static: without them, other names do not compile the solver again.
+    solution = _solve(dataclasses.replace(asked, names=()))
+    points = dataclasses.replace(solution.points, names=asked.names)
+    return dataclasses.replace(solution, points=points, asked=asked)
 
 
 @eqx.filter_jit
-def _solve(
-    asked: _Asked,
-    smoothness: Float[Array, ""],
-    steadiness: Float[Array, ""],
-    max_steps: Int[Array, ""],
-    plan: Plan,
-) -> tuple[FramesSolution, Float[Array, "t m k"]]:
-    """The compiled part; and how residuals change with parameters, in pixels over their ranges."""
+def _solve(asked: FramesAsked) -> FramesSolution:
+    """The compiled part."""
+    plan = asked.plan
 
     def one(
         points: ImagePoints, camera: Camera, lens: ThinLens | TiltShiftLens, limits: Limits
@@ -216,51 +143,64 @@ def _solve(
         scale=scale,
         lower=boxes.lower * scale,
         upper=boxes.upper * scale,
-        smoothness=smoothness,
-        steadiness=steadiness,
+        smoothness=asked.smoothness,
+        steadiness=asked.steadiness,
         unit=jnp.max(jnp.sum(asked.points.weight, axis=1)),
     )
-    filled = dataclasses.replace(joint, frames=jax.vmap(one)(asked.filled, *each_frame)[0])
-    way = way_through(filled, first, boxes, asked.counts, many=plan.many, max_steps=max_steps)
-    way = jnp.clip(way, joint.lower, joint.upper)
-    walked = walk_frames(joint, way, max_steps)
-    value = jnp.clip(walked.pixels / scale, boxes.lower, boxes.upper)
+    filled = dataclasses.replace(joint, frames=jax.vmap(one)(asked.filled(), *each_frame)[0])
+    # The search is not differentiated: what it finds is made to follow the wishes afterwards.
+    still, filled, still_first, still_boxes = jax.lax.stop_gradient((joint, filled, first, boxes))
+    way = way_through(filled, still_first, still_boxes, asked.own, many=plan.many, max_steps=asked.max_steps)
+    walked = walk_frames(still, jnp.clip(way, still.lower, still.upper), asked.max_steps)
+    here = still.linearised(walked.pixels, walked.side)
+    rounding = 1e3 * jnp.finfo(first.dtype).eps * (1.0 + jnp.abs(walked.pixels))
+    at_lower = (walked.pixels <= still.lower) & (here.gradient > rounding)
+    at_upper = (walked.pixels >= still.upper) & (here.gradient < -rounding)
+    open_ = _open(here.slopes * jnp.mean(still.upper - still.lower, axis=0)[None, None])
+    kept = jnp.where(open_ > _HELD, first * scale, 0.0)
+    pixels = following(
+        joint, walked.pixels, walked.side, at_lower, at_upper, kept - jax.lax.stop_gradient(kept)
+    )
+    value = pixels / scale
+    # Rounding may carry a parameter past its bound.
+    value = value + jax.lax.stop_gradient(jnp.clip(value, boxes.lower, boxes.upper) - value)
 
     def of_frame(start: Start, value: Float[Array, "k"], points: ImagePoints) -> tuple[Any, ...]:
         camera, lens, points = start.camera_at(value), start.lens_at(value), start.points_at(value, points)
         return camera, lens, points, blurs(points, camera, lens), errors(points, camera, lens)
 
     camera, lens, points, blur, error = jax.vmap(of_frame)(start, value, asked.points)
-    here = joint.linearised(walked.pixels, walked.side)
-    rounding = 1e3 * jnp.finfo(value.dtype).eps * (1.0 + jnp.abs(walked.pixels))
-    width = jnp.mean(joint.upper - joint.lower, axis=0)
+    is_open = open_ > _PARTLY_OPEN
     result = Result.where(walked.settled, Result.solved, Result.max_steps_reached)
+    result = Result.where((result == Result.solved) & jnp.any(is_open), Result.undetermined, result)
     finite = jnp.all(jnp.isfinite(error)) & jnp.all(jnp.isfinite(value))
     result = Result.where(finite, result, Result.not_finite)
-    solution = FramesSolution(
+    return FramesSolution(
         lens=lens,
         camera=camera,
         points=points,
         blur=blur,
         error=error,
-        pixels=walked.pixels,
-        cost=joint.unit * here.cost,
-        roughness=0.5 * joint.unit * (jnp.sum(here.bent**2) + jnp.sum(here.paced**2)),
+        pixels=pixels,
+        cost=joint.unit * joint.cost(pixels, walked.side),
+        roughness=0.5 * joint.unit * sum(jnp.sum(each**2) for each in joint.smooth(pixels)),
         result=result,
         steps=walked.steps,
-        at_lower=(walked.pixels <= joint.lower) & (here.gradient > rounding),
-        at_upper=(walked.pixels >= joint.upper) & (here.gradient < -rounding),
-        open=jnp.zeros(len(plan.free), dtype=bool),
+        at_lower=at_lower,
+        at_upper=at_upper,
+        open=is_open,
         free=plan.free,
     )
-    return solution, here.slopes * width[None, None]
 
 
-def _open(slopes: Float[np.ndarray, "t m k"]) -> Bool[np.ndarray, "k"]:
-    """Parameters that could go through their whole range in all frames at once and change no blur by much."""
-    _, strength, rows = np.linalg.svd(slopes.reshape(-1, slopes.shape[2]), full_matrices=False)
-    return np.sum(rows[strength < UNDETERMINED_PX] ** 2, axis=0) > _PARTLY_OPEN
+def _open(slopes: Float[Array, "t m k"]) -> Float[Array, "k"]:
+    """How open each parameter is, from 0 to 1.
 
-
-_PARTLY_OPEN = 0.01
-"""As for one picture: the share of an open direction from which on a parameter is called open."""
+    Open are directions that could go through their whole range in all frames at once, and change no blur by
+    much.
+    """
+    rows = slopes.reshape(-1, slopes.shape[2])
+    short = max(0, rows.shape[1] - rows.shape[0])
+    small = jnp.linalg.qr(jnp.pad(rows, ((0, short), (0, 0))), mode="r")
+    _, strength, directions = jnp.linalg.svd(small)
+    return jnp.sum(jnp.where(strength[:, None] < UNDETERMINED_PX, directions**2, 0.0), axis=0)

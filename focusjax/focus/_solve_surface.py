@@ -10,9 +10,9 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
-from focusjax.focus._checks import require
+from focusjax.focus._checks import ArgumentError, require, require_kind
 from focusjax.focus._image_points import EQUAL, ImagePoints, blurs, errors, root_weight
-from focusjax.focus._refuse import checked_points, opened
+from focusjax.focus._refuse import checked_points, opened, require_points
 from focusjax.focus._solution import WishResult, wish_table
 from focusjax.geometry import Camera
 from focusjax.lens import FocalSurface, FocalSurfaceLens, ThinLens, focal_surface_lens
@@ -27,6 +27,24 @@ _STEP_PX = 100.0
 """Distance in the picture over which roughness tells the change of blur."""
 
 
+class SurfaceAsked(eqx.Module):
+    """One problem, its values checked.
+
+    Attributes:
+        points: located wishes.
+        camera: the pinhole that frames the picture.
+        surface: control points, and values to start from.
+        lens: aperture radius and shape.
+        smoothness: weight of the smoothness term.
+    """
+
+    points: ImagePoints
+    camera: Camera
+    surface: FocalSurface
+    lens: ThinLens
+    smoothness: Float[Array, ""]
+
+
 class SurfaceSolution(eqx.Module):
     """The solved focal surface, the lens that has it, and how well each wish is met. A pytree.
 
@@ -39,6 +57,7 @@ class SurfaceSolution(eqx.Module):
         roughness: root mean square over the picture of the change of blur in px per 100 px, for something
             at one depth.
         cost: half the sum of weight x error^2 plus smoothness x roughness^2, in px^2.
+        asked: the problem.
     """
 
     surface: FocalSurface
@@ -48,6 +67,7 @@ class SurfaceSolution(eqx.Module):
     error: Float[Array, "n"]
     roughness: Float[Array, ""]
     cost: Float[Array, ""]
+    asked: SurfaceAsked | None = None
 
     def table(self) -> tuple[WishResult, ...]:
         """One line per wish, in the order they were given."""
@@ -104,24 +124,35 @@ def solve_focal_surface(
         >>> bool(jnp.abs(found.error).max() < 0.01)
         True
     """
+    usage = "solve_focal_surface(points, camera, surface, lens)"
+    require_points(points, usage, axes=1)
+    require_kind(camera, Camera, usage, "`look_at` and `make_camera` make one", "camera")
+    require_kind(surface, FocalSurface, usage, "`focal_surface` makes one", "surface")
+    require_kind(lens, ThinLens, usage, "`thin_lens` makes one", "lens")
     points = _without_relations(checked_points(points))
     smoothness = require(
         jnp.asarray(smoothness, dtype=float),
         lambda v: (v >= 0) & (v < jnp.inf),
         "smoothness",
         "zero or a positive finite number",
+        "smoothness",
     )
+    return solve_surface_asked(SurfaceAsked(points, camera, surface, opened(lens), smoothness))
+
+
+def solve_surface_asked(asked: SurfaceAsked) -> SurfaceSolution:
+    """The solution of a checked problem."""
     # Names are static: without them, other names do not compile the solver again.
-    anonymous = dataclasses.replace(points, names=(), notes=())
-    solution = _solve(anonymous, camera, surface, opened(lens), smoothness)
-    return dataclasses.replace(solution, points=points)
+    anonymous = dataclasses.replace(asked.points, names=(), notes=())
+    solution = _solve(anonymous, asked.camera, asked.surface, asked.lens, asked.smoothness)
+    return dataclasses.replace(solution, points=asked.points, asked=asked)
 
 
 def _without_relations(points: ImagePoints) -> ImagePoints:
     """The points without relations, when each wishes a blur of its own."""
     if points.quantity is not None:
-        raise ValueError(
-            "a wish is for a place in the picture, which a focal surface does not change; remove it"
+        raise ArgumentError(
+            "a wish is for a place in the picture, which a focal surface does not change; remove it", "points"
         )
     if points.relation is None:
         return points
@@ -130,7 +161,7 @@ def _without_relations(points: ImagePoints) -> ImagePoints:
     if isinstance(others, Tracer):
         points = eqx.error_if(points, jnp.any(others), message)
     elif np.any(others):
-        raise ValueError(message)
+        raise ArgumentError(message, "points")
     return dataclasses.replace(points, relation=None, reference=None)
 
 

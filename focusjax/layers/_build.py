@@ -7,7 +7,7 @@ from focusjax.geometry import Camera
 from focusjax.layers._assemble import assemble
 from focusjax.layers._extent import Extent
 from focusjax.layers._frame import frame
-from focusjax.layers._layers import Layers
+from focusjax.layers._layers import Layers, extent_like
 from focusjax.layers._memory import check_layers
 from focusjax.layers._peel import peel_fragments
 from focusjax.layers._picture import rasterised, rasterised_for
@@ -62,7 +62,7 @@ def peel(
         >>> frames.append(peel(moved, camera, lens, like=frames[-1]))  # doctest: +SKIP
     """
     require_counts(supersampling=supersampling, max_layers=max_layers)
-    like = like.extent if isinstance(like, Layers) else like
+    like = extent_like(like)
     picture = rasterised_for(
         scene,
         camera,

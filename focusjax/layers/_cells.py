@@ -59,19 +59,6 @@ def covered(word: UInt[Array, "*n"], dx: Float[Array, "*n"], dy: Float[Array, "*
     return a * dx + b * dy + 0.5 * c >= 8.0 * (dx + dy) + 8.0
 
 
-def covered_share(word: UInt[Array, "*n"]) -> Float[Array, "*n"]:
-    """Share of its square that each sample covers, 0 to 1; see `line_code`."""
-    a, b, c = ((word >> shift & mask).astype(jnp.float32) for shift, mask in ((9, 15), (5, 15), (0, 31)))
-    a, b, c = jnp.abs(a - 8), jnp.abs(b - 8), 0.5 * (c - 16)
-    longest = jnp.maximum(a, b)
-    t = jnp.minimum(a, b) / jnp.maximum(longest, 1)
-    size = jnp.abs(c) / jnp.maximum(longest, 1)
-    corner = jnp.maximum((1 + t) / 2 - size, 0) ** 2 / jnp.maximum(2 * t, 1e-6)
-    more = jnp.where(size <= (1 - t) / 2, 0.5 + size, 1 - corner)
-    share = jnp.where(c >= 0, more, 1 - more)
-    return jnp.where(word == EMPTY, 0.0, jnp.where(longest == 0, 1.0, jnp.clip(share, 0.0, 1.0)))
-
-
 def line_code(towards: Float[np.ndarray, "n 2"], area: Float[np.ndarray, " n"]) -> UInt[np.ndarray, " n"]:
     """Code of the line that leaves the share `area` of the square on the side `towards`.
 

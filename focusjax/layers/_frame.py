@@ -40,9 +40,7 @@ def frame(
             f" a layer at a supersampling of {supersampling}; the most is {_MOST_SAMPLES / 1e6:.0f} million,"
             " so lower one of them"
         )
-    depth = 0.1 * float(camera.focal_length) if near is None else near
-    if not depth > 0:
-        raise ValueError(f"near is {near} m; expected a positive depth")
+    depth = 0.1 * float(camera.focal_length) if near is None else _near(near)
     triangles = clip_to_near(homogeneous_image(scene.vertices, camera, inner), scene.faces, depth)
     beyond = filter_radius(pixel_filter) - 0.5
     reach = _reach(lens, camera, supersampling, beyond)
@@ -72,6 +70,19 @@ def frame(
     )
     triangles.points[:, :2] += margin
     return triangles, grid
+
+
+def _near(near: object) -> float:
+    """The depth from which surfaces count, as a user gives it."""
+    try:
+        depth = float(near)  # pyright: ignore[reportArgumentType]  # what is no number is refused below
+    except (TypeError, ValueError):
+        depth = np.nan
+    if not 0 < depth < np.inf:
+        raise ValueError(
+            f"near is {near!r}; expected a positive depth in metres, or None for a tenth of the focal length"
+        )
+    return depth
 
 
 def _reach(

@@ -117,6 +117,21 @@ class Layers(eqx.Module):
         return None if self.samples.opacity is None else spread(self, self.samples.opacity, 0.0)
 
 
+def extent_like(like: Layers | Extent | None) -> Extent | None:
+    """The extent of what a user wants layers to be like.
+
+    Raises:
+        ValueError: it has none.
+    """
+    if like is None or isinstance(like, Extent):
+        return like
+    if not isinstance(like, Layers):
+        raise ValueError(
+            f"like is {like!r}; expected layers that `peel` or `decompose` made, or their `extent`"
+        )
+    return like.extent
+
+
 @jax.jit
 def _spread(cells: UInt[Array, "l h w"], values: Array, fill: Array) -> Array:
     there = cells.reshape(-1) > 0

@@ -28,8 +28,9 @@ from jaxtyping import Bool, Float, Int
 from focusjax._counts import require_counts
 from focusjax.geometry import Camera
 from focusjax.layers._assemble import assemble
+from focusjax.layers._extent import Extent
 from focusjax.layers._grid import Grid
-from focusjax.layers._layers import Layers
+from focusjax.layers._layers import Layers, extent_like
 from focusjax.layers._memory import check_layers
 from focusjax.layers._peel import SEPARATION, hidden_below, windows_within
 from focusjax.layers._picture import rasterised_for
@@ -52,7 +53,7 @@ def decompose(
     near: float | None = None,
     view_dependent: bool = False,
     pixel_filter: str = "box",
-    like: Layers | None = None,
+    like: Layers | Extent | None = None,
 ) -> Layers:
     """The nearest surface in each of several slabs of depth, as layers seen from the lens centre (Lee09).
 
@@ -88,7 +89,7 @@ def decompose(
     require_counts(supersampling=supersampling, count=count)
     if blur_step is not None and not 0 < blur_step < math.inf:
         raise ValueError(f"blur_step is {blur_step} px; expected a positive number such as 4")
-    extent = None if like is None else like.extent
+    extent = extent_like(like)
     picture = rasterised_for(
         scene, camera, lens, supersampling=supersampling, near=near, pixel_filter=pixel_filter, like=extent
     )

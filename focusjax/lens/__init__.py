@@ -1,11 +1,15 @@
-"""Lenses as sources of rays, and the shapes of their openings."""
+"""Lenses as sources of rays, the shapes of their openings, and aberrations."""
 
 from focusjax.lens._aperture import AbstractAperture as AbstractAperture
 from focusjax.lens._aperture import Disk as Disk
 from focusjax.lens._aperture import Polygon as Polygon
 from focusjax.lens._aperture import polygon as polygon
+from focusjax.lens._apodized import Apodized as Apodized
+from focusjax.lens._apodized import apodized as apodized
 from focusjax.lens._back import tilt_back as tilt_back
 from focusjax.lens._base import AbstractLens as AbstractLens
+from focusjax.lens._base import Channel as Channel
+from focusjax.lens._base import in_colour as in_colour
 from focusjax.lens._control_points import FocalSurface as FocalSurface
 from focusjax.lens._control_points import focal_surface as focal_surface
 from focusjax.lens._focal_surface import FocalSurfaceLens as FocalSurfaceLens
@@ -14,17 +18,40 @@ from focusjax.lens._kernels import AbstractKernel as AbstractKernel
 from focusjax.lens._kernels import GaussianFade as GaussianFade
 from focusjax.lens._kernels import InverseDistance as InverseDistance
 from focusjax.lens._kernels import WendlandFade as WendlandFade
+from focusjax.lens._mask import Mask as Mask
+from focusjax.lens._mask import mask as mask
 from focusjax.lens._moving_least_squares import Basis as Basis
 from focusjax.lens._moving_least_squares import moving_least_squares as moving_least_squares
+from focusjax.lens._obstructed import Obstructed as Obstructed
+from focusjax.lens._obstructed import obstructed as obstructed
 from focusjax.lens._scheimpflug import MAX_TILT as MAX_TILT
 from focusjax.lens._scheimpflug import Movements as Movements
 from focusjax.lens._scheimpflug import focal_plane_through as focal_plane_through
 from focusjax.lens._scheimpflug import lens_axis as lens_axis
 from focusjax.lens._scheimpflug import movements_of as movements_of
 from focusjax.lens._scheimpflug import view_tangents as view_tangents
+from focusjax.lens._spline import RadialSpline as RadialSpline
+from focusjax.lens._spline import radial_spline as radial_spline
+from focusjax.lens._squeezed import Squeezed as Squeezed
+from focusjax.lens._squeezed import squeezed as squeezed
 from focusjax.lens._thin import ThinLens as ThinLens
 from focusjax.lens._thin import thin_lens as thin_lens
 from focusjax.lens._tilt_shift import TiltShiftLens as TiltShiftLens
 from focusjax.lens._tilt_shift import as_tilt_shift as as_tilt_shift
 from focusjax.lens._tilt_shift import lens_for_plane as lens_for_plane
 from focusjax.lens._tilt_shift import tilt_shift_lens as tilt_shift_lens
+from focusjax.lens._vignetted import VignettedLens as VignettedLens
+from focusjax.lens._vignetted import vignetted_lens as vignetted_lens
+from focusjax.lens.aberrations import AberratedLens as AberratedLens
+from focusjax.lens.aberrations import AbstractAberration as AbstractAberration
+from focusjax.lens.aberrations import ChromaticLens as ChromaticLens
+from focusjax.lens.aberrations import FieldCurvature as FieldCurvature
+from focusjax.lens.aberrations import FocusOffset as FocusOffset
+from focusjax.lens.aberrations import Magnification as Magnification
+from focusjax.lens.aberrations import PowerProfile as PowerProfile
+from focusjax.lens.aberrations import Seidel as Seidel
+from focusjax.lens.aberrations import chromatic_lens as chromatic_lens
+from focusjax.lens.aberrations import field_curvature as field_curvature
+from focusjax.lens.aberrations import pixels_per_wave as pixels_per_wave
+from focusjax.lens.aberrations import power_profile as power_profile
+from focusjax.lens.aberrations import seidel as seidel

@@ -1,4 +1,9 @@
-"""The shape of the lens opening, as a map from the unit square onto it that preserves area."""
+"""The shape of the lens opening, and how much light passes where.
+
+An opening is an outline around the middle, perhaps with a hole of the same shape in it, and a density of
+light between the two. Rays are drawn with that density, so that each brings the same light and a bright
+opening never brightens the picture: exposure is that of the f-number, whatever the shape.
+"""
 
 import abc
 import math
@@ -7,19 +12,53 @@ from typing import Any, SupportsFloat
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 
 class AbstractAperture(eqx.Module):
-    """An opening inside the unit disk, sampled uniformly by area."""
+    """An opening inside the unit disk (x right, y down)."""
 
     @abc.abstractmethod
     def point(self, sample: Float[Array, "2"]) -> Float[Array, "2"]:
-        """The point of the opening for a uniform `sample` of the unit square (x right, y down)."""
+        """The point of the opening for a uniform `sample` of the unit square, spread as its `density` is."""
 
     @abc.abstractmethod
     def rim(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
-        """The point of the rim at `turn`, 0 to 1 once around. Equal turns sweep equal areas."""
+        """The point of the outline at `turn`, 0 to 1 once around. Equal turns sweep equal areas."""
+
+    @abc.abstractmethod
+    def hole(self) -> Float[Array, ""] | None:
+        """The size of the hole, a share of the outline around it; None where there is none."""
+
+    @abc.abstractmethod
+    def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
+        """Whether a point lies between hole and outline."""
+
+    @abc.abstractmethod
+    def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        """Light per area at a point between hole and outline, relative to its mean there."""
+
+    def at(self, place: Float[Array, "2"]) -> Float[Array, "2"]:
+        """The point at a place (s, t) of the unit square, uniform by area whatever the density.
+
+        The outline is s = 1, and s = 0 the hole's edge, or the middle where there is no hole; t turns.
+        """
+        hole = self.hole()
+        share = place[0] if hole is None else hole**2 + (1.0 - hole**2) * place[0]
+        # With no slope in the middle, rather than an infinite one.
+        root = jnp.where(share > 0.0, jnp.sqrt(jnp.where(share > 0.0, share, 1.0)), 0.0)
+        return root * self.rim(place[1])
+
+    def share(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        """Light per area at any point, as a share of all of it; 0 beside the opening."""
+        turn = jnp.full_like(point[0], 0.1)
+        outline, along = jax.jvp(self.rim, (turn,), (jnp.ones_like(turn),))
+        # Equal turns sweep equal areas, so any tells how much it is for a whole one.
+        area = 0.5 * (outline[0] * along[1] - outline[1] * along[0])
+        hole = self.hole()
+        if hole is not None:
+            area *= 1.0 - hole**2
+        return jnp.where(self.holds(point), self.density(point) / area, 0.0)
 
 
 class Disk(AbstractAperture):
@@ -39,6 +78,15 @@ class Disk(AbstractAperture):
     def rim(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
         angle = 2.0 * jnp.pi * turn
         return jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+
+    def hole(self) -> None:
+        return None
+
+    def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
+        return point @ point <= 1.0
+
+    def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        return jnp.ones_like(point[0])
 
 
 class Polygon(AbstractAperture):
@@ -82,6 +130,18 @@ class Polygon(AbstractAperture):
         edge = jnp.sqrt(straight / jnp.cos(t) ** 2 + self.roundness)
         angle = self.rotation + (2.0 * sector + 1.0) * half + t
         return edge * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+
+    def hole(self) -> None:
+        return None
+
+    def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
+        half = jnp.pi / self.blades
+        straight = (1.0 - self.roundness) * jnp.cos(half) ** 2
+        t = jnp.mod(jnp.arctan2(point[1], point[0]) - self.rotation, 2.0 * half) - half
+        return point @ point <= straight / jnp.cos(t) ** 2 + self.roundness
+
+    def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+        return jnp.ones_like(point[0])
 
 
 def polygon(blades: int, *, rotation: SupportsFloat = 0.0, roundness: SupportsFloat = 0.0) -> Polygon:

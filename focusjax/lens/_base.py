@@ -1,31 +1,47 @@
 """What every lens answers: rays for a film point and a pupil point, and the blur they make."""
 
 import abc
+from collections.abc import Callable
+from typing import TypeVar
 
 import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera, LensRay
+from focusjax.lens._aperture import AbstractAperture
+
+_Picture = TypeVar("_Picture", Float[Array, "*n 3"], Float[np.ndarray, "*n 3"])
 
 
 class AbstractLens(eqx.Module):
-    """A source of lens rays. One ray, one film point, one pupil point: callers vmap."""
+    """A source of lens rays. One ray, one film point, one pupil point: callers vmap.
+
+    The picture is the mean over rays of what each brings back times its weight: rays through points of the
+    opening that are drawn with the density of its light, so that a weight is only what is lost beyond it
+    (vignetting), 1 where nothing is.
+    """
 
     @abc.abstractmethod
+    def opening(self) -> AbstractAperture:
+        """The shape of the opening, in units of the aperture radius."""
+
     def pupil_point(self, sample: Float[Array, "2"]) -> Float[Array, "2"]:
-        """Map a uniform `sample` of the unit square to a point of the opening, uniform by area.
+        """Map a uniform `sample` of the unit square to a point of the opening, spread as its light is.
 
         The point is in units of the aperture radius, in picture axes (x right, y down), so its
         norm is at most 1.
         """
+        return self.opening().point(sample)
 
-    @abc.abstractmethod
-    def rim_point(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
-        """The point of the opening's rim at `turn`, 0 to 1 once around, in the units of `pupil_point`.
+    def channels(self) -> "tuple[Channel, ...]":
+        """The lenses that light of different colours sees; none where it makes no difference.
 
-        Sectors of equal turns about the middle have equal areas, so that sqrt(s) `rim_point(t)` is uniform
-        by area over the unit square of (s, t).
+        Each treats all colours alike and has the same `opening`. The bounds (`footprint`, `reach`,
+        `parallax`) of this lens hold for all of them; its `ray` and `blur` are those of a colour between.
         """
+        return ()
 
     @abc.abstractmethod
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
@@ -61,3 +77,38 @@ class AbstractLens(eqx.Module):
     @abc.abstractmethod
     def parallax(self, camera: Camera) -> Float[Array, ""]:
         """Largest |b| of any ray: pixels that the lens's rim moves per dioptre."""
+
+
+class Channel(eqx.Module):
+    """Light of one colour.
+
+    Attributes:
+        lens: what it sees of the lens.
+        colour: how much it counts in red, green and blue (static); each sums to 1 over a lens's channels.
+    """
+
+    lens: AbstractLens
+    colour: tuple[float, float, float] = eqx.field(static=True)
+
+
+def in_colour(seen: Callable[..., _Picture], *lenses: AbstractLens) -> _Picture | Array:
+    """What is `seen` through lenses by all colours: that of each channel, in its share.
+
+    Lenses that treat all colours alike are looked through once, others once for each channel.
+
+    Args:
+        seen: a function of as many lenses, that treat all colours alike.
+        lenses: one, or several of the same channels.
+    """
+    channels = list(zip(*(lens.channels() for lens in lenses), strict=True))
+    if not channels:
+        return seen(*lenses)
+    pictures = [seen(*(channel.lens for channel in each)) for each in channels]
+    mixed = []
+    for number in range(3):
+        shares = [each[0].colour[number] for each in channels]
+        parts = [
+            share * picture[..., number] for share, picture in zip(shares, pictures, strict=True) if share
+        ]
+        mixed.append(sum(parts[1:], parts[0]))
+    return jnp.stack(mixed, axis=-1)

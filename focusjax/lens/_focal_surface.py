@@ -1,18 +1,14 @@
 """A lens whose focus and aperture differ from place to place in the picture."""
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import AbstractAperture
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._control_points import FocalSurface
+from focusjax.lens._corners import at_corners, corner_weights
 from focusjax.lens._thin import ThinLens
-
-_TILE = (16, 32)
-"""Rows and columns of places that are worked out together: what they need fits into a core's cache."""
 
 
 class FocalSurfaceLens(AbstractLens):
@@ -39,11 +35,8 @@ class FocalSurfaceLens(AbstractLens):
     aperture_radius: Float[Array, ""]
     aperture: AbstractAperture
 
-    def pupil_point(self, sample: Float[Array, "2"]) -> Float[Array, "2"]:
-        return self.aperture.point(sample)
-
-    def rim_point(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
-        return self.aperture.rim(turn)
+    def opening(self) -> AbstractAperture:
+        return self.aperture
 
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         scale, offset = self._at(camera, film_point)
@@ -83,30 +76,13 @@ class FocalSurfaceLens(AbstractLens):
 
     def _at(self, camera: Camera, film_point: Float[Array, "2"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """S and s w_f at a film point; beyond the frame as on its nearest border."""
-        rows, columns = self.focus_disparity.shape
-        if (columns, rows) != (camera.width + 1, camera.height + 1):
-            raise ValueError(
-                f"the focal surface was sampled for {columns - 1} x {rows - 1} pixels but the camera has"
-                f" {camera.width} x {camera.height}; sample it for this camera"
-            )
-        (i, u), (j, v) = _cell(film_point[0], camera.width), _cell(film_point[1], camera.height)
-        scale, offset = jnp.zeros_like(u), jnp.zeros_like(u)
-        for step_j, share_j in ((0, 1.0 - v), (1, v)):
-            for step_i, share_i in ((0, 1.0 - u), (1, u)):
-                here = j + step_j, i + step_i
-                part = share_j * share_i * self.aperture_scale[here]
-                scale, offset = scale + part, offset + part * self.focus_disparity[here]
+        scale, offset = jnp.zeros_like(film_point[0]), jnp.zeros_like(film_point[0])
+        for here, share in corner_weights(camera, film_point, self.focus_disparity.shape):
+            part = share * self.aperture_scale[here]
+            scale, offset = scale + part, offset + part * self.focus_disparity[here]
         return scale, offset
 
 
-def _cell(x: Float[Array, ""], count: int) -> tuple[Int[Array, ""], Float[Array, ""]]:
-    """Which of `count` unit intervals holds x, and how far into it x is, 0 to 1."""
-    x = jnp.clip(x, 0.0, float(count))
-    index = jnp.minimum(jnp.floor(x), count - 1.0)
-    return index.astype(int), x - jax.lax.stop_gradient(index)
-
-
-@eqx.filter_jit
 def focal_surface_lens(surface: FocalSurface, camera: Camera, lens: ThinLens) -> FocalSurfaceLens:
     """A lens with a focal surface, sampled at the pixel corners of `camera`.
 
@@ -126,18 +102,5 @@ def focal_surface_lens(surface: FocalSurface, camera: Camera, lens: ThinLens) ->
         >>> round(float(lens.thin_lens_at(camera, jnp.array([50.0, 20.0])).focus_distance()), 6)
         1.0
     """
-    width, height = camera.width + 1, camera.height + 1
-    tall, wide = _TILE
-    down, across = -(-height // tall), -(-width // wide)
-
-    def tile(number: Int[Array, ""]) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-        rows = number // across * tall + jnp.repeat(jnp.arange(tall), wide)
-        columns = number % across * wide + jnp.tile(jnp.arange(wide), tall)
-        return surface.at(jnp.stack([columns, rows]).astype(surface.xy.dtype))
-
-    def joined(tiles: Float[Array, "tiles p"]) -> Float[Array, "rows columns"]:
-        rows = tiles.reshape(down, across, tall, wide).swapaxes(1, 2)
-        return rows.reshape(down * tall, across * wide)[:height, :width]
-
-    focus, scale = (joined(tiles) for tiles in jax.lax.map(tile, jnp.arange(down * across)))
+    focus, scale = at_corners(surface, camera)
     return FocalSurfaceLens(focus, scale, lens.aperture_radius, lens.aperture)

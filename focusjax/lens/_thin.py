@@ -36,11 +36,8 @@ class ThinLens(AbstractLens):
     aperture_radius: Float[Array, ""]
     aperture: AbstractAperture = eqx.field(default_factory=Disk)
 
-    def pupil_point(self, sample: Float[Array, "2"]) -> Float[Array, "2"]:
-        return self.aperture.point(sample)
-
-    def rim_point(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
-        return self.aperture.rim(turn)
+    def opening(self) -> AbstractAperture:
+        return self.aperture
 
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         b = self.parallax(camera) * pupil_point

@@ -20,6 +20,7 @@ _STAGES = {
     "solve": "solve, once compiled",
     "solve_again": "solve in the moved frame",
     "peel": "peel layers",
+    "examine_layers": "examine the layers",
     "plan": "plan rays",
     "render": "trace rays",
     "examine": "examine the picture",

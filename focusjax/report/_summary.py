@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Array, Float
 
-from focusjax.focus import Result, Solution, SurfaceSolution, diagnose
+from focusjax.focus import Diagnosis, Result, Solution, SurfaceDiagnosis, SurfaceSolution, diagnose
 from focusjax.io import for_json
-from focusjax.job import Outcome
+from focusjax.job import Examined, Outcome
 from focusjax.lens import FocalSurfaceLens, as_tilt_shift
 from focusjax.report._depth_of_field import depth_of_field
 
@@ -166,15 +166,29 @@ def _solver(outcome: Outcome) -> dict[str, Any] | None:
 
 
 def _diagnosis(solution: Solution | SurfaceSolution | None) -> dict[str, Any] | None:
-    if not isinstance(solution, Solution):
+    if solution is None:
         return None
+    if isinstance(solution, SurfaceSolution):
+        surface = diagnose(solution)
+        return _stood_in_the_way(surface) | {
+            "open_control_points": list(surface.open_controls),
+            "smoothness_costs_px": surface.smoothness_costs,
+            "beyond_infinity": list(surface.beyond_infinity),
+        }
     found = diagnose(solution)
-    return {
-        "sentences": list(found.sentences),
-        "singular_values_px": list(found.singular_values),
+    return _stood_in_the_way(found) | {
         "directions": list(found.directions),
         "open_directions": list(found.open_directions),
         "standard_errors": found.standard_errors,
+        "active_bounds": list(found.active_bounds),
+    }
+
+
+def _stood_in_the_way(found: Diagnosis | SurfaceDiagnosis) -> dict[str, Any]:
+    """What lenses and focal surfaces have in common."""
+    return {
+        "sentences": list(found.sentences),
+        "singular_values_px": list(found.singular_values),
         "conflicts": [
             {
                 "wishes": [each.first, each.second],
@@ -183,7 +197,6 @@ def _diagnosis(solution: Solution | SurfaceSolution | None) -> dict[str, Any] | 
             for each in found.conflicts
         ],
         "unreachable": [{"wish": each.name, "best_px": each.best} for each in found.unreachable],
-        "active_bounds": list(found.active_bounds),
     }
 
 
@@ -196,6 +209,7 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
         "layers_complete": picture.complete,
         "layer_samples": picture.samples_kept,
         "layers_mib": picture.layer_bytes / 2**20,
+        "examined": _examined(picture.examined),
         "margin_px": picture.margin,
         "rays_per_pixel": picture.rays,
         "quality": None
@@ -205,6 +219,20 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
             "expected_db": picture.plan.decibels,
             "expected_seconds": picture.plan.seconds,
             "reached_db": picture.decibels,
+            "seconds": outcome.seconds["render"],
         },
         "largest_blur_px": float(np.abs(outcome.blur).max()),
+    }
+
+
+def _examined(found: Examined | None) -> dict[str, Any] | None:
+    """What the layers miss, and what the umbra spares them."""
+    if found is None:
+        return None
+    return {
+        "missed_share": found.missed.share,
+        "missed_standard_error": found.missed.standard_error,
+        "layers_with_umbra": len(found.saving.umbra),
+        "layers_without": len(found.saving.plain),
+        "samples_saved_share": found.saving.samples_saved,
     }

@@ -8,6 +8,7 @@ from focusjax.scene._background import constant_background as constant_backgroun
 from focusjax.scene._background import gradient_background as gradient_background
 from focusjax.scene._background import image_background as image_background
 from focusjax.scene._gloss import Gloss as Gloss
+from focusjax.scene._images import read_image as read_image
 from focusjax.scene._lights import AbstractLight as AbstractLight
 from focusjax.scene._lights import DirectionalLight as DirectionalLight
 from focusjax.scene._lights import PointLight as PointLight

@@ -17,7 +17,8 @@ from trimesh.resolvers import FilePathResolver
 
 from focusjax.scene._images import decode_srgb
 from focusjax.scene._material import UNTEXTURED, opacity_of, shininess_of, triple
-from focusjax.scene._object import DEFAULT_SMOOTH_ANGLE, Part, SceneObject, assemble, check_part
+from focusjax.scene._object import DEFAULT_SMOOTH_ANGLE, SceneObject, assemble
+from focusjax.scene._part import Part, check_part
 from focusjax.scene._placement import placement
 from focusjax.scene._visual import TextureTable, part_of
 
@@ -75,21 +76,16 @@ def load_mesh(
     path = Path(path)
     what = f"mesh file {path}"
     parts, textures = _parts(path, what)
-    loaded = assemble(
+    return assemble(
         path.stem if name is None else name,
         [_overridden(part, colour, emission, specular, shininess, reflectance, opacity) for part in parts],
         tuple(textures.pictures),
         tuple(textures.opacities),
         placement(translate, rotate, scale),
+        what=what,
         smooth_angle=DEFAULT_SMOOTH_ANGLE if smooth_angle is None else smooth_angle,
         keep_normals=smooth_angle is None,
     )
-    if not _has_area(loaded):
-        raise ValueError(
-            f"{what} has no area: all of its {len(loaded.faces)} triangles are lines or points; repair the"
-            " mesh, or its scale"
-        )
-    return loaded
 
 
 def _parts(path: Path, what: str) -> tuple[list[Part], TextureTable]:
@@ -104,14 +100,6 @@ def _parts(path: Path, what: str) -> tuple[list[Part], TextureTable]:
         check_part(part, what)
         parts.append(_moved(part, matrix))
     return parts, textures
-
-
-def _has_area(item: SceneObject) -> bool:
-    """Whether any triangle is more than a line, in double precision."""
-    first, second, third = (item.vertices[corner] for corner in item.faces.T)
-    doubled = np.linalg.norm(np.cross(second - first, third - first), axis=1)
-    longest = np.maximum(np.linalg.norm(second - first, axis=1), np.linalg.norm(third - first, axis=1))
-    return bool((doubled > 1e-12 * longest**2).any())
 
 
 class _Assets(FilePathResolver):

@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from focusjax.scene._images import decode_srgb, fill_hidden
 from focusjax.scene._material import Material, opacity_of, shininess_of, triple
 from focusjax.scene._normals import smooth_normals, unit_rows
+from focusjax.scene._part import Part, check_part, check_placed
 from focusjax.scene._placement import placement
 
 DEFAULT_ALBEDO = 0.8
@@ -50,22 +51,6 @@ class SceneObject:
     opacities: tuple[Float[np.ndarray, "_ _"], ...] = ()
     vertex_opacity: Float[np.ndarray, "v"] | None = None
     source: Int[np.ndarray, "v"] | None = None
-
-
-@dataclass(frozen=True)
-class Part:
-    """A piece of a mesh with one material, before normals are made; `check_part` tests its shapes.
-
-    vertices [v, 3], faces [t, 3], normals [v, 3], uv [v, 2], linear colours [v, 3], opacity [v].
-    """
-
-    vertices: Float[np.ndarray, "..."]
-    faces: Int[np.ndarray, "..."]
-    material: Material
-    normals: Float[np.ndarray, "..."] | None = None
-    uv: Float[np.ndarray, "..."] | None = None
-    colours: Float[np.ndarray, "..."] | None = None
-    opacity: Float[np.ndarray, "..."] | None = None
 
 
 def make_object(
@@ -110,7 +95,8 @@ def make_object(
         scale: as in `placement`.
 
     Raises:
-        ValueError: no faces, vertices that are not finite, faces out of range, or a bad value.
+        ValueError: no faces, none with an area, vertices that are not finite or too far away, faces out of
+            range, or a bad value.
 
     Example:
         >>> corners = [(0, 0, -2), (1, 0, -2), (0, 1, -2)]
@@ -121,6 +107,12 @@ def make_object(
     if texture is not None and uv is None:
         raise ValueError(f"{what} has a texture but no texture coordinates; give uv as well")
     textures, opacities = _pictures(texture, what)
+    cut = None if cutoff is None else opacity_of(cutoff, f"cutoff of {what}")
+    if cut is not None and not opacities and opacity == 1:
+        raise ValueError(
+            f"{what} has a cutoff of {cut}, but nothing to cut: its texture has no fourth channel and its"
+            " opacity is 1; leave cutoff out"
+        )
     material = Material(
         base_colour=_base_colour(colour, texture is not None or vertex_colours is not None, what),
         emission=triple(emission, f"emission of {what}"),
@@ -134,7 +126,7 @@ def make_object(
     part = Part(
         vertices=np.asarray(vertices, dtype=np.float64),
         faces=np.asarray(faces, dtype=np.int64),
-        material=material if cutoff is None else material.cut_at(opacity_of(cutoff, f"cutoff of {what}")),
+        material=material if cut is None else material.cut_at(cut),
         uv=None if uv is None else np.asarray(uv, dtype=np.float64),
         colours=None if vertex_colours is None else np.asarray(vertex_colours, dtype=np.float64),
     )
@@ -145,6 +137,7 @@ def make_object(
         textures,
         opacities,
         placement(translate, rotate, scale),
+        what=what,
         smooth_angle=smooth_angle,
         keep_normals=False,
     )
@@ -166,6 +159,13 @@ def _pictures(
     picture = np.asarray(texture, dtype=np.float32)
     if picture.ndim != 3 or picture.shape[2] not in (3, 4):
         raise ValueError(f"texture of {what} has the shape {picture.shape}; expected [h, w, 3] or [h, w, 4]")
+    bad = ~(np.isfinite(picture) & (picture >= 0)).all(axis=2)
+    if bad.any():
+        row, column = np.argwhere(bad)[0]
+        raise ValueError(
+            f"texture of {what} has {int(bad.sum())} texels that are negative or not finite (the first in row"
+            f" {row}, column {column}); expected linear values of at least 0"
+        )
     if picture.shape[2] == 3:
         return (picture,), ()
     opacity = picture[..., 3]
@@ -176,36 +176,6 @@ def _pictures(
     return (fill_hidden(picture[..., :3], opacity),), (opacity,)
 
 
-def check_part(part: Part, what: str) -> None:
-    """Raise a ValueError when `part` is empty, not finite, or refers to vertices it lacks."""
-    if part.vertices.ndim != 2 or part.vertices.shape[-1] != 3 or part.faces.shape[1:] != (3,):
-        raise ValueError(
-            f"{what} has vertices {part.vertices.shape} and faces {part.faces.shape};"
-            " expected three coordinates per vertex and three vertices per face"
-        )
-    if len(part.faces) == 0:
-        raise ValueError(f"{what} has no faces; expected a mesh of triangles")
-    if part.faces.min() < 0 or part.faces.max() >= len(part.vertices):
-        worst = part.faces.min() if part.faces.min() < 0 else part.faces.max()
-        raise ValueError(
-            f"{what} has a face that refers to vertex {worst}, but its {len(part.vertices)} vertices"
-            f" are 0 to {len(part.vertices) - 1}; repair the file"
-        )
-    bad = ~np.isfinite(part.vertices).all(axis=1)
-    if bad.any():
-        raise ValueError(
-            f"{what} has {int(bad.sum())} vertices with NaN or infinite coordinates (the first is"
-            f" vertex {int(bad.argmax())}); repair the mesh"
-        )
-    for values, name, width in ((part.uv, "texture coordinates", 2), (part.colours, "vertex colours", 3)):
-        if values is not None and values.shape != (len(part.vertices), width):
-            raise ValueError(
-                f"{what} has {name} of shape {values.shape}; expected {(len(part.vertices), width)}"
-            )
-        if values is not None and not np.isfinite(values).all():
-            raise ValueError(f"{what} has {name} that are not finite; repair the mesh")
-
-
 def assemble(
     name: str,
     parts: Sequence[Part],
@@ -213,13 +183,14 @@ def assemble(
     opacities: tuple[Float[np.ndarray, "_ _"], ...],
     world_from_object: Float[np.ndarray, "4 4"],
     *,
+    what: str,
     smooth_angle: float,
     keep_normals: bool,
 ) -> SceneObject:
-    """Place checked `parts` in the world, give them normals, and join them.
+    """Place checked `parts` in the world, give them normals, and join them. `what` names them in errors.
 
     Raises:
-        ValueError: a `smooth_angle` outside 0 to 180 degrees.
+        ValueError: a `smooth_angle` outside 0 to 180 degrees, or nothing that has an area and is in reach.
     """
     if not 0.0 <= smooth_angle <= 180.0:
         raise ValueError(f"smooth angle is {smooth_angle} degrees; expected 0 (facets) to 180 (smooth)")
@@ -237,6 +208,7 @@ def assemble(
         for key, values in piece.items():
             joined[key].append(values)
     arrays = {key: np.concatenate(values) for key, values in joined.items()}
+    check_placed(arrays["vertices"], arrays["faces"], what)
     return SceneObject(
         name=name,
         vertices=arrays["vertices"],

@@ -1,6 +1,5 @@
 """A whole scene on the host: all triangles in one list, with lights and surroundings."""
 
-import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -8,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
+from focusjax._words import did_you_mean
 from focusjax.scene._atlas import atlas_of, make_atlas
 from focusjax.scene._background import AbstractBackground, constant_background
 from focusjax.scene._gloss import Gloss
@@ -64,8 +64,7 @@ class Scene:
         """
         if name not in self.objects:
             names = list(self.objects)
-            near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]!r}?" if near else f"the scene has {', '.join(map(repr, names))}"
+            hint = did_you_mean(name, names, f"the scene has {', '.join(map(repr, names))}")
             raise ValueError(f"there is no object named {name!r}; {hint}")
         return self.objects[name]
 

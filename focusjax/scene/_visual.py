@@ -21,7 +21,8 @@ from focusjax.scene._images import (
     unit_range,
 )
 from focusjax.scene._material import UNTEXTURED, Material
-from focusjax.scene._object import DEFAULT_ALBEDO, Part
+from focusjax.scene._object import DEFAULT_ALBEDO
+from focusjax.scene._part import Part
 
 
 @dataclass

@@ -1,11 +1,13 @@
 """From a config with a `[shot]` table to a shot."""
 
-import difflib
+import warnings
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from focusjax._words import did_you_mean, listed
 from focusjax.config import (
     Config,
     ConfigError,
@@ -13,6 +15,7 @@ from focusjax.config import (
     build_camera,
     build_focus_points,
     build_lens,
+    build_look,
     build_objects,
     build_scene,
     build_solve_options,
@@ -52,6 +55,7 @@ def build_shot(config: Config) -> Shot:
     scene = build_scene(config, objects)
     points = build_focus_points(config, scene)
     options = build_solve_options(config)
+    _tell_keys_outside(config, table)
     try:
         cameras = _cameras(config, table, camera)
         return Shot(
@@ -64,6 +68,7 @@ def build_shot(config: Config) -> Shot:
             fade_frames=table.fade_frames,
             favour_near=config.solve.favour_near,
             options=options,
+            look=partial(build_look, config) if config.lens.look else None,
         )
     except ValueError as error:
         raise ConfigError(f"{config.source}: shot: {error}") from error
@@ -82,6 +87,23 @@ def build_settings(config: Config) -> FrameSettings:
         exposure=table.exposure,
         bits=table.png_bits,
     )
+
+
+def _tell_keys_outside(config: Config, table: ShotTable) -> None:
+    """Warns of keyframes that no frame of the shot reaches."""
+    keys = [("shot.camera", table.camera), ("shot.lens", table.lens)]
+    keys += [(f"shot.objects ({each.name})", each.keys) for each in table.objects]
+    keys += [(f"shot.wishes ({each.name})", each.keys) for each in table.wishes]
+    for what, frames in keys:
+        outside = [key.frame for key in frames if not 1 <= key.frame <= table.frames]
+        if outside:
+            which = f"a keyframe at frame {outside[0]:g}" if len(outside) == 1 else "keyframes at frames "
+            which += listed([f"{frame:g}" for frame in outside]) if len(outside) > 1 else ""
+            warnings.warn(
+                f"{config.source}: {what} has {which}, outside the shot's frames 1 to {table.frames}, which"
+                " do not reach it",
+                stacklevel=2,
+            )
 
 
 def _cameras(config: Config, table: ShotTable, camera: Camera) -> tuple[Camera, ...]:
@@ -200,8 +222,7 @@ def _keys(table: ShotTable, values: Mapping[float, Any]) -> Keyframes | None:
 def _named(name: str, names: Sequence[str], what: str, where: str) -> int:
     """The position of a name that is there once."""
     if name not in names:
-        near = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
-        hint = f"did you mean {near[0]!r}?" if near else f"{where} has {', '.join(map(repr, names))}"
+        hint = did_you_mean(name, names, f"{where} has {', '.join(map(repr, names))}")
         raise ValueError(f"{what}: {where} has no {name!r}; {hint}")
     if list(names).count(name) > 1:
         raise ValueError(f"{what}: {where} has {name!r} more than once; give each its own name")

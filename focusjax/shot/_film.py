@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from focusjax._stopwatch import Stopwatch
-from focusjax.config import Config
+from focusjax.config import Config, refusals_located
 from focusjax.io import staged_folder
 from focusjax.shot._build import build_settings, build_shot
 from focusjax.shot._render import RenderedFrames, render_frames
@@ -51,7 +51,7 @@ def film(
         shot = build_shot(config)
     assert config.shot is not None
     with staged_folder(folder, owned=REPORT_FILES) as stage:
-        with watch.stage("solve"):
+        with watch.stage("solve"), refusals_located(config):
             solved = solve_shot(shot, progress=tell)
         rendered: RenderedFrames | None = None
         if rendering:

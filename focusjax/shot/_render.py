@@ -18,7 +18,7 @@ from focusjax.geometry import Camera
 from focusjax.io import save_exr, save_png
 from focusjax.job import blur_map
 from focusjax.layers import Layers, disparity_map, peel
-from focusjax.lens import ThinLens, TiltShiftLens
+from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
 from focusjax.shot._solve import Progress, SolvedShot
 from focusjax.trace import plan_rays, render
@@ -111,7 +111,7 @@ def render_frames(
     kept, complete, files = 0, True, []
     for position, number in enumerate(wanted):
         tell("render", position / len(wanted))
-        camera, lens = solved.solution.at(number - 1)
+        camera, lens = _view(solved, number)
         scene = shot.scene.at(number)
         names = [f"frame_{number:04d}.{kind}" for kind in kinds]
         files.append(tuple(folder / name for name in names))
@@ -138,7 +138,7 @@ def render_frames(
     return RenderedFrames(wanted, tuple(files), kept, rays, complete)
 
 
-def fingerprint(scene: Scene, camera: Camera, lens: ThinLens | TiltShiftLens, settings: FrameSettings) -> str:
+def fingerprint(scene: Scene, camera: Camera, lens: AbstractLens, settings: FrameSettings) -> str:
     """A short text that changes with anything a picture is made from."""
     digest = hashlib.sha256()
 
@@ -166,14 +166,21 @@ def fingerprint(scene: Scene, camera: Camera, lens: ThinLens | TiltShiftLens, se
     return digest.hexdigest()[:32]
 
 
+def _view(solved: SolvedShot, number: int) -> tuple[Camera, AbstractLens]:
+    """What a frame is taken with."""
+    camera, lens = solved.solution.at(number - 1)
+    look = solved.shot.look
+    return camera, lens if look is None else look(camera, lens)
+
+
 def _widest(solved: SolvedShot, wanted: Sequence[int], settings: FrameSettings) -> tuple[Layers, int]:
     """Layers of the frame whose rays stray farthest, and the rays per pixel."""
     reach = []
     for number in wanted:
-        camera, lens = solved.solution.at(number - 1)
+        camera, lens = _view(solved, number)
         reach.append(float(_reach(lens, camera, jnp.asarray(solved.depths[number - 1], dtype=float))))
     number = wanted[int(np.argmax(reach))]
-    camera, lens = solved.solution.at(number - 1)
+    camera, lens = _view(solved, number)
     layers = _peel(solved.shot.scene.at(number), camera, lens, settings, None)
     if settings.quality is None:
         return layers, settings.rays
@@ -181,12 +188,12 @@ def _widest(solved: SolvedShot, wanted: Sequence[int], settings: FrameSettings) 
 
 
 @eqx.filter_jit
-def _reach(lens: ThinLens | TiltShiftLens, camera: Camera, depths: Float[Array, "2"]) -> Float[Array, ""]:
+def _reach(lens: AbstractLens, camera: Camera, depths: Float[Array, "2"]) -> Float[Array, ""]:
     return jnp.max(jax.vmap(lambda w: lens.reach(camera, w))(depths))
 
 
 def _peel(
-    scene: Scene, camera: Camera, lens: ThinLens | TiltShiftLens, settings: FrameSettings, like: Layers | None
+    scene: Scene, camera: Camera, lens: AbstractLens, settings: FrameSettings, like: Layers | None
 ) -> Layers:
     return peel(
         scene,
@@ -199,9 +206,7 @@ def _peel(
     )
 
 
-def _save_exr(
-    path: Path, image: np.ndarray, scene: Scene, camera: Camera, lens: ThinLens | TiltShiftLens
-) -> None:
+def _save_exr(path: Path, image: np.ndarray, scene: Scene, camera: Camera, lens: AbstractLens) -> None:
     disparity = disparity_map(scene, camera)
     with np.errstate(divide="ignore"):
         depth = 1.0 / disparity

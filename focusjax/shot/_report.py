@@ -100,6 +100,7 @@ def shot_summary(
                 name: dataclasses.asdict(change) for name, change in solution.largest_changes().items()
             },
             "wishes": _wishes(solved),
+            "diagnosis": _diagnosis(solved),
             "frames": [
                 {"frame": t + 1}
                 | {name: float(values[t]) for name, values in settings.items()}
@@ -118,6 +119,37 @@ def shot_summary(
             "compile_seconds": dict(compile_seconds),
         }
     )
+
+
+def _diagnosis(solved: SolvedShot) -> dict[str, Any]:
+    """What keeps the lenses from meeting the wishes; frames are first and last of each stretch, from 1."""
+    found = solved.diagnosis
+    return {
+        "sentences": list(found.sentences),
+        "missed": [
+            {
+                "wish": each.name,
+                "frames": each.frames,
+                "worst_px": each.worst,
+                "worst_frame": each.worst_frame,
+                "smoothness_costs_px": each.smoothness_costs,
+            }
+            for each in found.missed
+        ],
+        "conflicts": [
+            {
+                "wishes": [each.first, each.second],
+                "gains_px": [each.first_gains, each.second_gains],
+                "frames": each.frames,
+            }
+            for each in found.conflicts
+        ],
+        "unreachable": [
+            {"wish": each.name, "best_px": each.best, "frames": each.frames} for each in found.unreachable
+        ],
+        "active_bounds": found.active_bounds,
+        "idle": list(found.idle),
+    }
 
 
 def _wishes(solved: SolvedShot) -> list[dict[str, Any]]:

@@ -2,15 +2,16 @@
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from focusjax.focus import FramesSolution, solve_frames
+from focusjax.focus import FramesDiagnosis, FramesSolution, diagnose, solve_frames
 from focusjax.geometry import Camera
 from focusjax.layers import disparity_map
-from focusjax.lens import ThinLens, TiltShiftLens
+from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens
 from focusjax.scene import Scene
 from focusjax.shot._motion import MovingScene
 from focusjax.shot._wishes import TimedWish, find_wishes
@@ -33,6 +34,7 @@ class Shot:
         fade_frames: see `find_wishes`.
         favour_near: see `find_wishes`.
         options: what is free, bounds and priors, as for `solve`.
+        look: from a frame's camera and solved lens to the lens that makes its picture; itself if not given.
     """
 
     scene: MovingScene
@@ -44,6 +46,7 @@ class Shot:
     fade_frames: float = 6.0
     favour_near: float = 0.0
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    look: Callable[[Camera, AbstractLens], AbstractLens] | None = None
 
     def __post_init__(self) -> None:
         if not self.cameras or len(self.cameras) != len(self.lenses):
@@ -73,6 +76,11 @@ class SolvedShot:
     solution: FramesSolution
     share: Float[np.ndarray, "t m"]
     depths: Float[np.ndarray, "t 2"]
+
+    @cached_property
+    def diagnosis(self) -> FramesDiagnosis:
+        """What keeps the lenses from meeting the wishes, judged where these count in full."""
+        return diagnose(self.solution, counts=self.share > 1.0 - 1e-6)
 
     def missed(self) -> tuple[tuple[str, int, float], ...]:
         """Wishes that are missed by more than their tolerance in some frame in which they count in full.

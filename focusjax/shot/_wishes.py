@@ -1,14 +1,16 @@
 """Wishes over time: when they act, how much, and what they wish, without jumps as they come and go."""
 
 import dataclasses
+import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from focusjax.focus import AtPixel, AtPoint, FocusPoint, ImagePoints, locate
+from focusjax._words import shown
+from focusjax.focus import ArgumentError, AtPixel, AtPoint, FocusPoint, ImagePoints, locate
 from focusjax.geometry import Camera
 from focusjax.shot._keyframes import Keyframes
 
@@ -114,13 +116,18 @@ def find_wishes(
         fade_frames: frames from nothing to full weight; 0 lets weights jump.
         favour_near: how much more near wishes count, relative to the nearest of all frames (see `locate`).
 
+    Warns of wishes that count in no frame, or in none in full.
+
     Raises:
-        ValueError: as `locate`, with the frame.
+        ArgumentError: as `locate`, with the frame; wishes of which none counts in any frame.
     """
     if not wishes:
-        raise ValueError("there are no wishes; give at least one")
+        raise ArgumentError("there are no wishes; give at least one", "points")
     if not 0 <= fade_frames < np.inf:
-        raise ValueError(f"fade_frames is {fade_frames}; expected zero or a positive finite number of frames")
+        raise ArgumentError(
+            f"fade_frames is {shown(fade_frames)}; expected zero or a positive finite number of frames",
+            "fade_frames",
+        )
     found = []
     for number, (camera, view) in enumerate(zip(cameras, views, strict=True), start=1):
         points = [wish.at(number) for wish in wishes]
@@ -128,8 +135,8 @@ def find_wishes(
         unit = [dataclasses.replace(point, weight=1.0) for point in points]
         try:
             seen = locate(unit, camera, may_be_idle=True, **view)
-        except ValueError as error:
-            raise ValueError(f"frame {number}: {error}") from None
+        except ArgumentError as error:
+            raise ArgumentError(f"frame {number}: {error}", error.argument) from None
         found.append((points, seen))
     visible = np.array([[_share(seen, m) for m in range(len(wishes))] for _, seen in found])
     acting = np.array([[wish.acts(t + 1) for wish in wishes] for t in range(len(found))])
@@ -145,7 +152,62 @@ def find_wishes(
         near = 1.0 + favour_near * disparity / max(nearest, np.finfo(float).tiny)
         weight = np.asarray(seen.weight) * factor[wish] * near
         out.append(dataclasses.replace(seen, weight=jnp.asarray(weight, dtype=float)))
+    _tell_idle(wishes, found, acting, visible, share)
     return FoundWishes(tuple(out), share)
+
+
+def _tell_idle(
+    wishes: Sequence[TimedWish],
+    found: Sequence[tuple[Sequence[FocusPoint], ImagePoints]],
+    acting: Bool[np.ndarray, "t m"],
+    visible: Float[np.ndarray, "t m"],
+    share: Float[np.ndarray, "t m"],
+) -> None:
+    """Warns of wishes that have a weight and never count, or never in full.
+
+    Raises:
+        ArgumentError: none counts in any frame.
+    """
+    weight = np.array([[float(point.weight) for point in points] for points, _ in found])
+    # Where a wish does not act its weight is 0 for that; its own tells whether one was wanted.
+    wanted = np.array([
+        float(wish.point.weight) > 0 if wish.weight is None else bool(wish.weight.values.max() > 0)
+        for wish in wishes
+    ])  # fmt: skip
+    if not (weight * share).any():
+        reasons = [
+            _idle_reason(wishes[m], [seen.notes[m] for _, seen in found], acting[:, m])
+            for m in np.flatnonzero(wanted).tolist()
+        ]
+        raise ArgumentError(
+            "no wish counts in any frame: " + ("; ".join(reasons) or "give at least one a weight"), "points"
+        )
+    for m in np.flatnonzero(wanted & (share.max(axis=0) < 1.0 - 1e-6)).tolist():
+        if not share[:, m].any():
+            why = _idle_reason(wishes[m], [seen.notes[m] for _, seen in found], acting[:, m])
+            warnings.warn(f"{why}, so that it counts in no frame", stacklevel=3)
+            continue
+        most = f"wish {wishes[m].point.name!r} never counts in full ({100 * share[:, m].max():.0f} % at most)"
+        if np.where(acting[:, m], visible[:, m], 0.0).max() > share[:, m].max() + 1e-6:
+            most += ", for it comes and goes too soon to fade in; a smaller fade_frames lets it count sooner"
+        else:
+            most += ", for it is always hidden in part; move it or the camera, or let it count even_hidden"
+        warnings.warn(f"{most}. What counts in part is never called missed", stacklevel=3)
+
+
+def _idle_reason(wish: TimedWish, notes: Sequence[str], acting: Bool[np.ndarray, "t"]) -> str:
+    """Why a wish counts in no frame."""
+    name, count = f"wish {wish.point.name!r}", len(notes)
+    if not acting.any():
+        ends = [
+            f"{word} frame {frame:g}"
+            for word, frame in (("from", wish.from_frame), ("to", wish.to_frame))
+            if frame is not None
+        ]
+        return f"{name} acts {' '.join(ends)}, which is none of the shot's frames 1 to {count}"
+    reasons = {note for note, acts in zip(notes, acting, strict=True) if acts and note}
+    why = " or ".join(sorted(reasons)) or "without weight"
+    return f"{name} is {why} in every frame in which it acts"
 
 
 def faded(share: Float[np.ndarray, "t m"], fade_frames: float) -> Float[np.ndarray, "t m"]:

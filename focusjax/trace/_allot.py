@@ -26,11 +26,13 @@ from focusjax.trace._gloss import radiance_from_centre
 FEWEST = 4
 """Rays of a pixel where nothing differs. All counts are this times a power of two."""
 _MOST_TIMES_MEAN = 8
+_LOOKS = 4
+"""Squared, the points of the opening at which weights are looked at."""
 
 
-def counts_for(rays: int) -> list[int]:
+def counts_for(rays: float) -> list[int]:
     """All numbers of rays that a pixel may get where the mean is `rays`, increasing."""
-    return [FEWEST << k for k in range((_MOST_TIMES_MEAN * rays // FEWEST).bit_length())]
+    return [FEWEST << k for k in range(int(_MOST_TIMES_MEAN * rays // FEWEST).bit_length())]
 
 
 _EXPONENT = 0.4
@@ -38,7 +40,7 @@ _BINS = 64
 """Per octave of rays, in which pixels are counted."""
 
 
-def allot(variance: Float[np.ndarray, " p"], rays: int) -> Int[np.ndarray, " p"]:
+def allot(variance: Float[np.ndarray, " p"], rays: float) -> Int[np.ndarray, " p"]:
     """Rays for pixels of a given variance: `rays` of them a pixel on the average, which are four or more."""
     most = len(counts_for(rays)) - 1
     # In octaves above the fewest; a pixel of no variance at all is as far below as one can be.
@@ -71,7 +73,7 @@ def contrast(
     """Variance of what the lens centre sees, all channels together, around each pixel.
 
     Over the box that holds its rays between the disparities `least` and `largest`, each pixel's own, from all
-    film points of its filter.
+    film points of its filter. Where the lens lets rays through in part, that of their weights comes on top.
     """
     grid, edge = layers.grid, layers.grid.supersampling
     rows, columns = grid.rows // edge, grid.columns // edge
@@ -79,7 +81,7 @@ def contrast(
     table[1:, 1:] = np.asarray(_moments(layers)).reshape(rows, edge, columns, edge, 4).mean(axis=(1, 3))
     np.cumsum(np.cumsum(table, axis=0, out=table), axis=1, out=table)
     table = table.reshape(-1, 4)
-    low, high = (np.asarray(corner) for corner in _boxes(layers, lens, least, largest, pixel_filter))
+    low, high, uneven = (np.asarray(a) for a in _boxes(layers, lens, least, largest, pixel_filter))
     size = np.array([columns, rows])
     first = np.clip(np.floor(low), 0, size - 1).astype(np.intp)
     last = np.clip(np.ceil(high), first + 1, size).astype(np.intp)
@@ -91,7 +93,8 @@ def contrast(
     total = at(right, bottom) - at(left, bottom) - at(right, top) + at(left, top)
     mean = total / ((right - left) * (bottom - top))[:, None]
     white = np.maximum(mean[:, :3].max(axis=1), 1.0)
-    return np.maximum(mean[:, 3] - (mean[:, :3] ** 2).sum(axis=1), 0.0) / white**2
+    square = (mean[:, :3] ** 2).sum(axis=1)
+    return (np.maximum(mean[:, 3] - square, 0.0) + uneven * square) / white**2
 
 
 @eqx.filter_jit
@@ -126,11 +129,17 @@ def _boxes(
     least: Float[Array, " p"],
     largest: Float[Array, " p"],
     pixel_filter: str,
-) -> tuple[Float[Array, "p 2"], Float[Array, "p 2"]]:
-    """Corners, in pixels from that of the grid, of boxes around all places that each pixel's rays pass."""
-    camera, grid, wide = layers.camera, layers.grid, filter_radius(pixel_filter)
+) -> tuple[Float[Array, "p 2"], Float[Array, "p 2"], Float[Array, " p"]]:
+    """Corners, in pixels from that of the grid, of boxes around all places that each pixel's rays pass.
 
-    def one(index: Int[Array, ""], least: Array, largest: Array) -> tuple[Array, Array]:
+    And the variance of the rays' weights.
+    """
+    camera, grid, wide = layers.camera, layers.grid, filter_radius(pixel_filter)
+    middles = (jnp.arange(_LOOKS, dtype=least.dtype) + 0.5) / _LOOKS
+    samples = jnp.stack(jnp.meshgrid(middles, middles), axis=-1).reshape(-1, 2)
+    pupil = jax.vmap(lens.pupil_point)(samples)
+
+    def one(index: Int[Array, ""], least: Array, largest: Array) -> tuple[Array, Array, Array]:
         film = jnp.stack([index % camera.width, index // camera.width]).astype(least.dtype) + 0.5
         ends = [lens.footprint(camera, film, disparity) for disparity in (least, largest)]
         low, high = (
@@ -138,6 +147,8 @@ def _boxes(
             for sign, sum_ in ((-1.0, lambda a: jnp.minimum(*a)), (1.0, lambda a: jnp.maximum(*a)))
         )
         margin = grid.margin / grid.supersampling
-        return low + margin, high + margin
+        # Of a lens that lets all pass this is the number 0, which compilers find out.
+        weights = jax.vmap(lambda point: lens.ray(camera, film, point).weight)(pupil)
+        return low + margin, high + margin, jnp.var(weights)
 
     return jax.vmap(one)(jnp.arange(camera.width * camera.height), least, largest)

@@ -32,39 +32,53 @@ class Block:
         picture[pixels[start]] += np.add.reduceat(values[: self.count], start, axis=0)
 
 
-def make_blocks(
-    parts: Int[np.ndarray, " n"], depth: Int[np.ndarray, " n"], most_layers: int, columns: int, size: int
-) -> list[Block]:
-    """Blocks of `size` parts (or of the next power of two, if all there are is less).
+class Blocks:
+    """Blocks of `size` parts (or of the next power of two, if all there are is less), one made at a time.
 
     Pixels are in Z-order, so that a block reads few places of the layers, those with few layers under their
     rays apart from those with many.
-
-    Args:
-        parts: of each pixel.
-        depth: layers under its rays.
-        most_layers: number of layers.
-        columns: pixels per row.
-        size: parts of a block.
     """
-    variants = np.unique(np.minimum([4, 8, 16, most_layers], most_layers))
-    level = np.searchsorted(variants, np.maximum(depth, 1))
-    row, column = np.divmod(np.arange(len(parts)), columns)
-    order = np.lexsort((z_order(column, row), level))
-    ends = np.cumsum(parts[order])
-    size = min(size, 1 << max(int(ends[-1]) - 1, 0).bit_length())
-    blocks: list[list[Block]] = []
-    for number, variant in enumerate(variants):
-        first, last = np.searchsorted(level[order], [number, number + 1])
-        begin, end = (int(ends[k - 1]) if k else 0 for k in (first, last))
-        some = []
-        for start in range(begin, end, size):
-            work = np.minimum(np.arange(start, start + size), end - 1)
-            low, high = np.searchsorted(ends, [work[0], work[-1]], side="right")
-            pixel = low + np.searchsorted(ends[low : high + 1], work, side="right")
-            pixels = order[pixel]
-            part = work - (ends[pixel] - parts[pixels])
-            some.append(Block(pixels, part, min(size, end - start), int(variant)))
-        blocks.append(some)
-    # One block of each kind first, so that their programs are compiled side by side.
-    return [some[0] for some in blocks if some] + [block for some in blocks for block in some[1:]]
+
+    def __init__(
+        self,
+        parts: Int[np.ndarray, " n"],
+        depth: Int[np.ndarray, " n"],
+        most_layers: int,
+        columns: int,
+        size: int,
+    ) -> None:
+        """Blocks of so many `parts` of each pixel.
+
+        Args:
+            parts: of each pixel.
+            depth: layers under its rays.
+            most_layers: number of layers.
+            columns: pixels per row.
+            size: parts of a block.
+        """
+        variants = np.unique(np.minimum([4, 8, 16, most_layers], most_layers))
+        level = np.searchsorted(variants, np.maximum(depth, 1))
+        row, column = np.divmod(np.arange(len(parts), dtype=np.int32), np.int32(columns))
+        self._order = np.lexsort((z_order(column, row), level)).astype(np.int32)
+        self._parts = parts[self._order]
+        self._ends = np.cumsum(self._parts, dtype=np.int64)
+        self.size = min(size, 1 << max(int(self._ends[-1]) - 1, 0).bit_length())
+        last = np.searchsorted(level[self._order], np.arange(len(variants)), side="right")
+        bounds = [0, *(int(self._ends[k - 1]) if k else 0 for k in last)]
+        spans = [
+            [(start, end, int(variant)) for start in range(begin, end, self.size)]
+            for begin, end, variant in zip(bounds, bounds[1:], variants, strict=False)
+        ]
+        # One block of each kind first, so that their programs are compiled side by side.
+        self._spans = [some[0] for some in spans if some] + [span for some in spans for span in some[1:]]
+
+    def __len__(self) -> int:
+        return len(self._spans)
+
+    def __getitem__(self, number: int) -> Block:
+        start, end, variant = self._spans[number]
+        work = np.minimum(np.arange(start, start + self.size), end - 1)
+        low, high = np.searchsorted(self._ends, [work[0], work[-1]], side="right")
+        pixel = low + np.searchsorted(self._ends[low : high + 1], work, side="right")
+        part = work - (self._ends[pixel] - self._parts[pixel])
+        return Block(self._order[pixel].astype(part.dtype), part, min(self.size, end - start), variant)

@@ -50,21 +50,30 @@ def surface_of(layers: Layers) -> Surface:
     )
 
 
-def radiance_at(surface: Surface, ray: LensRay, hit: Int[Array, ""]) -> Float[Array, "3"]:
-    """Radiance that `ray` (in grid units) brings from sample `hit`, or from infinity if that is -1.
+Corners = tuple[tuple[Int[Array, ""], Float[Array, ""]], ...]
+"""Samples around a hit by their number, and the share of each; the first is the one that was hit."""
+
+
+def corners_at(
+    surface: Surface, ray: LensRay, hit: Int[Array, ""]
+) -> tuple[Corners, Float[Array, ""], Int[Array, ""]]:
+    """What the radiance that `ray` (in grid units) brings from sample `hit` is made of.
 
     Bilinear between the sample and the neighbours that continue its surface, whichever layer they are
     in; a neighbour that does not continue it is replaced by the sample itself.
+
+    Returns:
+        the samples and their shares; the disparity of the hit, 0 if `hit` is -1; and the place on the grid
+        where the ray passes there.
     """
     (a_x, a_y), (b_x, b_y) = ray.a, ray.b
     columns, layer_size = surface.columns, surface.columns * surface.rows
-    met = hit >= 0
     index = jnp.maximum(hit, 0)
     number = surface.places.number(index)
-    disparity = jnp.where(met, surface.disparity[number], 0.0)
+    disparity = jnp.where(hit >= 0, surface.disparity[number], 0.0)
     x, y = a_x + b_x * disparity, a_y + b_y * disparity
-    far_column = jnp.clip(jnp.floor(x).astype(jnp.int32), 0, columns - 1)
-    far_row = jnp.clip(jnp.floor(y).astype(jnp.int32), 0, surface.rows - 1)
+    column = jnp.clip(jnp.floor(x).astype(jnp.int32), 0, columns - 1)
+    row = jnp.clip(jnp.floor(y).astype(jnp.int32), 0, surface.rows - 1)
     in_layer = index % layer_size
     offset_x = jnp.clip(x - (in_layer % columns).astype(x.dtype) - 0.5, -0.5, 0.5)
     offset_y = jnp.clip(y - (in_layer // columns).astype(x.dtype) - 0.5, -0.5, 0.5)
@@ -84,12 +93,19 @@ def radiance_at(surface: Surface, ray: LensRay, hit: Int[Array, ""]) -> Float[Ar
         (neighbour(2 + up, dy * columns), (1 - weight_x) * weight_y),
         (neighbour(4 + left + 2 * up, dy * columns + dx), weight_x * weight_y),
     )
-    behind = far_row * columns + far_column if surface.background[0].size > 1 else jnp.zeros_like(index)
+    return corners, disparity, row * columns + column
+
+
+def radiance_at(surface: Surface, ray: LensRay, hit: Int[Array, ""]) -> Float[Array, "3"]:
+    """Radiance that `ray` (in grid units) brings from sample `hit`, or from infinity if that is -1."""
+    met = hit >= 0
+    corners, disparity, place = corners_at(surface, ray, hit)
+    behind = place if surface.background[0].size > 1 else jnp.zeros_like(place)
     # Worked out once, not again in each of the look-ups that use them.
     corners, behind = jax.lax.optimization_barrier((corners, behind))
     channels = []
     for plane, far_plane in zip(surface.radiance, surface.background, strict=True):
-        near = sum((plane[i] * weight for i, weight in corners), jnp.zeros_like(x))
+        near = sum((plane[i] * weight for i, weight in corners), jnp.zeros_like(disparity))
         channels.append(jnp.where(met, near, far_plane[behind]))
     radiance = jnp.stack(channels)
     if surface.gloss is None:

@@ -4,10 +4,10 @@ A pixel is a mean over its square of film points p and the opening's points u,
 
     I = (integral over p and u of W L(r)) / A,        r(p, u) = (a, b) of the ray q(w) = a + b w,
 
-with L the radiance along a ray. At silhouettes L jumps, so the mean of the derivatives of what rays bring
-back is not the derivative of the mean. But rays are a family of four dimensions with four coordinates:
-wherever a parameter t moves r, some other film point and opening point had that ray before. With J the
-Jacobian of r by (p, u),
+with L the radiance along a ray and W the light that it stands for, its weight times the opening's density. At
+silhouettes L jumps, so the mean of the derivatives of what rays bring back is not the derivative of the mean.
+But rays are a family of four dimensions with four coordinates: wherever a parameter t moves r, some other
+film point and opening point had that ray before. With J the Jacobian of r by (p, u),
 
     v = J^-1 dr/dt        gives        dL/dt = v . grad L,
 
@@ -22,13 +22,14 @@ radiances as they are. For a thin lens q(w) = p + f E u (w - w_f) the focal disp
 film, v = (-f E u, 0), so the picture changes by what enters and leaves its pixels; the aperture radius
 widens the opening, v = (0, u / E), and dI/dE = 2 / E (mean over the rim - mean over the opening).
 
-The divergence is how fast the density of rays changes along the flow, which takes derivatives in one
+The divergence of v is how fast the density of rays changes along the flow, which takes derivatives in one
 direction instead of four:
 
     div v = (d/dt - v . grad) log |det J|.
 
-Opening points are given by their place (s, t) in the unit square, u = sqrt(s) c(t) with c the rim, which is
-uniform by area. A parameter that changes the shape of the opening moves u where (s, t) stays.
+Opening points are given by their place (s, t) in the unit square, which is uniform by area: u = sqrt(s) c(t)
+with c the rim, where there is no hole. A parameter that changes the shape of the opening moves u where (s, t)
+stays. A hole has a rim, too, at s = 0.
 """
 
 import jax
@@ -42,36 +43,36 @@ LEAST_PLACE = 1e-6
 """Smallest s of a place that the flow is asked for: at the centre of the opening the map has no inverse."""
 
 
-def opening_point(lens: AbstractLens, place: Float[Array, "2"]) -> Float[Array, "2"]:
-    """The opening's point at a place (s, t) of the unit square, uniform by area; the rim is s = 1."""
-    return jnp.sqrt(place[0]) * lens.rim_point(place[1])
-
-
 def film_flow(
     lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
 ) -> Float[Array, "2"]:
     """W v_p [2] for the difference between two lenses, to first order in it."""
-    v_film, _, weight = _flow(lens, moved, camera, film, place)
-    return weight * v_film
+    return light(lens, camera, film, lens.opening().at(place)) * _flow(lens, moved, camera, film, place)[0]
 
 
 def rim_flow(
     lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], turn: Float[Array, ""]
 ) -> Float[Array, ""]:
-    """W v_u.n / A along the rim, per unit of its parameter `turn`, to first order in the difference.
+    """W v_u.n / A along the outline, per unit of its parameter `turn`, to first order in the difference.
 
-    With u = sqrt(s) c(t), the rim's outward element is n dl = (c'_y, -c'_x) dt and A = (c x c') / 2.
+    With c(t) the outline, its outward element is n dl = (c'_y, -c'_x) dt and A = (c x c') / 2, less the
+    hole's.
     """
-    rim, along = jax.jvp(lens.rim_point, (turn,), (jnp.ones_like(turn),))
-    _, v_point, weight = _flow(lens, moved, camera, film, jnp.stack([jnp.ones_like(turn), turn]))
-    return 2.0 * weight * _cross(v_point, along) / _cross(rim, along)
+    return _edge_flow(lens, moved, camera, film, jnp.stack([jnp.ones_like(turn), turn]))
+
+
+def hole_flow(
+    lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], turn: Float[Array, ""]
+) -> Float[Array, ""]:
+    """As `rim_flow`, along the edge of the hole, towards its middle."""
+    return -_edge_flow(lens, moved, camera, film, jnp.stack([jnp.zeros_like(turn), turn]))
 
 
 def gain(
     lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
 ) -> Float[Array, ""]:
-    """dW/dt, the difference between two lenses in the share of light along a ray."""
-    after, before = (one.ray(camera, film, opening_point(one, place)).weight for one in (moved, lens))
+    """dW/dt, the difference between two lenses in the light that a ray stands for."""
+    after, before = (light(one, camera, film, one.opening().at(place)) for one in (moved, lens))
     return after - before
 
 
@@ -79,35 +80,67 @@ def divergence(
     lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
 ) -> Float[Array, ""]:
     """Div (W v), to first order in the difference between two lenses."""
-    v_film, v_point, weight = _flow(lens, moved, camera, film, place)
-    point = opening_point(lens, place)
-    before = lens.ray(camera, film, point).weight, _density(lens, camera, film, point)
-    upstream = film - v_film, opening_point(moved, place) - v_point
-    after = moved.ray(camera, *upstream).weight, _density(moved, camera, *upstream)
+    upstream = _upstream(lens, moved, camera, film, place)
+    before = light(lens, camera, film, lens.opening().at(place))
+    along = gain(lens, moved, camera, film, place) - (light(moved, camera, *upstream) - before)
+    return along + before * spreading(lens, moved, camera, film, place)
+
+
+def spreading(
+    lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
+) -> Float[Array, ""]:
+    """Div v, to first order in the difference between two lenses: how fast rays move apart."""
+    before = _density(lens, camera, film, lens.opening().at(place))
+    after = _density(moved, camera, *_upstream(lens, moved, camera, film, place))
     # A pinhole has no density, and moves no ray within its opening.
-    dense = before[1] > 0
-    ratio = jnp.where(dense, after[1] / jnp.where(dense, before[1], 1.0), 1.0)
-    spread = ratio * _area(moved, place[1]) / _area(lens, place[1]) - 1.0
-    return gain(lens, moved, camera, film, place) - (after[0] - before[0]) + weight * spread
+    dense = before > 0
+    ratio = jnp.where(dense, after / jnp.where(dense, before, 1.0), 1.0)
+    return ratio * _area(moved, place[1]) / _area(lens, place[1]) - 1.0
+
+
+def _edge_flow(
+    lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
+) -> Float[Array, ""]:
+    outline, along = jax.jvp(lens.opening().rim, (place[1],), (jnp.ones_like(place[1]),))
+    hole = lens.opening().hole()
+    open_ = 1.0 if hole is None else 1.0 - hole**2
+    size = place[0] if hole is None else jnp.where(place[0] > 0.5, 1.0, hole)
+    across = _flow(lens, moved, camera, film, place)[1]
+    carried = light(lens, camera, film, lens.opening().at(place))
+    return 2.0 * size * carried * _cross(across, along) / (open_ * _cross(outline, along))
 
 
 def _flow(
     lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
-) -> tuple[Float[Array, "2"], Float[Array, "2"], Float[Array, ""]]:
-    """v_p, v_u and W, by eliminating v_u from J v = dr.
+) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
+    """v_p and v_u, by eliminating v_u from J v = dr.
 
     A pinhole has rays of one b only. Their v_u is then 0: what the opening gains on one side as it opens, it
     gains on the other, too.
     """
-    point = opening_point(lens, place)
+    point = lens.opening().at(place)
     still = lens.ray(camera, film, point)
-    other = moved.ray(camera, film, opening_point(moved, place))
+    other = moved.ray(camera, film, moved.opening().at(place))
     (a_film, a_point), (b_film, b_point) = _jacobian(lens, camera, film, point)
     back = _inverse(b_point)
     by_b = a_point @ back
     v_film = _inverse(a_film - by_b @ b_film) @ (other.a - still.a - by_b @ (other.b - still.b))
-    v_point = back @ (other.b - still.b - b_film @ v_film)
-    return v_film, v_point, still.weight
+    return v_film, back @ (other.b - still.b - b_film @ v_film)
+
+
+def _upstream(
+    lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
+) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
+    """Film point and opening point from where the flow comes, as the place of the opening moves."""
+    v_film, v_point = _flow(lens, moved, camera, film, place)
+    return film - v_film, moved.opening().at(place) - v_point
+
+
+def light(
+    lens: AbstractLens, camera: Camera, film: Float[Array, "2"], point: Float[Array, "2"]
+) -> Float[Array, ""]:
+    """W of the ray through a point of the opening."""
+    return lens.ray(camera, film, point).weight * lens.opening().density(point)
 
 
 def _density(
@@ -121,8 +154,9 @@ def _density(
 
 def _area(lens: AbstractLens, turn: Float[Array, ""]) -> Float[Array, ""]:
     """Twice the opening's, which is alike for all turns."""
-    rim, along = jax.jvp(lens.rim_point, (turn,), (jnp.ones_like(turn),))
-    return _cross(rim, along)
+    outline, along = jax.jvp(lens.opening().rim, (turn,), (jnp.ones_like(turn),))
+    hole = lens.opening().hole()
+    return _cross(outline, along) * (1.0 if hole is None else 1.0 - hole**2)
 
 
 def _jacobian(

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
-from focusjax.trace._allot import FEWEST, allot, counts_for
+from focusjax.trace._allot import FEWEST
 from focusjax.trace._tracer import Tracer, ready_tracer
 
 QUALITIES = {"draft": 30.0, "good": 38.0, "reference": 46.0}
@@ -97,11 +97,10 @@ def plan_rays(
     """
     wanted = decibels_of(quality)
     tracer = ready_tracer(layers, lens, pixel_filter)
-    variance = tracer.contrast()
     tried: dict[int, tuple[float, float]] = {}
     count = _FIRST_TRIAL
     while count not in tried and len(tried) < _TRIALS:
-        tried[count] = _trial(tracer, variance, count, seed)
+        tried[count] = _trial(tracer, count, seed)
         if wanted <= tried[count][0] < wanted + _NEAR:
             break
         count = _next_trial({rays: decibels for rays, (decibels, _) in tried.items()}, wanted)
@@ -154,19 +153,19 @@ def quality_of(
     """
     tracer = ready_tracer(layers, lens, pixel_filter)
     # Neither the pixels nor the rays of a plan's trials, so that this is another word on it.
-    counts = _some(allot(tracer.contrast(), rays), seed + 2)
-    again = tracer.means(counts, counts_for(rays), seed + 2)
+    counts = _some(tracer.counts(rays), seed + 2)
+    again = tracer.means(counts, rays, seed + 2)
     traced = counts > 0
     return _decibels(np.asarray(picture).reshape(-1, 3)[traced], again[traced])
 
 
-def _trial(tracer: Tracer, variance: Float[np.ndarray, " p"], rays: int, seed: int) -> tuple[float, float]:
+def _trial(tracer: Tracer, rays: int, seed: int) -> tuple[float, float]:
     """PSNR in dB of pictures of `rays` per pixel, and seconds that one takes."""
-    whole = allot(variance, rays)
+    whole = tracer.counts(rays)
     counts = _some(whole, seed)
-    first = tracer.means(counts, counts_for(rays), seed)
+    first = tracer.means(counts, rays, seed)
     start = time.perf_counter()
-    second = tracer.means(counts, counts_for(rays), seed + 1)
+    second = tracer.means(counts, rays, seed + 1)
     seconds = (time.perf_counter() - start) * float(whole.sum()) / float(counts.sum())
     traced = counts > 0
     return _decibels(first[traced], second[traced]), seconds

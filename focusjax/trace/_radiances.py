@@ -13,6 +13,8 @@ from focusjax.trace._march import first_hits
 from focusjax.trace._ranges import disparity_range
 from focusjax.trace._walk import Path, Volume, make_volume, path_of
 
+_PIXELS_AT_ONCE = 1 << 17
+
 
 class TracedScene(eqx.Module):
     """Layers in the form that rays read them."""
@@ -44,10 +46,15 @@ def disparity_ranges(
         film = jnp.stack([index % camera.width, index // camera.width]) + 0.5
         return disparity_range(layers, lens, film, pixel_filter)
 
-    return jax.vmap(one)(jnp.arange(camera.width * camera.height))
+    # Some at a time, to hold little at once; the last is repeated to fill them.
+    count = camera.width * camera.height
+    size = min(count, _PIXELS_AT_ONCE)
+    some = jnp.minimum(jnp.arange(-(-count // size) * size), count - 1).reshape(-1, size)
+    least, largest, depth = (a.reshape(-1)[:count] for a in jax.lax.map(jax.vmap(one), some))
+    return least, largest, depth
 
 
-def radiances(
+def first_met(
     scene: TracedScene,
     lens: AbstractLens,
     film: Float[Array, "p s 2"],
@@ -57,8 +64,8 @@ def radiances(
     largest: Float[Array, " p"],
     *,
     depth: int,
-) -> tuple[Float[Array, "p s 3"], Float[Array, "p s"]]:
-    """The radiance along s rays of each of p places in the picture, and the share of it that arrives.
+) -> tuple[LensRay, Int[Array, "p s"]]:
+    """S rays of each of p places in the picture, in grid units, and the samples that they meet.
 
     Args:
         scene: what rays go through.
@@ -79,7 +86,24 @@ def radiances(
 
     rays, paths = jax.vmap(jax.vmap(start, in_axes=(0, 0, None, None)))(film, pupil, least, largest)
     paths, chance = jax.tree.map(lambda a: a.reshape(-1), (paths, chance))
-    hits = first_hits(scene.volume, paths, chance, depth=depth).reshape(rays.weight.shape)
+    return rays, first_hits(scene.volume, paths, chance, depth=depth).reshape(rays.weight.shape)
 
+
+def radiances(
+    scene: TracedScene,
+    lens: AbstractLens,
+    film: Float[Array, "p s 2"],
+    pupil: Float[Array, "p s 2"],
+    chance: UInt[Array, "p s"] | None,
+    least: Float[Array, " p"],
+    largest: Float[Array, " p"],
+    *,
+    depth: int,
+) -> tuple[Float[Array, "p s 3"], Float[Array, "p s"]]:
+    """The radiance along s rays of each of p places in the picture, and the share of it that arrives.
+
+    Arguments are those of `first_met`.
+    """
+    rays, hits = first_met(scene, lens, film, pupil, chance, least, largest, depth=depth)
     along = jax.vmap(jax.vmap(lambda ray, hit: radiance_at(scene.surface, ray, hit)))(rays, hits)
     return along, rays.weight

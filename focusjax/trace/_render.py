@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from focusjax._counts import require_counts
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
-from focusjax.trace._allot import FEWEST, allot, counts_for
+from focusjax.trace._allot import FEWEST
 from focusjax.trace._tracer import ready_tracer
 
 
@@ -30,8 +30,9 @@ def render(
         lens: any lens.
         rays: rays per pixel on the average; each has its own place in the pixel and on the lens. They go
             where what they may meet differs, up to eight times as many, and four where it is all alike; see
-            `_allot`. Fewer than four are the same for all.
-        even: give just `rays` to every pixel, be it plain or not.
+            `_allot`. Fewer than four are the same for all. Up to half of them are aimed at small highlights
+            out of focus, where there are such; see `_highlights`.
+        even: give just `rays` to every pixel, be it plain or not, those that are aimed apart.
         pixel_filter: "box", "tent" or "gaussian", how the light around a pixel's centre counts: its rays are
             spread with that density. The one that the layers were peeled for if not given.
         seed: chooses the rays; the same seed gives the same picture.
@@ -43,9 +44,7 @@ def render(
     """
     require_counts(rays=rays)
     tracer, camera = ready_tracer(layers, lens, pixel_filter), layers.camera
-    if even or rays < FEWEST:
-        levels, counts = [rays], np.full(camera.width * camera.height, rays)
-    else:
-        levels, counts = counts_for(rays), allot(tracer.contrast(), rays)
-    means = tracer.means(counts, levels, seed, progress)
+    alike = even or rays < FEWEST
+    counts = np.full(camera.width * camera.height, rays) if alike else tracer.counts(rays)
+    means = tracer.means(counts, rays, seed, progress)
     return jnp.asarray(means.reshape(camera.height, camera.width, 3))

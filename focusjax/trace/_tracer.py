@@ -1,7 +1,8 @@
 """Rays of chosen pixels through prepared layers, vmapped, in blocks of bounded memory."""
 
 import concurrent.futures
-from collections.abc import Callable, Sequence
+import functools
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -11,9 +12,11 @@ from jaxtyping import Array, Float, Int
 
 from focusjax._parallel import CORES
 from focusjax.layers import Layers
-from focusjax.lens import AbstractLens
-from focusjax.trace._allot import FEWEST, contrast
-from focusjax.trace._blocks import Block, make_blocks
+from focusjax.lens import AbstractLens, in_colour
+from focusjax.trace._aimed import Aimed
+from focusjax.trace._allot import FEWEST, allot, contrast, counts_for
+from focusjax.trace._blocks import Block, Blocks
+from focusjax.trace._highlights import split_highlights
 from focusjax.trace._radiances import TracedScene, disparity_ranges, radiances, traced_scene
 from focusjax.trace._reach import check_reach
 from focusjax.trace._samples import RaySamples, ray_samples
@@ -25,7 +28,7 @@ class Tracer:
     """Layers and a lens, ready for rays.
 
     Attributes:
-        layers: what rays go through.
+        layers: what rays go through, but for small bright things that rays are aimed at.
         lens: where they come from.
         least: least disparity [p] that the rays of each pixel can meet, row-major.
         largest: largest disparity [p].
@@ -33,50 +36,70 @@ class Tracer:
     """
 
     def __init__(self, layers: Layers, lens: AbstractLens, pixel_filter: str = "box") -> None:
-        self.layers, self.lens, self.pixel_filter = layers, lens, pixel_filter
+        self.layers, highlights = split_highlights(layers, lens)
+        self.lens, self.pixel_filter = lens, pixel_filter
         self.least, self.largest, depth = disparity_ranges(layers, lens, pixel_filter)
         self._depth = np.asarray(depth)
-        self._scene = traced_scene(layers)
+        self._scene = traced_scene(self.layers)
+        self._aimed = None if highlights is None else Aimed(highlights, self._scene, lens, pixel_filter)
 
+    @functools.cached_property
     def contrast(self) -> Float[np.ndarray, " p"]:
         """Variance [p] of what the rays of each pixel may meet; see `_allot`."""
         return contrast(self.layers, self.lens, self.least, self.largest, self.pixel_filter)
 
+    def counts(self, rays: int) -> Int[np.ndarray, " p"]:
+        """Rays [p] of each pixel, those that are aimed apart; with them `rays` on the average."""
+        aimed = 0.0
+        if self._aimed is not None:
+            aimed = self._aimed.rays(rays) * len(self._aimed.pixels) / len(self.contrast)
+        return allot(self.contrast, max(rays - aimed, FEWEST))
+
     def means(
         self,
         counts: Int[np.ndarray, " p"],
-        levels: Sequence[int],
+        rays: int,
         seed: int,
         progress: Callable[[float], None] | None = None,
     ) -> Float[np.ndarray, "p 3"]:
-        """Mean radiance of each pixel over as many rays as `counts` says: 0, or one of `levels`.
+        """Mean radiance of each pixel over as many rays as `counts` says: 0 (nothing is traced), or others.
 
-        Levels increase from one to the next by a factor of two. `progress` is told the share done.
+        Args:
+            counts: all alike, or those of `counts` for some of the pixels.
+            rays: the mean that they were made for.
+            seed: chooses the rays.
+            progress: is told the share done.
         """
-        camera, fewest = self.layers.camera, levels[0]
+        camera = self.layers.camera
+        levels = [rays] if np.isin(counts, (0, rays)).all() else counts_for(rays)
+        fewest = levels[0]
         opacity, wanted = self.layers.samples.opacity, self.pixel_filter
         samples = ray_samples(self.lens, levels, seed, with_chances=opacity is not None, pixel_filter=wanted)
         together = max(k for k in range(1, FEWEST + 1) if fewest % k == 0)
         at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together)
-        blocks = make_blocks(counts // together, self._depth, self.layers.count, camera.width, at_once)
+        blocks = Blocks(counts // together, self._depth, self.layers.count, camera.width, at_once)
         sums = np.zeros((len(counts), 3), dtype=self.least.dtype)
 
-        def trace(block: Block) -> np.ndarray:
+        def trace(number: int) -> tuple[Block, np.ndarray]:
+            block = blocks[number]
             # The rays of the smaller counts come before those of a pixel's own.
             first = jnp.asarray(counts[block.pixels] - fewest + together * block.part)
             chosen = samples, jnp.asarray(block.pixels), first, self.least, self.largest
             traced = trace_block(self._scene, self.lens, *chosen, together=together, depth=block.depth)
-            return np.asarray(traced)
+            return block, np.asarray(traced)
 
         # XLA runs one block on about one core, so a CPU is given a block per core at a time.
         workers = CORES if jax.default_backend() == "cpu" else 1
         with concurrent.futures.ThreadPoolExecutor(workers) as pool:
-            traced = zip(blocks, pool.map(trace, blocks), strict=True)
-            for done, (block, values) in enumerate(traced, start=1):
+            for done, (block, values) in enumerate(pool.map(trace, range(len(blocks))), start=1):
                 block.add_to(sums, values)
                 if progress is not None:
                     progress(done / len(blocks))
-        return sums * (together / np.maximum(counts, 1))[:, None].astype(sums.dtype)
+        sums *= (together / np.maximum(counts, 1))[:, None].astype(sums.dtype)
+        if self._aimed is not None:
+            ends = self.least, self.largest
+            self._aimed.add_to(sums, counts > 0, ends, self._aimed.rays(rays), seed)
+        return sums
 
 
 def ready_tracer(layers: Layers, lens: AbstractLens, pixel_filter: str | None) -> Tracer:
@@ -104,10 +127,15 @@ def trace_block(
     depth: int,
 ) -> Float[Array, "p 3"]:
     """Mean radiance of `together` rays of each of some `pixels`, those from `first` on."""
-    values = block_radiances(
-        scene, lens, samples, pixels, first, least, largest, together=together, depth=depth
-    )
-    return values.mean(axis=1)
+
+    def seen(lens: AbstractLens) -> Float[Array, "p 3"]:
+        along, share = block_radiances(
+            scene, lens, samples, pixels, first, least, largest, together=together, depth=depth
+        )
+        # Each colour for itself: of large blocks XLA for CPU takes one for all in the product of all three.
+        return jnp.stack([(share * along[..., k]).mean(axis=1) for k in range(3)], axis=-1)
+
+    return in_colour(seen, lens)
 
 
 def block_radiances(
@@ -121,12 +149,10 @@ def block_radiances(
     *,
     together: int,
     depth: int,
-) -> Float[Array, "p s 3"]:
-    """What each ray of `trace_block` adds to its pixel."""
+) -> tuple[Float[Array, "p s 3"], Float[Array, "p s"]]:
+    """The radiance along each ray of `trace_block`, and the share of it that arrives, by one lens's light."""
     width = scene.camera.width
     column, row = pixels % width, pixels // width
     offsets, pupil, chance = jax.vmap(samples.of_pixel, in_axes=(0, 0, 0, None))(column, row, first, together)
     film = jnp.stack([column, row], axis=-1).astype(offsets.dtype)[:, None] + offsets
-    ends = least[pixels], largest[pixels]
-    along, share = radiances(scene, lens, film, pupil, chance, *ends, depth=depth)
-    return share[..., None] * along
+    return radiances(scene, lens, film, pupil, chance, least[pixels], largest[pixels], depth=depth)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from focusjax.config import ConfigError, load_config
+from focusjax.config import ConfigError, RenderTable, build_solve_options, load_config
 
 GOOD = """
 [scene]
@@ -102,6 +102,7 @@ def test_overrides_reach_tables_lists_and_new_tables(path):
         ("solve.f_number_min=40", "solve has f_number_min = 40, which is not below f_number_max = 32; swap"),
         ("solve.max_focus_distance_m=-1", "solve.max_focus_distance_m is -1; expected a number above 0"),
         ("solve.free=['focus', 'focus']", "solve has free = ['focus', 'focus']; name each setting once"),
+        ("solve.method='newton'", "solve.method is \"newton\"; expected 'optimistix', 'dogleg' or 'jaxopt'"),
         ("solve.free=['slide']", "solve.free.0 is \"slide\"; expected 'focus', 'f_number', 'tilt'"),
         ("solve.free=['focal_length']", "solve has focal_length free without a range; give focal_length_min"),
         ("solve={rise_min_mm=5, rise_max_mm=-5}", "solve has rise_min_mm = 5, which is not below rise_max"),
@@ -168,3 +169,34 @@ def test_unreadable_files(tmp_path):
     assert "this is not valid TOML" in message(tmp_path / "broken.toml")
     (tmp_path / "empty.toml").write_text("")
     assert message(tmp_path / "empty.toml") == "scene is missing; give a [scene] table"
+
+
+def test_the_method_is_the_solves(path):
+    assert build_solve_options(load_config(path))["method"] == "optimistix"
+    assert build_solve_options(load_config(path, ["solve.method=jaxopt"]))["method"] == "jaxopt"
+
+
+def test_limits_of_what_is_not_free_are_told(path):
+    changes = ["solve.free=['focus']", "solve.tilt_max_deg=8", "solve.keep_field_of_view=true"]
+    with pytest.warns(UserWarning, match="limits nothing") as told:
+        options = build_solve_options(load_config(path, changes))
+    messages = " ".join(str(each.message) for each in told)
+    assert (
+        "solve.tilt_max_deg limits nothing, since tilt is not free; add 'tilt' to solve.free, or" in messages
+    )
+    assert "solve.keep_field_of_view limits nothing, since focal_length is not free" in messages
+    assert set(options) == {"free", "method", "max_focus_distance"}
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({}, 2),
+        ({"quality": "draft"}, 1),
+        ({"quality": 32}, 1),
+        ({"quality": "good"}, 2),
+        ({"quality": "draft", "supersampling": 3}, 3),
+    ],
+)
+def test_a_rough_quality_does_with_one_layer_sample(values: dict, expected: int):
+    assert RenderTable.model_validate(values).supersampling == expected

@@ -1,9 +1,12 @@
 """A camera, a lens, and wishes straight ahead of them, for the tests of the focus solve."""
 
+import dataclasses
+
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
-from focusjax.focus import ImagePoints
+from focusjax.focus import EQUAL, ImagePoints
 from focusjax.geometry import make_camera
 from focusjax.lens import thin_lens
 
@@ -42,5 +45,24 @@ def make_points():
             wish=jnp.arange(count),
             names=tuple(f"wish {index}" for index in range(count)),
         )
+
+    return build
+
+
+@pytest.fixture
+def make_frames(make_points):
+    """Points of every frame from disparities [t, n], and targets, signs and weights that broadcast to that.
+
+    All problems have the same structure, so that what is compiled for one serves the others: one row more,
+    unsigned and without weight, and a relation.
+    """
+
+    def build(disparity, target=0.0, signed=True, weight=1.0, relation=EQUAL):
+        arrays = np.broadcast_arrays(np.asarray(disparity, dtype=float), target, signed, weight)
+        found = []
+        for t in range(len(arrays[0])):
+            points = make_points(*zip(*(array[t] for array in arrays), strict=True), (0.5, 0.0, False, 0.0))
+            found.append(dataclasses.replace(points, relation=jnp.full(points.wish.shape, relation)))
+        return found
 
     return build

@@ -8,14 +8,18 @@ from focusjax.focus import (
     AtLeast,
     AtPoint,
     Blur,
+    Conflict,
     FocusPoint,
+    SameBlur,
     Sharp,
+    ShownAt,
     diagnose,
     locate,
     solve,
     solve_many,
     stacked,
 )
+from focusjax.focus._findings import conflict_sentences
 from focusjax.geometry import make_camera
 from focusjax.lens import thin_lens
 
@@ -46,9 +50,9 @@ def test_two_sharp_points_pull_against_each_other(camera, lens):
     assert (conflict.first, conflict.second) == ("near", "far")
     np.testing.assert_allclose([conflict.first_gains, conflict.second_gains], half, rtol=1e-9)
     assert diagnose(solution).sentences[:2] == (
-        f"Not all wishes can be met: the best is {half:.3g} px off at near.",
-        "near and far pull against each other: without far, near would be met 1.4 px better;"
-        " without near, far 1.4 px.",
+        f'Not all wishes can be met: the best is {half:.3g} px off at "near".',
+        '"near" and "far" pull against each other: without "far", "near" would be met 1.4 px better;'
+        ' without "near", "far" 1.4 px.',
     )
 
 
@@ -97,7 +101,7 @@ def test_a_wish_out_of_reach_is_named(camera, lens):
     best = 300 - PER_DIOPTRE * 4 / 1.2
     assert out.name == "sign"
     np.testing.assert_allclose(out.best, best, rtol=1e-9)
-    assert f"sign is out of reach even alone: the best is {best:.3g} px off." in found.sentences
+    assert f'"sign" is out of reach even alone: the best is {best:.3g} px off.' in found.sentences
     assert found.active_bounds == ("max_focus_distance", "min_f_number")
     assert any(line.startswith("The widest aperture stands in the way") for line in found.sentences)
     assert found.standard_errors["f_number"] == 0.0
@@ -112,3 +116,70 @@ def test_one_of_many_is_refused(camera, lens):
     many = solve_many(stacked([locate([at(0, 0, 2)], camera)] * 2), camera, lens)
     with pytest.raises(ValueError, match="the solution is one of many"):
         diagnose(many)
+
+
+def test_a_pull_of_one_side_alone_is_told_with_its_direction(camera, lens):
+    wishes = [at(0, 0, 2, weight=100.0, name="hero"), at(0, 0, 4, name="extra")]
+    (conflict,) = diagnose(solved := solve(locate(wishes, camera), camera, lens)).conflicts
+    whole = PER_DIOPTRE * 0.25
+    np.testing.assert_allclose(
+        [conflict.first_gains, conflict.second_gains], [whole / 101, whole * 100 / 101], rtol=1e-9
+    )
+    assert not conflict.mutual
+    assert (
+        f'"hero" costs "extra" {whole * 100 / 101:.2g} px: without "hero", "extra" would be met that much'
+        ' better; without "extra", "hero" would gain nothing.'
+    ) in diagnose(solved).sentences
+
+
+def test_only_the_worst_conflicts_are_put_into_words():
+    lines = conflict_sentences([Conflict("a", f"b{index}", 9.0 - index, 1.0) for index in range(8)])
+    assert len(lines) == 7
+    assert lines[0].startswith('"a" and "b0" pull against each other: without "b0", "a" would be met 9 px')
+    assert lines[-1] == "2 more pairs pull against each other, by less."
+
+
+def test_points_whose_blur_is_to_be_had_are_at_a_distance_too(camera, lens):
+    wishes = [at(0, 0, 2, name="near", weight=0.0), at(0.1, 0, 4, SameBlur("near"), name="far")]
+    found = diagnose(solve(locate(wishes, camera), camera, lens, free=BOTH))
+    # Half-way in disparity both are blurred alike, through any opening.
+    assert found.sentences == (
+        "The wishes leave the f-number open; it stays as near as it can to where it was.",
+    )
+
+
+def test_the_line_that_leaves_a_tilt_open_is_that_of_all_points(camera, lens):
+    low = at(-0.4, 0.4, 4, name="low", weight=0.0)
+    wishes = [at(0.2, 0, 2), low, at(0.4, -0.4, 4, SameBlur("low", same_side=True), name="alike")]
+    found = diagnose(solve(locate(wishes, camera), camera, lens, free=PLANE))
+    assert len(found.open_directions) == 1
+    # Two wishes always lie on a line, but turning about that would blur the third place.
+    assert found.sentences == (
+        "The wishes leave the focus, the tilt and the swing open; they stay as near as they can to where they"
+        " were.",
+    )
+
+
+def test_what_would_move_the_frame_is_named(camera, lens):
+    wishes = [at(0, 0, 2), at(0.3, 0, 4, ShownAt(320.0, 100.0), name="top")]
+    found = diagnose(solve(locate(wishes, camera), camera, lens))
+    assert (
+        '"top" is not where it is wished, and nothing that is free can move it there: add "shift" and "rise"'
+        " to what is free, or move the camera."
+    ) in found.sentences
+
+
+def test_one_of_many_is_taken_out_by_at(camera, lens):
+    points = [locate([at(0, 0, z, name="face")], camera) for z in (1.0, 2.0)]
+    many = solve_many(stacked(points), camera, lens, free="focus")
+    one = many.at(1)
+    assert one.table()[0].met
+    assert one.active_bounds == one.undetermined == ()
+    assert float(one.lens.focus_distance()) == pytest.approx(2.0)
+    for ask in (many.table, lambda: many.active_bounds, lambda: many.undetermined):
+        with pytest.raises(ValueError, match=r"the solution is of 2 problems; `solution\.at\(0\)\."):
+            ask()
+    with pytest.raises(ValueError, match="there are 2 solutions, and no number 2"):
+        many.at(2)
+    with pytest.raises(ValueError, match="the solution is of one problem"):
+        one.at(0)

@@ -96,7 +96,7 @@ def test_the_frame_moves_no_farther_than_it_has_to():
     # Across it is inside already, and stays where it is: that is what the wishes leave open.
     assert float(found.camera.shift) == 0.0
     assert found.undetermined == ("shift",)
-    assert "leave shift open" in " ".join(diagnose(found).sentences)
+    assert "leave the shift open" in " ".join(diagnose(found).sentences)
     row = found.table()[1]
     assert (row.relation, row.wished, row.met) == ("in frame", 20.0, True)
     assert row.got == pytest.approx(20.0)

@@ -144,10 +144,15 @@ def test_convex_problems_are_solved_as_scipy_solves_them(camera, lens):
     assert bounds >= {"inside", "min_tilt", "max_tilt", "min_swing", "max_swing", "min_focus_distance"}
 
 
+def near(limits):
+    """Those of the limits that are to focus and f-number."""
+    return {name: value for name, value in limits.items() if name not in ("tilt_range", "swing_range")}
+
+
 def test_nothing_is_better_where_sides_are_open(camera, lens):
     for seed in range(24):
         points, limits = random_problem(seed, two_sided=True)
-        solution = solve(points, camera, lens, free=NAMES[:2], **limits)
+        solution = solve(points, camera, lens, free=NAMES[:2], **near(limits))
         cost, _ = by_scipy(points, limits, NAMES[:2], 4, seed)
         # Observed 2e-10 relative.
         assert float(solution.cost) <= cost * (1 + 1e-8) + 1e-9, seed
@@ -173,10 +178,10 @@ def test_many_problems_at_once_are_each_solved(camera, lens):
 
 def test_other_counts_of_wishes_do_not_compile(camera, lens, caplog):
     points, limits = random_problem(1, two_sided=True)
-    solve(points, camera, lens, free=NAMES[:2], **limits)
+    solve(points, camera, lens, free=NAMES[:2], **near(limits))
     fewer = jax.tree.map(lambda leaf: jnp.asarray(np.asarray(leaf)[:5]), points)
     with jax.log_compiles():
-        assert solve(fewer, camera, lens, free=NAMES[:2], **limits).error.shape == (5,)
+        assert solve(fewer, camera, lens, free=NAMES[:2], **near(limits)).error.shape == (5,)
     assert "Compiling" not in caplog.text
 
 

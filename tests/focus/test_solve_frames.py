@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from focusjax.focus import AT_MOST, EQUAL, Prior, Result, solve, solve_frames, stacked
+from focusjax.focus import AT_MOST, Prior, Result, diagnose, solve, solve_frames, stacked
 from focusjax.lens import thin_lens
 
 FRAMES = 48
@@ -18,25 +18,6 @@ RADIUS = 0.0125
 
 def differences(count, order):
     return np.diff(np.eye(count), n=order, axis=0)
-
-
-@pytest.fixture
-def make_frames(make_points):
-    """Points of every frame from disparities [t, n], and targets, signs and weights that broadcast to that.
-
-    All problems have the same structure, so that what is compiled for one serves the others: one row more,
-    unsigned and without weight, and a relation.
-    """
-
-    def build(disparity, target=0.0, signed=True, weight=1.0, relation=EQUAL):
-        arrays = np.broadcast_arrays(np.asarray(disparity, dtype=float), target, signed, weight)
-        found = []
-        for t in range(len(arrays[0])):
-            points = make_points(*zip(*(array[t] for array in arrays), strict=True), (0.5, 0.0, False, 0.0))
-            found.append(dataclasses.replace(points, relation=jnp.full(points.wish.shape, relation)))
-        return found
-
-    return build
 
 
 def solve_focus(points, camera, lens, **options):
@@ -269,7 +250,7 @@ def test_weights_of_any_size(make_setup, make_frames):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"smoothness": -1.0}, "smoothness is -1.0; expected zero or a positive finite number"),
+        ({"smoothness": -1.0}, "smoothness is -1; expected zero or a positive finite number"),
         ({"method": "jaxopt"}, "method is 'jaxopt'; frames are solved together by one method only"),
         ({"free": ("zoom",)}, "free parameters are"),
         ({"f_number_range": (4.0, 2.0)}, "the f-number range's end is 2"),
@@ -302,3 +283,44 @@ def test_too_few_steps_are_told(make_setup, make_frames):
         solve_frames(points, camera, lens, free=("focus", "f_number"), max_steps=1)
     solution = solve_frames(points, camera, lens, free=("focus", "f_number"), max_steps=1, throw=False)
     assert solution.result == Result.max_steps_reached
+
+
+def test_diagnosis_says_when_what_is_missed_and_why(make_setup, make_frames):
+    """Two wishes that agree until frame 24 and then part; the nearer one goes within the closest focus."""
+    camera, lens = make_setup()
+    disparity = np.full((FRAMES, 2), 0.5)
+    disparity[24:, 1] = 0.8
+    frames = make_frames(disparity)
+    found = diagnose(solve_focus(frames, camera, lens, smoothness=1.0, steadiness=0.0))
+    assert [each.name for each in found.missed] == ["wish 0", "wish 1"]
+    for missed in found.missed:
+        ((first, last),) = missed.frames
+        assert abs(first - 25) <= 2
+        assert last == FRAMES
+        # Half of the difference, and more where they part.
+        assert 0.149 * GAIN * RADIUS < missed.worst < 0.25 * GAIN * RADIUS
+    (conflict,) = found.conflicts
+    # Each would be met in full without the other. Observed: within 2 %.
+    assert conflict.mutual
+    assert conflict.first_gains == pytest.approx(found.missed[0].worst, rel=0.1)
+    assert conflict.frames[0][1] == FRAMES
+    # The f-number has next to no room.
+    assert set(found.active_bounds) <= {"max_f_number", "min_f_number"}
+    # Alone, too, the second cannot jump as fast as its place does.
+    (jump,) = found.unreachable
+    assert (jump.name, jump.frames) == ("wish 1", ((25, 25),))
+    assert found.sentences[0].startswith('"wish 0" is missed in frames 2')
+    counts = np.zeros((FRAMES, len(frames[0].names)), dtype=bool)
+    assert diagnose(solve_focus(frames, camera, lens), counts=counts).missed == ()
+    near = np.linspace(0.5, 1.0, FRAMES)[:, None]
+    held = diagnose(
+        solve_focus(make_frames(near), camera, lens, smoothness=1.0, steadiness=0.0, min_focus_distance=1.25)
+    )
+    # From 0.8 dioptres on: frame 30 of 48.
+    ((first, last),) = held.active_bounds["min_focus_distance"]
+    assert (abs(first - 30) <= 2, last) == (True, FRAMES)
+    (out,) = held.unreachable
+    assert out.best == pytest.approx(0.2 * GAIN * RADIUS, rel=0.02)
+    assert any(
+        line.startswith("The closest focus distance stands in the way in frames") for line in held.sentences
+    )

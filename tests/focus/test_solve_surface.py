@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from gradients import check_gradients
 
-from focusjax.focus import AT_MOST, EQUAL, ImagePoints, SurfaceSolution, solve_focal_surface
+from focusjax.focus import AT_MOST, EQUAL, ImagePoints, SurfaceSolution, diagnose, solve_focal_surface
 from focusjax.geometry import make_camera
 from focusjax.lens import FocalSurface, FocalSurfaceLens, ThinLens, focal_surface, thin_lens
 
@@ -137,3 +137,31 @@ def test_what_cannot_be_solved_is_refused(arguments, message):
         solve_focal_surface(
             **{"points": wishes(), "camera": CAMERA, "surface": controls(), "lens": lens(), **arguments}
         )
+
+
+def test_diagnosis_of_what_is_met_says_nothing(found):
+    said = diagnose(found)
+    assert (said.conflicts, said.unreachable, said.sentences) == ((), (), ())
+    assert len(said.singular_values) == 4
+
+
+def test_diagnosis_of_conflicts_smoothness_and_open_controls():
+    """Two wishes at one place contradict each other; two controls are farther off than any wish reaches."""
+    places = np.array([(6.0, 6.0), (6.0, 6.0), (50.0, 9.0), (12.0, 33.0)])
+    points = wishes((0.0, 8.0, 0.0, 0.0), xy=places)
+    said = diagnose(solve_focal_surface(points, CAMERA, controls(), lens(), smoothness=1e-2))
+    worst = said.conflicts[0]
+    assert (worst.first, worst.second) == ("a", "b")
+    assert worst.mutual
+    assert said.unreachable == ()
+    assert any(
+        line.startswith('"a" and "b" pull against each other: without "b", "a"') for line in said.sentences
+    )
+    assert any(line.startswith("Smoothness costs ") for line in said.sentences)
+    alone = dataclasses.replace(points, weight=jnp.array([1.0, 0.0, 0.0, 0.0]))
+    few = diagnose(solve_focal_surface(alone, CAMERA, controls(), lens(), smoothness=0.0))
+    # What one wish says is of the control beside it.
+    assert few.open_controls == (1, 2, 3)
+    assert few.sentences == (
+        "The wishes leave control points 1, 2 and 3 open (counted from 0), which the surface given settles.",
+    )

@@ -23,11 +23,8 @@ class HalfOpen(AbstractLens):
 
     lens: ThinLens
 
-    def pupil_point(self, sample):
-        return self.lens.pupil_point(sample)
-
-    def rim_point(self, turn):
-        return self.lens.rim_point(turn)
+    def opening(self):
+        return self.lens.opening()
 
     def ray(self, camera: Camera, film_point, pupil_point) -> LensRay:
         ray = self.lens.ray(camera, film_point, pupil_point)

@@ -6,68 +6,24 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from gradients import check_gradients
+from sample_lenses import ABERRATED, CAMERA, IDEAL, PINHOLES, SQUEEZED, thin
 
-from focusjax.geometry import Camera, LensRay, look_at
-from focusjax.lens import (
-    AbstractAperture,
-    AbstractLens,
-    Disk,
-    FocalSurfaceLens,
-    ThinLens,
-    TiltShiftLens,
-    focal_surface,
-    focal_surface_lens,
-    polygon,
-)
+from focusjax.geometry import Camera, LensRay
+from focusjax.lens import AberratedLens, AbstractLens, Disk, FocalSurfaceLens, VignettedLens
 
-FOCUS = 0.5
 FILM_POINTS = [(20.0, 15.0), (3.2, 27.9)]
 DISPARITIES = [0.0, 0.2, 0.49, 0.51, 1.7]
 """On both sides of the focus, and at infinity."""
 
-TILTED = (2.1, -1.7, FOCUS)
-"""A plane in focus: with the 49 mm of the camera below, a lens turned by 7.6 degrees."""
+
+def each(lenses: dict[str, AbstractLens]) -> pytest.MarkDecorator:
+    return pytest.mark.parametrize("lens", [pytest.param(lens, id=name) for name, lens in lenses.items()])
 
 
-def thin(aperture: AbstractAperture, focus: float = FOCUS, radius: float = 0.04) -> ThinLens:
-    return ThinLens(jnp.array(focus), jnp.array(radius), aperture)
-
-
-def tilted(aperture: AbstractAperture, plane=TILTED, radius: float = 0.04) -> TiltShiftLens:
-    return TiltShiftLens(jnp.array(plane), jnp.array(radius), aperture)
-
-
-def surfaced(radius: float = 0.04) -> FocalSurfaceLens:
-    """Focus at about the same disparity everywhere, so that it orders `DISPARITIES` alike."""
-    places = [(5.0, 5.0), (33.0, 12.0), (18.0, 26.0)]
-    surface = focal_surface(places, [0.492, 0.5, 0.508], aperture_scale=[0.6, 1.0, 1.3], basis="affine")
-    return focal_surface_lens(surface, CAMERA, thin(polygon(5, rotation=0.3), radius=radius))
-
-
-CAMERA = look_at((1.0, 0.5, 2.0), (0.0, 0.0, 0.0), width=40, height=30, field_of_view=0.7)
-LENSES = {
-    "thin, disk": thin(Disk()),
-    "thin, 5 straight blades": thin(polygon(5, rotation=0.3)),
-    "thin, 5 bulging blades": thin(polygon(5, rotation=0.3, roundness=0.5)),
-    "thin, 5 round blades": thin(polygon(5, rotation=0.3, roundness=1.0)),
-    "thin, focused on infinity": thin(polygon(5), focus=0.0),
-    "tilted, disk": tilted(Disk()),
-    "tilted, 5 bulging blades": tilted(polygon(5, rotation=0.3, roundness=0.5)),
-    "tilted, plane parallel to the view axis": tilted(Disk(), (0.0, -1.3, 0.0)),
-    "tilted by nothing": tilted(polygon(5, rotation=0.3), (0.0, 0.0, FOCUS)),
-    "focal surface": surfaced(),
-}
-PINHOLES = {
-    "thin, disk": thin(Disk(), radius=0.0),
-    "thin, blades": thin(polygon(5), radius=0.0),
-    "tilted, disk": tilted(Disk(), radius=0.0),
-    "focal surface": surfaced(0.0),
-}
-
-every_lens = pytest.mark.parametrize("lens", [pytest.param(lens, id=name) for name, lens in LENSES.items()])
-every_pinhole = pytest.mark.parametrize(
-    "lens", [pytest.param(lens, id=name) for name, lens in PINHOLES.items()]
-)
+every_lens = each(IDEAL | ABERRATED)
+every_ideal_lens = each(IDEAL)
+every_aberrated_lens = each(ABERRATED)
+every_pinhole = each(PINHOLES)
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +41,11 @@ def square() -> jnp.ndarray:
 def all_rays(lens: AbstractLens, camera: Camera, film: jnp.ndarray) -> tuple[jnp.ndarray, LensRay]:
     pupil = jax.vmap(lens.pupil_point)(square())
     return pupil, jax.vmap(lambda v: lens.ray(camera, film, v))(pupil)
+
+
+def of_one_colour(lens: AbstractLens) -> list[AbstractLens]:
+    """The lens, or what its channels see of it."""
+    return [channel.lens for channel in lens.channels()] or [lens]
 
 
 def focal_disparity(lens: AbstractLens, camera: Camera, film: jnp.ndarray) -> float:
@@ -109,16 +70,25 @@ def lens_turn(lens: AbstractLens, camera: Camera) -> np.ndarray:
 @pytest.mark.parametrize("film", FILM_POINTS)
 def test_the_footprint_holds_all_rays_and_touches_some(lens: AbstractLens, camera: Camera, film):
     film = jnp.array(film)
-    _, rays = all_rays(lens, camera, film)
-    for w in map(jnp.array, [*DISPARITIES, -0.3, 4.0]):
-        centre, radius = lens.footprint(camera, film, w)
-        away = np.linalg.norm(np.asarray(rays.a + rays.b * w) - np.asarray(centre), axis=1).max()
-        assert away <= float(radius) * (1 + 1e-12)
-        # Observed: 0.997 for the tilted lenses, 1 for upright ones.
-        assert away >= 0.99 * float(radius)
+    shares = []
+    for one in of_one_colour(lens):
+        _, rays = all_rays(one, camera, film)
+        for w in map(jnp.array, [*DISPARITIES, -0.3, 4.0]):
+            centre, radius = lens.footprint(camera, film, w)
+            away = np.linalg.norm(np.asarray(rays.a + rays.b * w) - np.asarray(centre), axis=1).max()
+            assert away <= float(radius) * (1 + 1e-12)
+            if float(radius) > 0:
+                shares.append(away / float(radius))
+    # Observed: 0.997 for the tilted lenses, 1 for upright ones, 0.97 and 0.95 where little of the opening or
+    # none of its light is as far out as its outline. Of aberrated lenses 0.8 to 1 at best, where what
+    # is off through aberrations and through defocus adds up; it may also cancel.
+    if lens in ABERRATED.values():
+        assert max(shares) > 0.7
+    else:
+        assert min(shares) >= (0.94 if lens in (IDEAL["thin, mask"], IDEAL[SQUEEZED]) else 0.99)
 
 
-@every_lens
+@every_ideal_lens
 @pytest.mark.parametrize("film", FILM_POINTS)
 def test_blur_is_the_width_of_the_spot_along_the_hinge(lens: AbstractLens, camera: Camera, film):
     film = jnp.array(film)
@@ -135,7 +105,7 @@ def test_blur_is_the_width_of_the_spot_along_the_hinge(lens: AbstractLens, camer
         np.testing.assert_allclose(landed, np.asarray(film) - blur / 2 * np.asarray(pupil), atol=1e-9)
 
 
-@every_lens
+@every_ideal_lens
 def test_blur_is_positive_behind_the_focus_and_linear_in_disparity(lens: AbstractLens, camera: Camera):
     film = jnp.array(FILM_POINTS[0])
     focus = focal_disparity(lens, camera, film)
@@ -145,12 +115,29 @@ def test_blur_is_positive_behind_the_focus_and_linear_in_disparity(lens: Abstrac
     np.testing.assert_allclose(np.diff(blurs) / np.diff(DISPARITIES), slope)
 
 
-@every_lens
+@every_ideal_lens
 @pytest.mark.parametrize("film", FILM_POINTS)
 def test_rays_meet_in_focus(lens: AbstractLens, camera: Camera, film):
     _, rays = all_rays(lens, camera, jnp.array(film))
     met = rays.a + rays.b * focal_disparity(lens, camera, jnp.array(film))
     np.testing.assert_allclose(met, np.broadcast_to(film, met.shape), atol=1e-12)
+
+
+@every_aberrated_lens
+@pytest.mark.parametrize("film", FILM_POINTS)
+def test_blur_is_that_of_the_best_fitting_ideal_lens(lens: AbstractLens, camera: Camera, film):
+    """Least squares over a round opening, for the RMS spot radius: least where blur is 0."""
+    if not isinstance(lens, AberratedLens) or lens.lens not in (IDEAL["thin, disk"],):
+        pytest.skip("has the blur of the lens that it is made from, or no round upright opening")
+    film, middles = jnp.array(film), (jnp.arange(200) + 0.5) / 200
+    samples = jnp.stack(jnp.meshgrid(middles, middles), axis=-1).reshape(-1, 2)
+    pupil = jax.vmap(lens.pupil_point)(samples)
+    rays = jax.vmap(lambda v: lens.ray(camera, film, v))(pupil)
+    for w in DISPARITIES:
+        landed = np.asarray(rays.a + rays.b * w)
+        slope = ((landed - landed.mean(axis=0)) * np.asarray(pupil)).sum() / (np.asarray(pupil) ** 2).sum()
+        # Observed: 4e-4 pixels, by the grid of samples.
+        assert float(lens.blur(camera, film, jnp.array(w))) == pytest.approx(-2 * slope, abs=1e-3)
 
 
 @every_lens
@@ -160,7 +147,7 @@ def test_the_middle_ray_is_the_pinhole_ray(lens: AbstractLens, camera: Camera):
     np.testing.assert_array_equal(ray.b, [0.0, 0.0])
 
 
-@every_lens
+@every_ideal_lens
 @pytest.mark.parametrize("film", FILM_POINTS)
 def test_rays_cross_the_lens_at_the_pupil_point(lens: AbstractLens, camera: Camera, film):
     """b is where the ray from a point of the turned opening crosses z = 0, times the focal length.
@@ -219,18 +206,24 @@ def test_bounds_hold_all_over_the_picture(lens: AbstractLens, camera: Camera):
     """Reach and parallax bound every film point; disks of a pixel's corners bound those within."""
     found = jax.tree.map(np.asarray, bounds_and_extents(lens, camera))
     for most, seen in found.values():
-        # Observed: no excess, but for rounding of 1e-15.
-        assert (seen <= most * (1 + 1e-12)).all()
+        # Observed: no excess, but for rounding of 1e-15; 6e-5 within pixels of an aberrated lens.
+        assert (seen <= most * (1 + 1e-12) + (1e-3 if lens in ABERRATED.values() else 0.0)).all()
     most, seen = found["parallax"]
     # Observed: 0.9999 for the tilted lenses, 1 for all others.
     assert seen >= 0.99 * most
     most, seen = found["reach"]
     # Observed far from the focus: 0.92 for the tilted lenses, 0.98 for the focal surface, 1 for thin lenses.
-    assert (seen >= 0.9 * most)[[0, -1]].all()
+    # Aberrations may add to defocus on one side and take from it on the other: 0.7 on the one that is nearer.
+    if lens in ABERRATED.values():
+        assert (seen >= 0.6 * most)[[0, -1]].any()
+    else:
+        assert (seen >= 0.9 * most)[[0, -1]].all()
 
 
 @every_lens
 def test_weights_integrate_to_one(lens: AbstractLens, camera: Camera):
+    if isinstance(lens, VignettedLens):
+        pytest.skip("what a tube takes away is away; see test_vignetted")
     _, rays = all_rays(lens, camera, jnp.array(FILM_POINTS[1]))
     assert float(rays.weight.mean()) == pytest.approx(1.0)
 
@@ -239,7 +232,8 @@ def seen(lens: AbstractLens, camera: Camera, sample: jnp.ndarray) -> tuple:
     """All that a lens answers."""
     film, w = jnp.array(FILM_POINTS[1]), jnp.array(1.3)
     ray = lens.ray(camera, film, lens.pupil_point(sample))
-    return ray.a, ray.b, ray.weight, lens.blur(camera, film, w), lens.footprint(camera, film, w)
+    channels = [channel.lens.ray(camera, film, lens.pupil_point(sample)) for channel in lens.channels()]
+    return ray.a, ray.b, ray.weight, channels, lens.blur(camera, film, w), lens.footprint(camera, film, w)
 
 
 @every_lens
@@ -264,7 +258,7 @@ def test_a_closed_aperture_is_a_pinhole(lens: AbstractLens, camera: Camera):
     "lens",
     [
         *(pytest.param(lens, id=f"pinhole {name}") for name, lens in PINHOLES.items()),
-        *(pytest.param(lens, id=name) for name, lens in LENSES.items()),
+        *(pytest.param(lens, id=name) for name, lens in (IDEAL | ABERRATED).items()),
         pytest.param(thin(Disk(), focus=1.3), id="point in focus"),
     ],
 )

@@ -174,9 +174,7 @@ def test_pictures_of_unknown_formats_are_told(tmp_path, ending):
 
 def test_a_mesh_without_area_is_refused(tmp_path):
     (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 1 1\nv 0.1 0.1 0.1\nf 1 2 3\n")
-    with pytest.raises(
-        ValueError, match=r"flat\.obj has no area: all of its 1 triangles are lines or points"
-    ):
+    with pytest.raises(ValueError, match=r"flat\.obj has no area: its triangles \(1\) are lines or points"):
         load_mesh(tmp_path / "flat.obj")
 
 

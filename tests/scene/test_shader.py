@@ -162,8 +162,10 @@ def test_every_level_keeps_the_mean(size):
 
 @pytest.fixture(name="full")
 def full_scene():
-    """Everything at once, with a second object that is degenerate and untextured."""
-    flat = make_object("flat", [[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], emission=3.0)
+    """Everything at once, with a second object that is untextured and has a degenerate triangle."""
+    flat = make_object(
+        "flat", [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]], [[0, 1, 2], [0, 1, 3]], emission=3.0
+    )
     item = square(
         uv=UV, texture=checker(8), specular=0.4, shininess=10.0, vertex_colours=np.ones((4, 3)) * 0.5
     )

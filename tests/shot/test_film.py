@@ -223,3 +223,40 @@ def test_the_shipped_shots_are_of_48_frames_and_more():
     for name in ("rack_focus", "follow_focus"):
         path = Path(__file__).parents[2] / "configs" / f"{name}.toml"
         assert tomllib.loads(path.read_text())["shot"]["frames"] >= 48
+
+
+def test_a_deforming_mesh_is_followed_from_a_config(config_file):
+    """The near card comes nearer by numbered meshes; the wish is on one of its triangles."""
+    folder = config_file.parent
+    for step, depth in enumerate((-1.0, -0.9, -0.8), start=1):
+        (folder / f"walk_{step:04d}.ply").write_text(CARD.format(-0.6, -0.3, 0.0, 0.3, depth))
+    wish = "focus=[{object='near', triangle=0, barycentric=[0.2, 0.5, 0.3], sharp=true, name='near card'}]"
+    changes = [wish, "shot.wishes=[]", "shot.objects=[{name='near', vertices='walk_####.ply'}]"]
+    still = ["shot.camera=[]", "shot.smoothness=0", "shot.steadiness=0"]
+    solved = solve_shot(build_shot(load_config(config_file, [*changes, *still])))
+    # Observed: 1e-7.
+    np.testing.assert_allclose(1 / solved.solution.settings()["focus_per_m"], [1.0, 0.9, 0.8], rtol=1e-5)
+    assert solved.diagnosis.sentences == ()
+
+
+def test_keyframes_outside_the_shot_are_told(config_file):
+    with pytest.warns(
+        UserWarning, match=r"shot\.camera has a keyframe at frame 9, outside the shot's frames 1 to"
+    ):
+        build_shot(load_config(config_file, ["shot.camera.1.frame=9"]))
+    with pytest.warns(UserWarning, match=r"shot\.wishes \(far\) has keyframes at frames 0 and 7, outside"):
+        build_shot(
+            load_config(
+                config_file,
+                ["shot.wishes.1.keys.0.frame=0", "shot.wishes.1.keys.1.frame=7"],
+            )
+        )
+
+
+def test_what_is_refused_names_file_and_key(config_file, tmp_path):
+    options = ["--solve-only", "--out", str(tmp_path), "--set", "solve.min_focus_distance_m=0.001"]
+    result = CliRunner().invoke(app, ["shot", str(config_file), *options])
+    assert result.exit_code == 2, result.output
+    assert "cards.toml: solve.min_focus_distance_m: minimum focus distance in metres is 0.001" in " ".join(
+        result.output.split()
+    )

@@ -115,3 +115,48 @@ def test_what_a_frame_lacks_is_told_with_its_number(screen_passes):
         solve_shot(shot)
     with pytest.raises(ValueError, match="the shot has 48 cameras and 2 lenses"):
         dataclasses.replace(shot, lenses=shot.lenses[:2])
+
+
+def found_of(shot, *timed, disparity=0.1, **options):
+    views = [{"disparity_map": np.full((24, 32), disparity)}] * 3
+    return find_wishes([*timed, TimedWish(FAR)], shot.cameras[:3], views, **options)
+
+
+FAR = FocusPoint(AtPoint((0, 0, -8)), Sharp(), name="far")
+
+
+@pytest.mark.parametrize(
+    ("timed", "disparity", "message"),
+    [
+        (
+            TimedWish(NOSE, from_frame=60),
+            0.1,
+            "wish 'nose' acts from frame 60, which is none of the shot's frames 1 to 3, so that it counts",
+        ),
+        (
+            TimedWish(NOSE, from_frame=1.2, to_frame=1.8),
+            0.1,
+            "acts from frame 1.2 to frame 1.8, which is none",
+        ),
+        (
+            TimedWish(FocusPoint(AtPoint((0, 0, 2)), Sharp(), name="nose")),
+            0.1,
+            "wish 'nose' is behind the camera in every frame in which it acts, so that it counts in no frame",
+        ),
+        (
+            TimedWish(NOSE, from_frame=2, to_frame=2),
+            0.1,
+            r"'nose' never counts in full \(17 % at most\), for it",
+        ),
+    ],
+)
+def test_wishes_that_never_act_are_told(screen_passes, timed, disparity, message):
+    with pytest.warns(UserWarning, match=message):
+        found_of(screen_passes, timed, disparity=disparity)
+
+
+def test_wishes_of_which_none_counts_are_refused_with_reasons(screen_passes):
+    with pytest.raises(
+        ValueError, match=r"no wish counts in any frame: .*'nose' is hidden in every .*; wish 'far' is"
+    ):
+        found_of(screen_passes, TimedWish(NOSE), disparity=2.0)

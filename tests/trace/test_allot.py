@@ -12,7 +12,7 @@ from focusjax.layers import peel
 from focusjax.scene import constant_background, make_scene
 from focusjax.trace import render
 from focusjax.trace._allot import FEWEST, allot, counts_for
-from focusjax.trace._blocks import make_blocks
+from focusjax.trace._blocks import Blocks
 from focusjax.trace._tracer import Tracer
 
 
@@ -35,7 +35,7 @@ def test_a_picture_without_contrast_takes_the_fewest_that_make_the_mean():
 
 def contrasts(layers):
     tracer = Tracer(layers, layers.lens)
-    return tracer.contrast().reshape(layers.camera.height, layers.camera.width)
+    return tracer.contrast.reshape(layers.camera.height, layers.camera.width)
 
 
 def test_contrast_is_the_variance_over_what_a_pixel_can_meet():
@@ -103,7 +103,8 @@ def test_even_and_uneven_pictures_are_of_one_thing():
 def test_blocks_hold_every_part_once():
     random = np.random.default_rng(3)
     parts, depth = random.integers(1, 9, 300), random.integers(0, 12, 300)
-    blocks = make_blocks(parts, depth, 12, 20, 64)
+    made = Blocks(parts, depth, 12, 20, 64)
+    blocks = [made[number] for number in range(len(made))]
     done = [
         (pixel, part)
         for block in blocks

@@ -1,7 +1,8 @@
 """One run from a config to a picture: load, find the points, solve, peel, render."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -10,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._stopwatch import Stopwatch
+from focusjax._words import kind_of
 from focusjax.config import (
     Config,
     build_camera,
@@ -17,10 +19,13 @@ from focusjax.config import (
     build_focal_surface,
     build_focus_points,
     build_lens,
+    build_look,
     build_scene,
     build_solve_options,
+    refusals_located,
 )
 from focusjax.focus import (
+    ArgumentError,
     FocusPoint,
     ImagePoints,
     Solution,
@@ -30,7 +35,8 @@ from focusjax.focus import (
     solve_focal_surface,
 )
 from focusjax.geometry import Camera
-from focusjax.layers import Extent, Layers, disparity_map, peel
+from focusjax.job._picture import Picture, Progress, make_picture
+from focusjax.layers import Extent, disparity_map
 from focusjax.lens import (
     AbstractLens,
     FocalSurface,
@@ -40,41 +46,6 @@ from focusjax.lens import (
     focal_surface_lens,
 )
 from focusjax.scene import Scene
-from focusjax.trace import RayPlan, plan_rays, quality_of, render, render_pinhole
-
-Progress = Callable[[str, float | None], None]
-"""Told the stage that runs and, where that is known, the share of it that is done."""
-
-
-@dataclass(frozen=True)
-class Picture:
-    """What rendering made, all of it linear.
-
-    Attributes:
-        image: radiance [h, w, 3] through the lens.
-        pinhole: radiance [h, w, 3] with everything sharp.
-        layer_count: layers that the lens sees and that hold anything.
-        samples_kept: samples of surface in them.
-        layer_bytes: memory of the layers with their N-buffers.
-        margin: pixels that the layers reach beyond the frame.
-        complete: whether no surface was left out for want of layers.
-        rays: rays per pixel on the average.
-        extent: how large layers may be for compiled programs to serve again: the `like` of another run.
-        plan: what was expected of them, when a quality was asked for.
-        decibels: PSNR of the rays then, told from a sample of the pixels.
-    """
-
-    image: Float[Array, "h w 3"]
-    pinhole: Float[Array, "h w 3"]
-    layer_count: int
-    samples_kept: int
-    layer_bytes: int
-    margin: float
-    complete: bool
-    rays: int
-    extent: Extent
-    plan: RayPlan | None = None
-    decibels: float | None = None
 
 
 @dataclass(frozen=True)
@@ -84,7 +55,8 @@ class Outcome:
     Attributes:
         config: what was asked for.
         camera: where from.
-        lens: the lens that was solved for, or the config's own when nothing was.
+        lens: the lens that was solved for, or the config's own when nothing was, without its aberrations and
+            cat's eyes, which only the picture has.
         points: the wishes in the picture, when there are any.
         solution: what the solve says, when there was one.
         disparity: first surface at every pixel centre in 1/m [h, w]; 0 on the background.
@@ -143,13 +115,10 @@ def run(
     with watch.stage("load"):
         scene = build_scene(config) if scene is None else scene
         wishes = build_focus_points(config, scene) if solving or config.focus else ()
+        options = build_solve_options(config) if solving and config.lens.focal_surface is None else {}
     with watch.stage("locate"):
         disparity = np.asarray(disparity_map(scene, camera))
-        points = None
-        if wishes:
-            points = find_points(
-                wishes, scene, camera, disparity=disparity, favour_near=config.solve.favour_near
-            )
+        points = _find(config, wishes, scene, camera, disparity) if wishes else None
         surface = _control_surface(config, scene, camera, lens, disparity)
     solution = None
     if surface is not None and solving:
@@ -162,7 +131,7 @@ def run(
         lens = focal_surface_lens(surface, camera, lens)
     elif solving:
         assert points is not None
-        solution = _solve(config, points, camera, lens, watch)
+        solution = _solve(config, options, points, camera, lens, watch)
         lens, points = solution.lens, solution.points
         if set(config.solve.free) & {"focal_length", "shift", "rise"}:
             camera = solution.camera
@@ -171,12 +140,13 @@ def run(
         if set(config.solve.free) & {"shift", "rise"}:
             # The frame has moved, and with it what is inside.
             with watch.stage("solve_again", compile_apart=False):
-                points = find_points(
-                    wishes, scene, camera, disparity=disparity, favour_near=config.solve.favour_near
-                )
-                solution = solve(points, camera, lens, **build_solve_options(config))
+                points = _find(config, wishes, scene, camera, disparity)
+                solution = solve(points, camera, lens, **options)
             lens, points, camera = solution.lens, solution.points, solution.camera
-    picture = _render(config, scene, camera, lens, like, watch, tell) if rendering else None
+    picture = None
+    if rendering:
+        look = build_look(config, camera, lens)
+        picture = make_picture(config.render, scene, camera, look, like, watch, tell)
     return Outcome(
         config=config,
         camera=camera,
@@ -200,7 +170,8 @@ def _control_surface(
         return None
     assert isinstance(lens, ThinLens)
     controls = build_control_points(config, scene)
-    found = find_points(controls, scene, camera, disparity=disparity, favour_near=table.favour_near)
+    with refusals_located(config, "lens.focal_surface.points"):
+        found = find_points(controls, scene, camera, disparity=disparity, favour_near=table.favour_near)
     return build_focal_surface(config, found, camera, lens)
 
 
@@ -221,9 +192,24 @@ def find_points(
         disparity: what `disparity_map` gives for them, when it is at hand already.
         favour_near: how much more near wishes count (see `locate`).
 
+    This looks at the scene once, by numpy, and is not to be traced by JAX; what it finds can be, and
+    `solve` is differentiable in it.
+
     Raises:
-        ValueError: as `locate`.
+        ArgumentError: as `locate`; a scene that is none.
     """
+    if not isinstance(scene, Scene):
+        raise ArgumentError(
+            f"scene of find_points(wishes, scene, camera) is {kind_of(scene)}; expected Scene: `make_scene`"
+            " makes one",
+            "scene",
+        )
+    if not isinstance(camera, Camera):
+        raise ArgumentError(
+            f"camera of find_points(wishes, scene, camera) is {kind_of(camera)}; expected Camera: `look_at`"
+            " and `make_camera` make one",
+            "camera",
+        )
     return locate(
         wishes,
         camera,
@@ -247,13 +233,29 @@ def blur_map(lens: AbstractLens, camera: Camera, disparity: Float[Array, "h w"])
     return jax.vmap(across, in_axes=(None, 0, 0))(columns, rows, disparity)
 
 
+def _find(
+    config: Config,
+    wishes: Sequence[FocusPoint],
+    scene: Scene,
+    camera: Camera,
+    disparity: Float[np.ndarray, "h w"],
+) -> ImagePoints:
+    """The wishes of a config in its picture; what cannot be found is told with its key."""
+    with refusals_located(config):
+        return find_points(wishes, scene, camera, disparity=disparity, favour_near=config.solve.favour_near)
+
+
 def _solve(
-    config: Config, points: ImagePoints, camera: Camera, lens: ThinLens | TiltShiftLens, watch: Stopwatch
+    config: Config,
+    options: Mapping[str, Any],
+    points: ImagePoints,
+    camera: Camera,
+    lens: ThinLens | TiltShiftLens,
+    watch: Stopwatch,
 ) -> Solution:
     """Solve twice: the second time shows what a solve costs once it is compiled."""
-    options = build_solve_options(config)
     for stage in ("solve_first", "solve"):
-        with watch.stage(stage, compile_apart=False):
+        with watch.stage(stage, compile_apart=False), refusals_located(config):
             solution = solve(points, camera, lens, **options)
             jax.block_until_ready(eqx.filter(solution.lens, eqx.is_array))
     return solution
@@ -271,59 +273,7 @@ def _solve_surface(
     assert config.lens.focal_surface is not None
     smoothness = config.lens.focal_surface.smoothness
     for stage in ("solve_first", "solve"):
-        with watch.stage(stage, compile_apart=False):
+        with watch.stage(stage, compile_apart=False), refusals_located(config):
             solution = solve_focal_surface(points, camera, surface, lens, smoothness=smoothness)
             jax.block_until_ready(solution.cost)
     return solution
-
-
-def _render(
-    config: Config,
-    scene: Scene,
-    camera: Camera,
-    lens: AbstractLens,
-    like: Extent | None,
-    watch: Stopwatch,
-    tell: Progress,
-) -> Picture:
-    table = config.render
-    like = like if like is not None and like.serves(camera, table.supersampling) else None
-    with watch.stage("peel"):
-        layers: Layers = peel(
-            scene,
-            camera,
-            lens,
-            supersampling=table.supersampling,
-            max_layers=table.max_layers,
-            view_dependent=table.view_dependent,
-            pixel_filter=table.pixel_filter,
-            like=like,
-        )
-        jax.block_until_ready(eqx.filter(layers, eqx.is_array))
-    rays, plan, decibels = table.rays, None, None
-    if table.quality is not None:
-        with watch.stage("plan"):
-            plan = plan_rays(layers, lens, table.quality, seed=table.seed)
-            rays = plan.rays
-    with watch.stage("render"):
-        image = render(layers, lens, rays=rays, seed=table.seed, progress=lambda share: tell("render", share))
-        image.block_until_ready()
-    if plan is not None:
-        with watch.stage("examine"):
-            decibels = quality_of(layers, lens, np.asarray(image), rays=rays, seed=table.seed)
-    with watch.stage("pinhole"):
-        pinhole = render_pinhole(layers)
-        pinhole.block_until_ready()
-    return Picture(
-        image=image,
-        pinhole=pinhole,
-        layer_count=max(1, int((layers.cells > 0).any(axis=(1, 2)).sum())),
-        samples_kept=layers.samples_kept,
-        layer_bytes=layers.nbytes,
-        margin=layers.grid.margin / layers.grid.supersampling,
-        complete=layers.complete,
-        rays=rays,
-        extent=layers.extent.for_others(like),
-        plan=plan,
-        decibels=decibels,
-    )

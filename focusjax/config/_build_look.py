@@ -1,0 +1,83 @@
+"""From the tables of a config to openings and to what a lens does beyond focusing."""
+
+import math
+
+import numpy as np
+
+from focusjax.config._errors import ConfigError
+from focusjax.config._load import Config
+from focusjax.config._opening import ImageTable, PolygonTable
+from focusjax.geometry import Camera
+from focusjax.lens import (
+    AberratedLens,
+    AbstractAberration,
+    AbstractAperture,
+    AbstractLens,
+    Disk,
+    apodized,
+    chromatic_lens,
+    field_curvature,
+    focal_surface,
+    mask,
+    obstructed,
+    polygon,
+    power_profile,
+    seidel,
+    squeezed,
+    vignetted_lens,
+)
+from focusjax.scene import read_image
+
+
+def build_aperture(config: Config) -> AbstractAperture:
+    """The opening of `[lens.aperture]`.
+
+    Raises:
+        ValueError: an image that cannot be read or lets no light through.
+    """
+    table = config.lens.aperture
+    if isinstance(table, ImageTable):
+        shape = mask(read_image(config.source.parent / table.file).mean(axis=-1))
+    else:
+        shape = Disk()
+        if isinstance(table, PolygonTable):
+            shape = polygon(
+                table.blades, rotation=math.radians(table.rotation_deg), roundness=table.roundness
+            )
+        if table.obstruction:
+            shape = obstructed(table.obstruction, shape)
+        if table.transmission is not None:
+            shape = apodized(table.transmission, shape)
+    return squeezed(table.squeeze, shape) if table.squeeze > 1 else shape
+
+
+def build_look(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLens:
+    """A lens that renders as `[lens]` says, made from the one that focuses; itself where it says nothing.
+
+    Raises:
+        ConfigError: a lens that is closed, for what needs an opening.
+    """
+    table = config.lens
+    try:
+        terms: list[AbstractAberration] = []
+        if table.seidel is not None:
+            coefficients = {key.removesuffix("_px"): value for key, value in table.seidel}
+            terms.append(seidel(lens, camera, **coefficients))
+        if table.power_profile is not None:
+            terms.append(power_profile(table.power_profile))
+        if table.field_curvature:
+            places = np.array([point.pixel for point in table.field_curvature])
+            offsets = [point.offset for point in table.field_curvature]
+            terms.append(field_curvature(focal_surface(places, offsets, basis="affine"), camera))
+        made = AberratedLens(lens, tuple(terms)) if terms else lens
+        if table.colour is not None:
+            colour = table.colour
+            made = chromatic_lens(
+                made, focus_offset=colour.focus_offset, magnification=colour.magnification, bands=colour.bands
+            )
+        if table.cats_eyes is not None:
+            eyes = table.cats_eyes
+            made = vignetted_lens(made, camera, corner_shift=eyes.corner_shift, disk=eyes.disk)
+    except ValueError as error:
+        raise ConfigError(f"{config.source}: {error}") from error
+    return made

@@ -1,0 +1,83 @@
+"""The tables of a config that say what the lens does beyond focusing."""
+
+from typing import Annotated
+
+from pydantic import Field, Strict, model_validator
+
+from focusjax.config._values import Number, Positive, Table
+
+Profile = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2)]
+OfColours = Annotated[tuple[Number, Number, Number], Strict(False)]
+SizeOfColours = Annotated[tuple[Positive, Positive, Positive], Strict(False)]
+
+
+class SeidelTable(Table):
+    """`[lens.seidel]`: third-order aberrations, at the opening that the lens has in the picture."""
+
+    w040_px: Number = Field(default=0.0, description="spherical aberration, under-corrected above 0")
+    w131_px: Number = Field(
+        default=0.0, description="coma in pixels, tails towards the picture's middle above 0"
+    )
+    w222_px: Number = Field(default=0.0, description="astigmatism in pixels")
+    w220_px: Number = Field(default=0.0, description="field curvature in pixels, corners nearer above 0")
+    w311_px: Number = Field(default=0.0, description="distortion in pixels, barrel above 0")
+
+
+class ColourTable(Table):
+    """`[lens.colour]`: what differs between red, green and blue."""
+
+    focus_offset: OfColours = Field(
+        default=(0.0, 0.0, 0.0),
+        description="dioptres (1/m) by which [red, green, blue] focus nearer, for example [-0.02, 0, 0.02]",
+    )
+    magnification: SizeOfColours = Field(
+        default=(1.0, 1.0, 1.0),
+        description="the sizes of the [red, green, blue] pictures, for example [1.002, 1, 0.998]",
+    )
+    bands: Annotated[int, Field(ge=3, le=15)] = Field(
+        default=3, description="the number of colours traced, odd, 3 to 15"
+    )
+
+    @model_validator(mode="after")
+    def _odd(self) -> "ColourTable":
+        if self.bands % 2 == 0:
+            raise ValueError(f"has {self.bands} bands; give an odd number")
+        return self
+
+
+class CurvaturePointTable(Table):
+    """`[[lens.field_curvature]]`: by how much the focus is nearer at a place in the picture."""
+
+    pixel: Annotated[tuple[Number, Number], Strict(False)] = Field(
+        description="a place [x, y] in the picture, in pixels from the top left"
+    )
+    offset: Number = Field(description="dioptres (1/m) by which the focus is nearer there, for example 0.1")
+
+
+class CatsEyesTable(Table):
+    """`[lens.cats_eyes]`: a second disk that rays have to pass."""
+
+    corner_shift: Number = Field(
+        description="how far the disk is shifted in the corners in aperture radii, for example 0.7"
+    )
+    disk: Positive = Field(default=1.1, description="the disk's radius in aperture radii, for example 1.1")
+
+
+class Look(Table):
+    """Keys of `[lens]` that aim at no wish: they act on the picture, of whatever lens is solved for."""
+
+    power_profile: Profile | None = Field(
+        default=None,
+        description="dioptres (1/m) by which zones of the lens focus nearer, from its middle to its rim",
+    )
+    seidel: SeidelTable | None = Field(default=None, description="a [lens.seidel] table")
+    colour: ColourTable | None = Field(default=None, description="a [lens.colour] table")
+    field_curvature: Annotated[tuple[CurvaturePointTable, ...], Strict(False)] = Field(
+        default=(), description="[[lens.field_curvature]] tables"
+    )
+    cats_eyes: CatsEyesTable | None = Field(default=None, description="a [lens.cats_eyes] table")
+
+    @property
+    def look(self) -> list[str]:
+        """The keys of these that are set."""
+        return [key for key in Look.model_fields if getattr(self, key)]

@@ -1,0 +1,76 @@
+"""The render table of a config."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from focusjax.config._values import Number, Positive, Table
+from focusjax.trace import decibels_of
+
+_ROUGH = 32.0
+"""Decibels up to which one layer sample per pixel leaves less error than the rays."""
+
+
+class RenderTable(Table):
+    """`[render]`: how carefully the picture is made, and how it is shown."""
+
+    rays: Annotated[int, Field(ge=1, le=65536)] = Field(
+        default=64, description="lens rays per pixel on the average, for example 64"
+    )
+    quality: str | Number | None = Field(
+        default=None, description="'draft', 'good', 'reference' or decibels such as '40 dB', instead of rays"
+    )
+    supersampling: Annotated[int, Field(ge=1, le=8)] = Field(
+        default=2, description="layer samples along each side of a pixel, 1 to 8; 1 for a quality up to 32 dB"
+    )
+    max_layers: Annotated[int, Field(ge=1, le=64)] = Field(
+        default=16, description="the most layers to peel, up to 64"
+    )
+    slabs: Annotated[int, Field(ge=1, le=1024)] | None = Field(
+        default=None, description="how many slabs of depth to cut instead of peeling, for example 16"
+    )
+    slab_blur_px: Positive | None = Field(
+        default=None, description="by how much blur may change within a slab in px, instead of slabs"
+    )
+    examine_layers: bool = Field(
+        default=False, description="true to report what the layers miss, and what the umbra spares them"
+    )
+    view_dependent: bool = Field(
+        default=False, description="true to let every lens ray see highlights and mirrors for itself"
+    )
+    pixel_filter: Literal["box", "tent", "gaussian"] = Field(
+        default="box", description="the pixel filter: 'box', 'tent' or 'gaussian'"
+    )
+    exposure: Number = Field(default=0.0, description="the exposure in stops; 1 doubles the brightness")
+    png_bits: Literal[8, 16] = Field(default=8, description="8 or 16 bits per channel for image.png")
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = Field(
+        default=0, description="a whole number that fixes the jitter"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _layers_for_quality(cls, values: Any) -> Any:
+        if not isinstance(values, dict) or values.get("quality") is None or "supersampling" in values:
+            return values
+        try:
+            rough = decibels_of(values["quality"]) <= _ROUGH
+        except (ValueError, TypeError):
+            # Refused where all values are looked at.
+            return values
+        return {**values, "supersampling": 1} if rough else values
+
+    @model_validator(mode="after")
+    def _rays_or_quality(self) -> "RenderTable":
+        if self.quality is not None:
+            if "rays" in self.model_fields_set:
+                raise ValueError("has rays, and a quality that finds its own number; leave one of them out")
+            # Only asked to refuse what is no quality.
+            decibels_of(self.quality)
+        return self
+
+    @model_validator(mode="after")
+    def _one_kind_of_layers(self) -> "RenderTable":
+        given = [key for key in ("max_layers", "slabs", "slab_blur_px") if key in self.model_fields_set]
+        if len(given) > 1:
+            raise ValueError(f"has {' and '.join(given)}, each of which says how layers are made; keep one")
+        return self

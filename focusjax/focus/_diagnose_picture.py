@@ -1,0 +1,190 @@
+"""What stands between the wishes of one picture and a perfect answer, in numbers and in words."""
+
+import dataclasses
+from functools import partial
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from focusjax.focus._findings import (
+    Conflict,
+    Errors,
+    Unreachable,
+    Verdict,
+    bound_sentences,
+    by_wish,
+    conflict_sentences,
+    find_conflicts,
+    find_unreachable,
+    framing_sentences,
+    notable,
+    open_sentence,
+    unreachable_sentences,
+)
+from focusjax.focus._image_points import ImagePoints
+from focusjax.focus._sensitivity import Sensitivity, sensitivity
+from focusjax.focus._solution import Asked, Solution, WishResult
+from focusjax.focus._solve import solve_asked
+
+_MOST_WISHES = 16
+"""Every wish is dropped once to see what the others gain; of more than this, the weightiest."""
+
+_EXPLAINED = 1.0 - 1e-4
+"""Squared cosine from which on a direction is one of those that are open."""
+
+_PARTLY_OPEN = 0.01
+"""Squared cosine between a parameter's axis and what is open from which on the parameter is called open."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Diagnosis:
+    """How well the wishes determine the solution, and what keeps it from being better.
+
+    Attributes:
+        singular_values: for each principal direction of the parameters, the change of all blurs together
+            (root of the sum of squares, in pixels) over the whole allowed range; largest first.
+        directions: for each of them, what part each parameter has in it, in shares of the ranges.
+        open_directions: those of the directions that change no blur by as much as `UNDETERMINED_PX`.
+        standard_errors: for each parameter, by how much it would change if the wishes' blurs were
+            uncertain by their tolerances, one by one: in dioptres for the focus, in f-numbers, radians and
+            metres for the others; infinite for what is open and 0 for what is at a bound.
+        conflicts: pairs of wishes that pull against each other, worst first.
+        unreachable: wishes that cannot be met at all.
+        active_bounds: bounds that keep a parameter from a better value.
+        sentences: all of that in words.
+    """
+
+    singular_values: tuple[float, ...]
+    directions: tuple[dict[str, float], ...]
+    open_directions: tuple[dict[str, float], ...]
+    standard_errors: dict[str, float]
+    conflicts: tuple[Conflict, ...]
+    unreachable: tuple[Unreachable, ...]
+    active_bounds: tuple[str, ...]
+    sentences: tuple[str, ...]
+
+
+def diagnose_picture(solution: Solution) -> Diagnosis:
+    """The diagnosis of one picture's lens; see `diagnose`."""
+    asked = solution.asked
+    assert asked is not None
+    table = solution.table()
+    sensed = sensitivity(solution, asked)
+    verdict = picture_verdict(solution.points, np.asarray(solution.error))
+    conflicts = _conflicts(asked, verdict, table)
+    unreachable = find_unreachable(verdict, partial(_alone, asked), over_time=False)
+    directions = tuple(dict(zip(sensed.names, map(float, row), strict=True)) for row in sensed.directions)
+    bounds = solution.active_bounds
+    zooms = "focal_length" in solution.free and not asked.plan.keep_view
+    return Diagnosis(
+        singular_values=tuple(map(float, sensed.singular_values)),
+        directions=directions,
+        open_directions=directions[len(directions) - len(sensed.open) :],
+        standard_errors=sensed.standard_errors,
+        conflicts=conflicts,
+        unreachable=unreachable,
+        active_bounds=bounds,
+        sentences=(
+            *missed_sentences(table, unreachable),
+            *framing_sentences(
+                verdict, solution.points, np.asarray(solution.error), solution.free, zooms=zooms
+            ),
+            *conflict_sentences(conflicts),
+            *bound_sentences([(bound, ()) for bound in bounds]),
+            *_open_sentences(sensed),
+            *idle_sentences(table),
+        ),
+    )
+
+
+def picture_verdict(points: ImagePoints, error: Float[np.ndarray, "n"]) -> Verdict:
+    """How the wishes of one picture are met."""
+    count = len(points.names)
+    wish, weight = np.asarray(points.wish), np.asarray(points.weight, dtype=float)[None]
+    tolerance = np.asarray(points.tolerance, dtype=float)[None]
+    return Verdict(
+        names=points.names,
+        error=by_wish(np.abs(error)[None].astype(float), wish, count, weight),
+        tolerance=by_wish(tolerance, wish, count, weight),
+        judged=by_wish(weight, wish, count, weight) > 0,
+    )
+
+
+def weightiest(points: ImagePoints, most: int) -> list[int]:
+    """Wishes that count, at most so many, in order; points may have an axis of frames."""
+    weight, wish = np.asarray(points.weight, dtype=float), np.asarray(points.wish)
+    total = np.array([weight[wish == index].sum() for index in range(len(points.names))])
+    heaviest = np.argsort(-total, kind="stable")[:most]
+    return sorted(int(index) for index in heaviest if total[index] > 0)
+
+
+def missed_sentences(table: tuple[WishResult, ...], unreachable: tuple[Unreachable, ...]) -> list[str]:
+    """Which wishes of one picture are missed, in words."""
+    missed = [row for row in table if row.counts and not row.met]
+    if not missed:
+        return []
+    worst = max(missed, key=lambda row: abs(row.residual))
+    if len(table) == 1:
+        return [f'"{worst.name}" cannot be met: the best is {abs(worst.residual):.3g} px off.']
+    return [
+        f'Not all wishes can be met: the best is {abs(worst.residual):.3g} px off at "{worst.name}".',
+        *unreachable_sentences(unreachable),
+    ]
+
+
+def idle_sentences(table: tuple[WishResult, ...]) -> list[str]:
+    """Wishes that have no say though they have a weight, in words."""
+    return [f'"{row.name}" is {row.note} and does not count.' for row in table if not row.counts and row.note]
+
+
+def _conflicts(asked: Asked, verdict: Verdict, table: tuple[WishResult, ...]) -> tuple[Conflict, ...]:
+    chosen = weightiest(asked.points, _MOST_WISHES)
+    if not notable(verdict) or len(chosen) < 2:
+        return ()
+    return find_conflicts(verdict, verdict.judged, chosen, partial(_without, asked), over_time=False)
+
+
+def _without(asked: Asked, dropped: int) -> Errors:
+    """Errors without one wish."""
+    mine = np.asarray(asked.points.wish) == dropped
+    return _errors(asked, np.where(mine, 0.0, np.asarray(asked.points.weight)))
+
+
+def _alone(asked: Asked, kept: int) -> Errors:
+    """Errors when no other wish counts."""
+    mine = np.asarray(asked.points.wish) == kept
+    return _errors(asked, np.where(mine, np.asarray(asked.points.weight), 0.0))
+
+
+def _errors(asked: Asked, weight: Float[np.ndarray, "n"]) -> Errors:
+    """The largest error in pixels of every wish, when solved with other weights."""
+    points = asked.points
+    changed = dataclasses.replace(points, weight=jnp.asarray(weight, dtype=points.weight.dtype))
+    solution, _ = solve_asked(dataclasses.replace(asked, points=changed))
+    return picture_verdict(points, np.asarray(solution.error)).error
+
+
+def _open_sentences(sensed: Sensitivity) -> list[str]:
+    """What the wishes leave open, and the geometry that leaves it so where that is known."""
+    lines, rest = [], sensed.open
+    if sensed.turn is not None and np.sum((rest @ sensed.turn) ** 2) > _EXPLAINED:
+        turning = [
+            name
+            for name, share in zip(sensed.names, sensed.turn, strict=True)
+            if name != "focus" and share**2 > _PARTLY_OPEN
+        ]
+        lines.append(
+            f"The points lie on one line in the picture, {sensed.line:.0f} degrees from level: the"
+            f" {' and '.join(turning)} that turns the plane in focus about it is undetermined."
+        )
+        # What is open besides turning about that line.
+        _, sizes, across = np.linalg.svd(rest - np.outer(rest @ sensed.turn, sensed.turn))
+        rest = across[: len(sizes)][sizes > 0.5]
+    shares = np.sum(rest**2, axis=0) if len(rest) else np.zeros(len(sensed.names))
+    left = [name for name, share in zip(sensed.names, shares, strict=True) if share > _PARTLY_OPEN]
+    if left == ["f_number"] and sensed.one_depth:
+        lines.append("All wishes are at one distance, so that any f-number will do; it stays as it was.")
+    elif left:
+        lines.append(open_sentence(left))
+    return lines

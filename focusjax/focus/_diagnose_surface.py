@@ -1,0 +1,144 @@
+"""What stands between wishes and the focal surface that meets them best."""
+
+import dataclasses
+from functools import partial
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from focusjax._words import listed
+from focusjax.focus._diagnose_picture import idle_sentences, missed_sentences, picture_verdict, weightiest
+from focusjax.focus._findings import (
+    NOTABLE_PX,
+    Conflict,
+    Errors,
+    Unreachable,
+    conflict_sentences,
+    find_conflicts,
+    find_unreachable,
+    notable,
+)
+from focusjax.focus._global import UNDETERMINED_PX
+from focusjax.focus._solve_surface import SurfaceAsked, SurfaceSolution, solve_surface_asked
+
+_MOST_WISHES = 16
+"""As for a lens: of more wishes than this, the weightiest are dropped once."""
+
+_RANGE_PX = 10.0
+"""Change of blur at a control point that stands for its range, as its value has no bounds."""
+
+
+@dataclasses.dataclass(frozen=True)
+class SurfaceDiagnosis:
+    """How well the wishes determine a focal surface, and what keeps it from meeting them.
+
+    Attributes:
+        singular_values: for each principal direction of the control values, the change of all wishes' blurs
+            together in pixels while the blur at the control points changes by 1 px; largest first.
+        open_controls: control points, counted from 0, that the wishes leave to smoothness, or where there is
+            none, to the surface given.
+        conflicts: as of a `Diagnosis`.
+        unreachable: as of a `Diagnosis`.
+        smoothness_costs: for each wish, pixels by which it would be met better without smoothness.
+        beyond_infinity: control points, counted from 0, whose focal disparity came out negative.
+        sentences: all of that in words.
+    """
+
+    singular_values: tuple[float, ...]
+    open_controls: tuple[int, ...]
+    conflicts: tuple[Conflict, ...]
+    unreachable: tuple[Unreachable, ...]
+    smoothness_costs: dict[str, float]
+    beyond_infinity: tuple[int, ...]
+    sentences: tuple[str, ...]
+
+
+def diagnose_surface(solution: SurfaceSolution) -> SurfaceDiagnosis:
+    """The diagnosis of a focal surface; see `diagnose`."""
+    asked = solution.asked
+    assert asked is not None
+    table, verdict = solution.table(), picture_verdict(asked.points, np.asarray(solution.error))
+    chosen = weightiest(asked.points, _MOST_WISHES)
+    conflicts: tuple[Conflict, ...] = ()
+    costs = dict.fromkeys(asked.points.names, 0.0)
+    if notable(verdict):
+        conflicts = find_conflicts(
+            verdict, verdict.judged, chosen, partial(_changed, asked, False), over_time=False
+        )
+        free = _errors(dataclasses.replace(asked, smoothness=jnp.zeros_like(asked.smoothness)))
+        costs = {
+            name: float(cost) if judged else 0.0
+            for name, cost, judged in zip(
+                verdict.names, (verdict.error - free)[0], verdict.judged[0], strict=True
+            )
+        }
+    unreachable = find_unreachable(verdict, partial(_changed, asked, True), over_time=False)
+    values, open_controls = _shares(solution)
+    beyond = tuple(int(k) for k in np.flatnonzero(np.asarray(solution.surface.focus_disparity) < 0))
+    return SurfaceDiagnosis(
+        singular_values=tuple(map(float, values)),
+        open_controls=open_controls,
+        conflicts=conflicts,
+        unreachable=unreachable,
+        smoothness_costs=costs,
+        beyond_infinity=beyond,
+        sentences=(
+            *missed_sentences(table, unreachable),
+            *conflict_sentences(conflicts),
+            *_smoothness_sentences(costs),
+            *_open_sentences(open_controls, float(asked.smoothness)),
+            *_beyond_sentences(beyond),
+            *idle_sentences(table),
+        ),
+    )
+
+
+def _changed(asked: SurfaceAsked, alone: bool, index: int) -> Errors:
+    """Errors with one wish alone, or without it."""
+    weight = np.asarray(asked.points.weight)
+    counts = (np.asarray(asked.points.wish) == index) == alone
+    points = dataclasses.replace(
+        asked.points, weight=jnp.asarray(np.where(counts, weight, 0.0), dtype=asked.points.weight.dtype)
+    )
+    return _errors(dataclasses.replace(asked, points=points))
+
+
+def _errors(asked: SurfaceAsked) -> Errors:
+    return picture_verdict(asked.points, np.asarray(solve_surface_asked(asked).error)).error
+
+
+def _shares(solution: SurfaceSolution) -> tuple[Float[np.ndarray, "s"], tuple[int, ...]]:
+    """Singular values of the blurs' dependence on the control values, and which of these are open."""
+    points, surface = solution.points, solution.surface
+    counts = np.asarray(points.weight) > 0
+    shares = np.asarray(surface.shares(points.xy.T), dtype=float).T[counts]
+    _, scale = surface.at(points.xy.T)
+    matrix = np.asarray(scale, dtype=float)[counts, None] * shares
+    padding = np.zeros((max(0, matrix.shape[1] - matrix.shape[0]), matrix.shape[1]))
+    _, values, rows = np.linalg.svd(np.concatenate([matrix, padding]), full_matrices=False)
+    weak = rows[values * _RANGE_PX < UNDETERMINED_PX]
+    return values, tuple(int(k) for k in np.flatnonzero(np.sum(weak**2, axis=0) > 0.01))
+
+
+def _smoothness_sentences(costs: dict[str, float]) -> list[str]:
+    paid = sorted(((cost, name) for name, cost in costs.items() if cost >= NOTABLE_PX), reverse=True)[:3]
+    if not paid:
+        return []
+    what = listed([f'"{name}" {cost:.2g} px' for cost, name in paid])
+    return [f"Smoothness costs {what}: a smaller one lets the surface bend more."]
+
+
+def _open_sentences(controls: tuple[int, ...], smoothness: float) -> list[str]:
+    if not controls:
+        return []
+    which = f"control point{'' if len(controls) == 1 else 's'} {listed([str(k) for k in controls])}"
+    settled = "smoothness alone settles" if smoothness > 0 else "the surface given settles"
+    return [f"The wishes leave {which} open (counted from 0), which {settled}."]
+
+
+def _beyond_sentences(controls: tuple[int, ...]) -> list[str]:
+    if not controls:
+        return []
+    which = f"control point{'' if len(controls) == 1 else 's'} {listed([str(k) for k in controls])}"
+    return [f"At {which} (counted from 0) the surface lies beyond infinity, to give a blur wished there."]

@@ -1,0 +1,284 @@
+"""What wishes cost each other, for pictures and shots alike: a picture is a shot of one frame."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from focusjax._words import listed
+from focusjax.focus._image_points import ACROSS, BLUR, ImagePoints
+
+NOTABLE_PX = 0.05
+"""Errors and gains below this are not worth a word."""
+
+_MOST_SAID = 6
+"""Conflicts that are put into words, worst first; the others are only counted."""
+
+_BOUNDS = {
+    "min_focus_distance": "closest focus distance",
+    "max_focus_distance": "farthest focus distance",
+    "min_f_number": "widest aperture",
+    "max_f_number": "smallest aperture",
+    "min_tilt": "least tilt",
+    "max_tilt": "largest tilt",
+    "min_swing": "least swing",
+    "max_swing": "largest swing",
+    "min_focal_length": "shortest focal length",
+    "max_focal_length": "longest focal length",
+    "min_shift": "least shift",
+    "max_shift": "largest shift",
+    "min_rise": "least rise",
+    "max_rise": "largest rise",
+}
+_PARAMETERS = {"f_number": "f-number", "focal_length": "focal length"}
+
+Errors = Float[np.ndarray, "t m"]
+"""Largest error in pixels of each wish in each frame."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Conflict:
+    """Two wishes of which at least one would be met better without the other.
+
+    Attributes:
+        first: a wish's name.
+        second: another's.
+        first_gains: pixels by which the first would be met better if the second were dropped; negative when
+            it would be met worse.
+        second_gains: the same for the second if the first were dropped.
+        frames: of a shot, the first and last frames of each stretch in which one of them gains, counted
+            from 1; empty for one picture.
+    """
+
+    first: str
+    second: str
+    first_gains: float
+    second_gains: float
+    frames: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def mutual(self) -> bool:
+        """Whether both would gain, and not one alone."""
+        return min(self.first_gains, self.second_gains) >= NOTABLE_PX
+
+
+@dataclasses.dataclass(frozen=True)
+class Unreachable:
+    """A wish that no allowed setting meets, even if it were the only one.
+
+    Attributes:
+        name: of the wish.
+        best: its error in pixels when nothing else counts; in a shot, the largest of all frames.
+        frames: of a shot, as for `Conflict`.
+    """
+
+    name: str
+    best: float
+    frames: tuple[tuple[int, int], ...] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class Verdict:
+    """How well each wish is met, in every frame.
+
+    Attributes:
+        names: of the wishes.
+        error: largest error in pixels.
+        tolerance: in pixels.
+        judged: frames in which the wish counts.
+    """
+
+    names: tuple[str, ...]
+    error: Errors
+    tolerance: Errors
+    judged: Bool[np.ndarray, "t m"]
+
+    @property
+    def missed(self) -> Bool[np.ndarray, "t m"]:
+        """Frames in which the wish counts and is off by more than its tolerance."""
+        return self.judged & (self.error > self.tolerance)
+
+    def unmet(self) -> list[int]:
+        """Wishes that are missed in some frame."""
+        return [int(index) for index in np.flatnonzero(self.missed.any(axis=0))]
+
+
+def notable(verdict: Verdict) -> bool:
+    """Whether any wish is off by enough to look for what it conflicts with."""
+    return bool((verdict.judged & (verdict.error >= NOTABLE_PX)).any())
+
+
+def by_wish(
+    rows: Float[np.ndarray, "t n"], wish: np.ndarray, count: int, weight: Float[np.ndarray, "t n"]
+) -> Errors:
+    """The largest value of each wish's rows in each frame; rows without weight only where all are."""
+    found = np.zeros((rows.shape[0], count))
+    for index in range(count):
+        mine = wish == index
+        counts = mine & (weight > 0)
+        mine = np.where(counts.any(axis=1, keepdims=True), counts, mine)
+        found[:, index] = np.max(np.where(mine, rows, 0.0), axis=1)
+    return found
+
+
+def find_conflicts(
+    verdict: Verdict,
+    where: Bool[np.ndarray, "t m"],
+    chosen: Sequence[int],
+    without: Callable[[int], Errors],
+    *,
+    over_time: bool,
+) -> tuple[Conflict, ...]:
+    """Pairs of wishes of which one would be met better without the other, worst first.
+
+    Args:
+        verdict: how they are met together.
+        where: frames in which a gain of each wish matters.
+        chosen: wishes to drop, one at a time.
+        without: errors when solved without one of them.
+        over_time: whether to say in which frames.
+    """
+    gains = {dropped: verdict.error - without(dropped) for dropped in chosen}
+
+    def gain(of: int, dropped: int) -> float:
+        mine = gains[dropped][where[:, of], of]
+        return float(mine.max()) if mine.size else 0.0
+
+    found = []
+    for position, i in enumerate(chosen):
+        for j in chosen[position + 1 :]:
+            first, second = gain(i, j), gain(j, i)
+            if max(first, second) < NOTABLE_PX:
+                continue
+            helped = (where[:, i] & (gains[j][:, i] >= NOTABLE_PX)) | (
+                where[:, j] & (gains[i][:, j] >= NOTABLE_PX)
+            )
+            stretches = runs(helped) if over_time else ()
+            found.append(Conflict(verdict.names[i], verdict.names[j], first, second, stretches))
+    return tuple(sorted(found, key=lambda each: -max(each.first_gains, each.second_gains)))
+
+
+def find_unreachable(
+    verdict: Verdict, alone: Callable[[int], Errors], *, over_time: bool
+) -> tuple[Unreachable, ...]:
+    """Missed wishes that are missed even when nothing else counts."""
+    found = []
+    for index in verdict.unmet():
+        error = alone(index)[:, index]
+        out = verdict.missed[:, index] & (error > verdict.tolerance[:, index])
+        if out.any():
+            stretches = runs(out) if over_time else ()
+            found.append(Unreachable(verdict.names[index], float(error[out].max()), stretches))
+    return tuple(found)
+
+
+def runs(which: Bool[np.ndarray, "t"]) -> tuple[tuple[int, int], ...]:
+    """First and last frame, from 1, of every stretch of frames."""
+    steps = np.diff(np.concatenate([[0], which.astype(int), [0]]))
+    firsts, lasts = np.flatnonzero(steps > 0) + 1, np.flatnonzero(steps < 0)
+    return tuple((int(first), int(last)) for first, last in zip(firsts, lasts, strict=True))
+
+
+def in_frames(stretches: Sequence[tuple[int, int]]) -> str:
+    """Stretches of frames in words: " in frames 3 to 9 and 12"; nothing when there are none.
+
+    Example:
+        >>> in_frames([(3, 9), (12, 12)]), in_frames([(5, 5)]), in_frames([])
+        (' in frames 3 to 9 and 12', ' in frame 5', '')
+    """
+    if not stretches:
+        return ""
+    if len(stretches) > 3:
+        count = sum(last - first + 1 for first, last in stretches)
+        return f" in {count} of the frames {stretches[0][0]} to {stretches[-1][1]}"
+    parts = [f"{first}" if first == last else f"{first} to {last}" for first, last in stretches]
+    one = len(stretches) == 1 and stretches[0][0] == stretches[0][1]
+    return f" in frame{'' if one else 's'} {listed(parts)}"
+
+
+def conflict_sentences(conflicts: Sequence[Conflict]) -> list[str]:
+    """The worst conflicts in words."""
+    lines = []
+    for each in conflicts[:_MOST_SAID]:
+        first, second, when = f'"{each.first}"', f'"{each.second}"', in_frames(each.frames)
+        if each.mutual:
+            lines.append(
+                f"{first} and {second} pull against each other{when}: without {second}, {first} would be met"
+                f" {each.first_gains:.2g} px better; without {first}, {second} {each.second_gains:.2g} px."
+            )
+            continue
+        gain, loss = each.second_gains, each.first_gains
+        if each.first_gains > each.second_gains:
+            first, second, gain, loss = second, first, each.first_gains, each.second_gains
+        gives = f"{first} would lose {-loss:.2g} px" if loss <= -NOTABLE_PX else f"{first} would gain nothing"
+        lines.append(
+            f"{first} costs {second} {gain:.2g} px{when}: without {first}, {second} would be met that much"
+            f" better; without {second}, {gives}."
+        )
+    rest = len(conflicts) - _MOST_SAID
+    if rest > 0:
+        lines.append(f"{rest} more pair{' pulls' if rest == 1 else 's pull'} against each other, by less.")
+    return lines
+
+
+def unreachable_sentences(unreachable: Sequence[Unreachable]) -> list[str]:
+    """Wishes out of reach, in words."""
+    return [
+        f'"{each.name}" is out of reach even alone{in_frames(each.frames)}:'
+        f" the best is {each.best:.3g} px off."
+        for each in unreachable
+    ]
+
+
+def framing_sentences(
+    verdict: Verdict,
+    points: ImagePoints,
+    error: Float[np.ndarray, "*t n"],
+    free: Sequence[str],
+    *,
+    zooms: bool,
+) -> list[str]:
+    """What would let wishes about places in the picture be met, where nothing that is free does.
+
+    Args:
+        verdict: how the wishes are met.
+        points: rows, in a shot with an axis of frames on every array.
+        error: of every row.
+        free: what is solved for.
+        zooms: whether the focal length is free and moves the picture.
+    """
+    if points.quantity is None or zooms:
+        return []
+    quantity, wish = np.asarray(points.quantity), np.asarray(points.wish)
+    weight, tolerance = np.asarray(points.weight), np.asarray(points.tolerance)
+    off = (quantity != BLUR) & (weight > 0) & (np.abs(error) > tolerance)
+    lines = []
+    for index, name in enumerate(verdict.names):
+        mine = off & (wish == index)
+        across, down = (mine & (quantity == ACROSS)).any(), (mine & (quantity != ACROSS)).any()
+        wanted = [what for what, is_off in (("shift", across), ("rise", down)) if is_off and what not in free]
+        if wanted:
+            names = " and ".join(f'"{what}"' for what in wanted)
+            lines.append(
+                f'"{name}" is not where it is wished, and nothing that is free can move it there: add {names}'
+                " to what is free, or move the camera."
+            )
+    return lines
+
+
+def bound_sentences(bounds: Sequence[tuple[str, Sequence[tuple[int, int]]]]) -> list[str]:
+    """Active bounds, each with the frames of a shot in which it is active, in words."""
+    return [
+        f"The {_BOUNDS[name]} stands in the way{in_frames(stretches)}:"
+        " beyond it the wishes could be met better."
+        for name, stretches in bounds
+    ]
+
+
+def open_sentence(names: Sequence[str]) -> str:
+    """What is left open, and what becomes of it."""
+    what = listed([f"the {_PARAMETERS.get(name, name)}" for name in names])
+    if len(names) == 1:
+        return f"The wishes leave {what} open; it stays as near as it can to where it was."
+    return f"The wishes leave {what} open; they stay as near as they can to where they were."

@@ -1,0 +1,176 @@
+"""The arguments of a solve of all frames, checked and stacked."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
+
+from focusjax._words import kind_of
+from focusjax.focus._bounds import Limits
+from focusjax.focus._checks import ArgumentError, require, require_kind
+from focusjax.focus._image_points import ImagePoints, padded, room_for, stacked, together
+from focusjax.focus._priors import Numbers
+from focusjax.focus._refuse import require_lens, require_points
+from focusjax.focus._solution import Plan
+from focusjax.focus._solve import prepared
+from focusjax.geometry import Camera
+from focusjax.lens import ThinLens, TiltShiftLens, as_tilt_shift
+
+USAGE = "solve_frames(points, cameras, lenses)"
+
+
+class FramesAsked(eqx.Module):
+    """A shot, its values checked; arrays of frames have a leading axis t.
+
+    Attributes:
+        points: wishes, as many rows in every frame.
+        camera: pinholes.
+        lens: where to start.
+        limits: bounds.
+        numbers: priors by name.
+        smoothness: weight of second differences.
+        steadiness: weight of first differences.
+        max_steps: steps allowed.
+        names: of the wishes (static).
+        plan: what else is static.
+    """
+
+    points: ImagePoints
+    camera: Camera
+    lens: ThinLens | TiltShiftLens
+    limits: Limits
+    numbers: Numbers
+    smoothness: Float[Array, ""]
+    steadiness: Float[Array, ""]
+    max_steps: Int[Array, ""]
+    names: tuple[str, ...] = eqx.field(static=True)
+    plan: Plan = eqx.field(static=True)
+
+    @property
+    def own(self) -> Bool[Array, "t"]:
+        """Frames in which some wish counts."""
+        return jnp.sum(self.points.weight, axis=1) > 0
+
+    def filled(self) -> ImagePoints:
+        """The wishes, with those of the nearest frame that has any where none counts."""
+        own = self.own
+        frame = jnp.arange(own.size)
+        before = jax.lax.cummax(jnp.where(own, frame, -own.size))
+        after = jax.lax.cummin(jnp.where(own, frame, 2 * own.size), reverse=True)
+        nearest = jnp.where(frame - before <= after - frame, before, after)
+        return jax.tree.map(lambda leaf: leaf[jnp.clip(nearest, 0, own.size - 1)], self.points)
+
+
+def frames_asked(
+    points: Sequence[ImagePoints],
+    cameras: Camera | Sequence[Camera],
+    lenses: ThinLens | TiltShiftLens | Sequence[ThinLens | TiltShiftLens],
+    *,
+    smoothness: ArrayLike,
+    steadiness: ArrayLike,
+    max_steps: int,
+    options: dict[str, Any],
+) -> FramesAsked:
+    """The arguments of `solve_frames`, checked.
+
+    Raises:
+        ArgumentError: as `solve_frames`.
+    """
+    weights = [_smoothing(name, value) for name, value in
+               (("smoothness", smoothness), ("steadiness", steadiness))]  # fmt: skip
+    _check_frames(points)
+    count = len(points)
+    if not isinstance(cameras, Sequence):
+        require_kind(cameras, Camera, USAGE, "`look_at` and `make_camera` make one", "cameras")
+        cameras = [cameras] * count
+    if not isinstance(lenses, Sequence):
+        lens_kinds = (ThinLens, TiltShiftLens)
+        require_kind(lenses, lens_kinds, USAGE, "`thin_lens` and `tilt_shift_lens` make one", "lenses")
+        lenses = [lenses] * count
+    for what, given in (("cameras", cameras), ("lenses", lenses)):
+        if len(given) != count:
+            raise ArgumentError(
+                f"there are {len(given)} {what} for {count} frames; give one each, or one for all", what
+            )
+    for camera, lens in zip(cameras, lenses, strict=True):
+        require_lens(camera, lens, USAGE)
+    if len({(camera.width, camera.height) for camera in cameras}) > 1:
+        raise ArgumentError(
+            "the cameras have pictures of several sizes; give all frames the same size", "cameras"
+        )
+    if any(isinstance(lens, TiltShiftLens) for lens in lenses):
+        lenses = [as_tilt_shift(lens) for lens in lenses]
+    stand_ins = _with_weight(points)
+    checked: dict[tuple[int, int], Any] = {}
+    frames = []
+    for t in range(count):
+        key = (id(cameras[t]), id(lenses[t]))
+        if key not in checked:
+            checked[key] = prepared(points[stand_ins[t]], cameras[t], lenses[t], usage=USAGE, **options)
+        frames.append(checked[key])
+    plan = frames[0].plan
+    if plan.method != "optimistix":
+        raise ArgumentError(
+            f"method is {plan.method!r}; frames are solved together by one method only", "method"
+        )
+    rows = room_for(max(each.disparity.shape[0] for each in points))
+    alike = stacked([padded(each, rows) for each in points])
+    sided = not isinstance(alike.signed, Tracer) and bool(np.asarray(alike.signed).all())
+    return FramesAsked(
+        points=dataclasses.replace(alike, names=(), notes=()),
+        camera=jax.tree.map(together, *cameras),
+        lens=jax.tree.map(together, *lenses),
+        limits=jax.tree.map(together, *(each.limits for each in frames)),
+        numbers=frames[0].numbers,
+        smoothness=weights[0],
+        steadiness=weights[1],
+        max_steps=jnp.asarray(max_steps),
+        names=points[0].names,
+        plan=dataclasses.replace(plan, exact=False, many=not sided),
+    )
+
+
+def _smoothing(name: str, weight: ArrayLike) -> Float[Array, ""]:
+    return require(
+        jnp.asarray(weight, dtype=float),
+        lambda v: (v >= 0) & (v < np.inf),
+        name,
+        "zero or a positive finite number",
+        name,
+    )
+
+
+def _check_frames(points: Sequence[ImagePoints]) -> None:
+    """Refuses what is no row of frames of the same wishes."""
+    if isinstance(points, ImagePoints):
+        raise ArgumentError(
+            f"points of {USAGE} is {kind_of(points)}; expected a list of them, one for each frame", "points"
+        )
+    if not points:
+        raise ArgumentError("there are no frames; give the focus points of at least one", "points")
+    for frame, each in enumerate(points):
+        require_points(each, USAGE, axes=1)
+        if each.names != points[0].names:
+            raise ArgumentError(
+                f"frame {frame} has the wishes {list(each.names)}, but frame 0 has {list(points[0].names)};"
+                " give all frames the same, with weight 0 where they are not to count",
+                "points",
+            )
+
+
+def _with_weight(points: Sequence[ImagePoints]) -> list[int]:
+    """For every frame the nearest one in which some wish counts; itself where that is not known yet."""
+    if any(isinstance(each.weight, Tracer) for each in points):
+        return list(range(len(points)))
+    own = np.flatnonzero([float(np.sum(each.weight)) > 0 for each in points])
+    if not own.size:
+        raise ArgumentError(
+            "no wish counts in any frame; give at least one a weight in one of them", "points"
+        )
+    return [int(own[np.argmin(np.abs(own - frame))]) for frame in range(len(points))]

@@ -1,0 +1,9 @@
+"""One run from a config to a picture."""
+
+from focusjax.job._picture import Examined as Examined
+from focusjax.job._picture import Picture as Picture
+from focusjax.job._picture import Progress as Progress
+from focusjax.job._run import Outcome as Outcome
+from focusjax.job._run import blur_map as blur_map
+from focusjax.job._run import find_points as find_points
+from focusjax.job._run import run as run

@@ -1,0 +1,172 @@
+"""The picture of a run, and the layers it is made of."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Array, Float
+
+from focusjax._stopwatch import Stopwatch
+from focusjax.config import RenderTable
+from focusjax.geometry import Camera
+from focusjax.layers import (
+    Extent,
+    Layers,
+    MissedLight,
+    UmbraSaving,
+    decompose,
+    missed_light,
+    peel,
+    umbra_saving,
+)
+from focusjax.lens import AbstractLens
+from focusjax.scene import Scene
+from focusjax.trace import RayPlan, nearest_in_layers, plan_rays, quality_of, render, render_pinhole
+
+Progress = Callable[[str, float | None], None]
+"""Told the stage that runs and, where that is known, the share of it that is done."""
+
+_EVERY_LAYER = 4096
+
+
+@dataclass(frozen=True)
+class Examined:
+    """What layers miss and what the umbra spares them, against plain peeling to the end.
+
+    Attributes:
+        missed: share of the lens rays whose nearest surface they do not hold.
+        saving: layers and samples with the umbra and without.
+    """
+
+    missed: MissedLight
+    saving: UmbraSaving
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What rendering made, all of it linear.
+
+    Attributes:
+        image: radiance [h, w, 3] through the lens.
+        pinhole: radiance [h, w, 3] with everything sharp.
+        layer_count: layers that the lens sees and that hold anything.
+        samples_kept: samples of surface in them.
+        layer_bytes: memory of the layers with their N-buffers.
+        margin: pixels that the layers reach beyond the frame.
+        complete: whether no surface was left out for want of layers.
+        examined: what they miss and spare, when that was asked for.
+        rays: rays per pixel on the average.
+        extent: how large layers may be for compiled programs to serve again: the `like` of another run.
+        plan: what was expected of them, when a quality was asked for.
+        decibels: PSNR of the rays then, told from a sample of the pixels.
+    """
+
+    image: Float[Array, "h w 3"]
+    pinhole: Float[Array, "h w 3"]
+    layer_count: int
+    samples_kept: int
+    layer_bytes: int
+    margin: float
+    complete: bool
+    rays: int
+    extent: Extent
+    examined: Examined | None = None
+    plan: RayPlan | None = None
+    decibels: float | None = None
+
+
+def make_picture(
+    table: RenderTable,
+    scene: Scene,
+    camera: Camera,
+    lens: AbstractLens,
+    like: Extent | None,
+    watch: Stopwatch,
+    tell: Progress,
+) -> Picture:
+    """Layers, rays and picture as `table` has them.
+
+    Args:
+        table: the `[render]` of a config.
+        scene: what is in front of the camera.
+        camera: frame and pose.
+        lens: any lens.
+        like: `Picture.extent` of another run, whose compiled programs serve again.
+        watch: told the stages.
+        tell: told how far the rays are.
+    """
+    like = like if like is not None and like.serves(camera, table.supersampling) else None
+    with watch.stage("peel"):
+        layers = _layers(table, scene, camera, lens, like)
+        jax.block_until_ready(eqx.filter(layers, eqx.is_array))
+    examined = None
+    if table.examine_layers:
+        with watch.stage("examine_layers"):
+            examined = _examine(layers, scene, camera, lens)
+    rays, plan, decibels = table.rays, None, None
+    if table.quality is not None:
+        with watch.stage("plan"):
+            plan = plan_rays(layers, lens, table.quality, seed=table.seed)
+            rays = plan.rays
+    with watch.stage("render"):
+        image = render(layers, lens, rays=rays, seed=table.seed, progress=lambda share: tell("render", share))
+        image.block_until_ready()
+    if plan is not None:
+        with watch.stage("examine"):
+            decibels = quality_of(layers, lens, np.asarray(image), rays=rays, seed=table.seed)
+    with watch.stage("pinhole"):
+        pinhole = render_pinhole(layers)
+        pinhole.block_until_ready()
+    return Picture(
+        image=image,
+        pinhole=pinhole,
+        layer_count=max(1, int((layers.cells > 0).any(axis=(1, 2)).sum())),
+        samples_kept=layers.samples_kept,
+        layer_bytes=layers.nbytes,
+        margin=layers.grid.margin / layers.grid.supersampling,
+        complete=layers.complete,
+        examined=examined,
+        rays=rays,
+        extent=layers.extent.for_others(like),
+        plan=plan,
+        decibels=decibels,
+    )
+
+
+def _layers(
+    table: RenderTable, scene: Scene, camera: Camera, lens: AbstractLens, like: Extent | None
+) -> Layers:
+    """Peeled, or in slabs when the table says how many or how thick."""
+    if table.slabs is not None or table.slab_blur_px is not None:
+        return decompose(
+            scene,
+            camera,
+            lens,
+            count=table.slabs,
+            blur_step=table.slab_blur_px,
+            supersampling=table.supersampling,
+            view_dependent=table.view_dependent,
+            pixel_filter=table.pixel_filter,
+            like=like,
+        )
+    return peel(
+        scene,
+        camera,
+        lens,
+        supersampling=table.supersampling,
+        max_layers=table.max_layers,
+        view_dependent=table.view_dependent,
+        pixel_filter=table.pixel_filter,
+        like=like,
+    )
+
+
+def _examine(layers: Layers, scene: Scene, camera: Camera, lens: AbstractLens) -> Examined:
+    samples = layers.grid.supersampling
+    everything = peel(scene, camera, lens, supersampling=samples, max_layers=_EVERY_LAYER, umbra=False)
+    return Examined(
+        missed=missed_light(layers, nearest_in_layers(everything)),
+        saving=umbra_saving(scene, camera, lens, supersampling=samples),
+    )

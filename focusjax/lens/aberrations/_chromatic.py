@@ -1,0 +1,126 @@
+"""A lens that treats colours differently."""
+
+from collections.abc import Sequence
+from typing import SupportsFloat
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from focusjax.geometry import Camera, LensRay
+from focusjax.lens._aperture import AbstractAperture
+from focusjax.lens._base import AbstractLens, Channel
+from focusjax.lens.aberrations._aberrated import AberratedLens
+from focusjax.lens.aberrations._base import AbstractAberration, length
+from focusjax.lens.aberrations._focus_offsets import FocusOffset
+from focusjax.lens.aberrations._magnification import Magnification
+
+
+class ChromaticLens(AbstractLens):
+    """A lens with aberrations that each colour has for itself.
+
+    It is looked through once for each channel, so that a picture takes so many times as long to trace. `ray`
+    and `blur` are those of the lens without them.
+
+    Attributes:
+        lens: the lens that they come on top of; it treats all colours alike.
+        aberrations: those of each channel, one or more.
+        colours: what each channel counts in red, green and blue (static); each sums to 1 over the channels.
+    """
+
+    lens: AbstractLens
+    aberrations: tuple[tuple[AbstractAberration, ...], ...]
+    colours: tuple[tuple[float, float, float], ...] = eqx.field(static=True)
+
+    def opening(self) -> AbstractAperture:
+        return self.lens.opening()
+
+    def channels(self) -> tuple[Channel, ...]:
+        return tuple(
+            Channel(AberratedLens(self.lens, own), colour)
+            for own, colour in zip(self.aberrations, self.colours, strict=True)
+        )
+
+    def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
+        return self.lens.ray(camera, film_point, pupil_point)
+
+    def blur(
+        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
+    ) -> Float[Array, ""]:
+        return self.lens.blur(camera, film_point, disparity)
+
+    def footprint(
+        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
+    ) -> tuple[Float[Array, "2"], Float[Array, ""]]:
+        disks = [each.lens.footprint(camera, film_point, disparity) for each in self.channels()]
+        disks.append(self.lens.footprint(camera, film_point, disparity))
+        middle = sum((centre for centre, _ in disks), jnp.zeros_like(film_point)) / len(disks)
+        return middle, jnp.stack([length(centre - middle) + radius for centre, radius in disks]).max()
+
+    def reach(self, camera: Camera, disparity: Float[Array, ""]) -> Float[Array, ""]:
+        each = [channel.lens.reach(camera, disparity) for channel in self.channels()]
+        return jnp.stack([*each, self.lens.reach(camera, disparity)]).max()
+
+    def parallax(self, camera: Camera) -> Float[Array, ""]:
+        return self.lens.parallax(camera)
+
+    def __check_init__(self) -> None:
+        if self.lens.channels():
+            raise ValueError("a chromatic lens was given a lens that is chromatic itself; give all at once")
+        if len(self.aberrations) != len(self.colours):
+            raise ValueError(
+                f"{len(self.aberrations)} channels have {len(self.colours)} colours; give one each"
+            )
+        totals = np.sum(self.colours, axis=0)
+        if not np.allclose(totals, 1.0):
+            raise ValueError(
+                f"the channels' shares of red, green and blue sum to {totals.tolist()}; expected 1"
+            )
+
+
+def chromatic_lens(
+    lens: AbstractLens,
+    *,
+    focus_offset: Sequence[SupportsFloat] = (0.0, 0.0, 0.0),
+    magnification: Sequence[SupportsFloat] = (1.0, 1.0, 1.0),
+    bands: int = 3,
+) -> ChromaticLens:
+    """A `ChromaticLens` with axial and lateral colour.
+
+    Args:
+        lens: any lens that treats all colours alike.
+        focus_offset: 1/m added to the focal disparity of red, green and blue. A simple lens bends blue more:
+            (-c, 0, c), which gives what is behind the focus a blue rim and what is before it a red one.
+        magnification: size of the red, green and blue pictures, near 1.
+        bands: channels from red to blue, odd: 3, or more of them between, for which offset and size are
+            interpolated and which count for the two colours that they lie between. Fringes are then smooth.
+
+    Raises:
+        ValueError: not three numbers, or not finite; a size that is not positive; an even number of bands.
+
+    Example:
+        >>> from focusjax.lens import thin_lens
+        >>> thin = thin_lens(focus_distance=2, aperture_radius=0.02)
+        >>> len(chromatic_lens(thin, focus_offset=(-0.02, 0, 0.02)).channels())
+        3
+    """
+    focus, size = (np.array([float(v) for v in values]) for values in (focus_offset, magnification))
+    for name, values in (("focus offset", focus), ("magnification", size)):
+        if values.shape != (3,) or not np.isfinite(values).all():
+            raise ValueError(f"{name} is {values.tolist()}; expected finite numbers for red, green and blue")
+    if not (size > 0).all():
+        raise ValueError(f"magnification is {size.tolist()}; expected positive numbers near 1")
+    if bands < 3 or bands % 2 == 0:
+        raise ValueError(f"there are {bands} bands; expected 3, 5, 7 or another odd number")
+    place, primaries = np.linspace(0.0, 2.0, bands), np.arange(3.0)
+    shares = np.maximum(1.0 - np.abs(place[:, None] - primaries), 0.0)
+    shares /= shares.sum(axis=0)
+
+    def terms(at: float) -> tuple[AbstractAberration, ...]:
+        offset: Float[Array, ""] = jnp.asarray(np.interp(at, primaries, focus), dtype=float)
+        scale: Float[Array, ""] = jnp.asarray(np.interp(at, primaries, size), dtype=float)
+        return FocusOffset(offset), Magnification(scale)
+
+    colours = tuple((float(r), float(g), float(b)) for r, g, b in shares)
+    return ChromaticLens(lens, tuple(terms(at) for at in place), colours)

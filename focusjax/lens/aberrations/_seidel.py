@@ -1,0 +1,166 @@
+"""The five Seidel aberrations, as gradients of a wavefront polynomial over the pupil (Kyaw eq. 6.2)."""
+
+from typing import SupportsFloat
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from focusjax.geometry import Camera
+from focusjax.lens._base import AbstractLens
+from focusjax.lens.aberrations._base import AbstractAberration, Bounds, frame_corners, length
+
+
+class Seidel(AbstractAberration):
+    """Third-order aberrations, over any lens.
+
+    With u the ray's point on the pupil in radii of the full opening, and h the film point from the principal
+    point in half diagonals of the frame, so that |h| = 1 in the corners of an unshifted frame, the wavefront
+    is
+
+        W = W040 |u|^4 - W131 (h.u) |u|^2 + W222 (h.u)^2 + W220 |h|^2 |u|^2 - W311 |h|^2 (h.u),
+
+    (the image itself, upside down, is at -h), and light that an ideal lens sends to p lands at p + grad_u W.
+    The coefficients are in pixels: W040 moves the rim's rays by 4 W040. A positive one makes
+
+    - W040 spherical aberration, under-corrected: the rim focuses nearer than the middle;
+    - W131 coma whose tail points to the middle of the picture, 3 W131 long in the corner at full opening;
+    - W222 astigmatism: rays in the plane of h focus nearer towards the corners, those across it do not;
+    - W220 field curvature: the focus is nearer towards the corners;
+    - W311 barrel distortion: corners are drawn in by W311.
+
+    u is taken from where rays cross the lens: stopped down to a part of the full opening, it has the
+    aberrations of that part, and a pinhole has only distortion.
+
+    Attributes:
+        w040: pixels.
+        w131: pixels.
+        w222: pixels.
+        w220: pixels.
+        w311: pixels.
+        full_radius: radius in metres of the opening that the coefficients are for.
+    """
+
+    w040: Float[Array, ""]
+    w131: Float[Array, ""]
+    w222: Float[Array, ""]
+    w220: Float[Array, ""]
+    w311: Float[Array, ""]
+    full_radius: Float[Array, ""]
+
+    def offset(
+        self,
+        camera: Camera,
+        film_point: Float[Array, "2"],
+        pupil_point: Float[Array, "2"],
+        b: Float[Array, "2"],
+    ) -> Float[Array, "2"]:
+        # The film point looks where the light that lands on it was meant to go.
+        del pupil_point
+        u, h = b / self._full(camera), _field(camera, film_point)
+        square, across, far = u @ u, h @ u, h @ h
+        gradient = 4.0 * self.w040 * square * u
+        gradient -= self.w131 * (h * square + 2.0 * across * u)
+        gradient += 2.0 * self.w222 * across * h
+        gradient += 2.0 * self.w220 * far * u
+        gradient -= self.w311 * far * h
+        return -gradient
+
+    def bounds(self, camera: Camera, film_point: Float[Array, "2"], parallax: Float[Array, ""]) -> Bounds:
+        # (h.u) h is |h|^2 u / 2 and as much again, mirrored at h. Coma's circles lie in a disk that they
+        # touch on both sides, 1.5 W131 |h| around.
+        full, h = self._full(camera), _field(camera, film_point)
+        k, far = parallax / full, h @ h
+        flat = (2.0 * self.w220 + self.w222) * far / full
+        rim = flat + 4.0 * self.w040 * k**2 / full
+        coma = 1.5 * self.w131 * k**2
+        return Bounds(
+            least=jnp.minimum(flat, rim),
+            most=jnp.maximum(flat, rim),
+            shift=(coma + self.w311 * far) * h,
+            spread=jnp.abs(coma) * length(h) + jnp.abs(self.w222) * far * k,
+        )
+
+    def overall(self, camera: Camera, parallax: Float[Array, ""]) -> Bounds:
+        full = self._full(camera)
+        h = (frame_corners(camera, full.dtype) - camera.principal_point[None]) / _half_diagonal(camera)
+        far = (h**2).sum(axis=1).max()
+        k, zero = parallax / full, jnp.zeros_like(full)
+        flat = (2.0 * self.w220 + self.w222) * far / full
+        sphere = 4.0 * self.w040 * k**2 / full
+        coma, barrel = 3.0 * jnp.abs(self.w131) * k**2, jnp.abs(self.w311) * far
+        return Bounds(
+            least=jnp.minimum(flat, zero) + jnp.minimum(sphere, zero),
+            most=jnp.maximum(flat, zero) + jnp.maximum(sphere, zero),
+            shift=jnp.stack([zero, zero]),
+            spread=(coma + barrel) * jnp.sqrt(far) + jnp.abs(self.w222) * far * k,
+        )
+
+    def defocus(
+        self, camera: Camera, film_point: Float[Array, "2"], parallax: Float[Array, ""]
+    ) -> Float[Array, ""]:
+        # The mean of |u|^2 weighted by |u|^2 is two thirds of the rim's.
+        full, h = self._full(camera), _field(camera, film_point)
+        sphere = 8.0 / 3.0 * self.w040 * (parallax / full) ** 2
+        return (sphere + (2.0 * self.w220 + self.w222) * (h @ h)) / full
+
+    def _full(self, camera: Camera) -> Float[Array, ""]:
+        """Pixels per dioptre of the full opening's rim."""
+        return camera.focal_px * self.full_radius
+
+
+def seidel(
+    lens: AbstractLens,
+    camera: Camera,
+    *,
+    w040: SupportsFloat = 0.0,
+    w131: SupportsFloat = 0.0,
+    w222: SupportsFloat = 0.0,
+    w220: SupportsFloat = 0.0,
+    w311: SupportsFloat = 0.0,
+) -> Seidel:
+    """`Seidel` aberrations for a lens as it is open now, with checked coefficients in pixels.
+
+    Raises:
+        ValueError: a coefficient that is not finite, or a lens that is closed.
+
+    Example:
+        >>> from focusjax import look_at
+        >>> from focusjax.lens import AberratedLens, thin_lens
+        >>> camera = look_at((0, 0, 0), (0, 0, -1), width=60, height=40, focal_length=0.05)
+        >>> thin = thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> lens = AberratedLens(thin, (seidel(thin, camera, w040=0.5, w131=1.0),))
+    """
+    given = {"w040": w040, "w131": w131, "w222": w222, "w220": w220, "w311": w311}
+    for name, value in given.items():
+        if not np.isfinite(float(value)):
+            raise ValueError(f"{name} is {value}; expected a finite number of pixels")
+    radius = lens.parallax(camera) / camera.focal_px
+    if not float(radius) > 0:
+        raise ValueError("a closed lens has no Seidel aberrations; open it, and stop it down afterwards")
+    numbers = {name: jnp.asarray(float(value), dtype=float) for name, value in given.items()}
+    return Seidel(**numbers, full_radius=jnp.asarray(radius, dtype=float))
+
+
+def pixels_per_wave(
+    camera: Camera, f_number: SupportsFloat, wavelength: SupportsFloat = 587.6e-9
+) -> Float[Array, ""]:
+    """Pixels that a wavefront coefficient of one wave is, as a coefficient of `Seidel`.
+
+    The transverse aberration on the sensor is the wavefront's slope over the exit pupil, which is seen
+    from there under 1 / (2 N): 2 N times the wavelength.
+
+    Args:
+        camera: whose pixels are meant.
+        f_number: N at the full opening.
+        wavelength: metres.
+    """
+    return 2.0 * float(f_number) * float(wavelength) * camera.focal_px / camera.focal_length
+
+
+def _half_diagonal(camera: Camera) -> float:
+    return 0.5 * float(np.hypot(camera.width, camera.height))
+
+
+def _field(camera: Camera, film_point: Float[Array, "2"]) -> Float[Array, "2"]:
+    return (film_point - camera.principal_point) / _half_diagonal(camera)

@@ -1,0 +1,79 @@
+"""A piece of a mesh as it comes, and what is refused of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from focusjax.scene._material import Material
+
+_FARTHEST = 1e12
+"""Metres from the origin within which single precision still tells directions apart after squaring."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A piece of a mesh with one material, before normals are made; `check_part` tests its shapes.
+
+    vertices [v, 3], faces [t, 3], normals [v, 3], uv [v, 2], linear colours [v, 3], opacity [v].
+    """
+
+    vertices: Float[np.ndarray, "..."]
+    faces: Int[np.ndarray, "..."]
+    material: Material
+    normals: Float[np.ndarray, "..."] | None = None
+    uv: Float[np.ndarray, "..."] | None = None
+    colours: Float[np.ndarray, "..."] | None = None
+    opacity: Float[np.ndarray, "..."] | None = None
+
+
+def check_part(part: Part, what: str) -> None:
+    """Raise a ValueError when `part` is empty, not finite, or refers to vertices it lacks."""
+    if part.faces.size == 0:
+        raise ValueError(f"{what} has no faces; expected a mesh of triangles")
+    if part.vertices.ndim != 2 or part.vertices.shape[-1] != 3 or part.faces.shape[1:] != (3,):
+        raise ValueError(
+            f"{what} has vertices {part.vertices.shape} and faces {part.faces.shape};"
+            " expected three coordinates per vertex and three vertices per face"
+        )
+    if part.faces.min() < 0 or part.faces.max() >= len(part.vertices):
+        worst = part.faces.min() if part.faces.min() < 0 else part.faces.max()
+        raise ValueError(
+            f"{what} has a face that refers to vertex {worst}, but its {len(part.vertices)} vertices"
+            f" are 0 to {len(part.vertices) - 1}; repair the file"
+        )
+    bad = ~np.isfinite(part.vertices).all(axis=1)
+    if bad.any():
+        raise ValueError(
+            f"{what} has {int(bad.sum())} vertices with NaN or infinite coordinates (the first is"
+            f" vertex {int(bad.argmax())}); repair the mesh"
+        )
+    for values, name, width in ((part.uv, "texture coordinates", 2), (part.colours, "vertex colours", 3)):
+        if values is not None and values.shape != (len(part.vertices), width):
+            raise ValueError(
+                f"{what} has {name} of shape {values.shape}; expected {(len(part.vertices), width)}"
+            )
+        if values is not None and not np.isfinite(values).all():
+            raise ValueError(f"{what} has {name} that are not finite; repair the mesh")
+    if part.colours is not None and (part.colours < 0).any():
+        raise ValueError(
+            f"{what} has vertex colours below 0 (the least is {part.colours.min():g}); repair the mesh"
+        )
+
+
+def check_placed(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "t 3"], what: str) -> None:
+    """Raise a ValueError when placed triangles lie beyond all reason, or none has an area."""
+    farthest = float(np.abs(vertices).max())
+    if not farthest <= _FARTHEST:
+        raise ValueError(
+            f"{what} reaches {farthest:.3g} m from the origin; expected at most {_FARTHEST:g} m, so check its"
+            " scale, or make it part of the background"
+        )
+    first, second, third = (vertices[corner] for corner in faces.T)
+    doubled = np.linalg.norm(np.cross(second - first, third - first), axis=1)
+    longest = np.maximum(np.linalg.norm(second - first, axis=1), np.linalg.norm(third - first, axis=1))
+    if not (doubled > 1e-12 * longest**2).any():
+        raise ValueError(
+            f"{what} has no area: its triangles ({len(faces)}) are lines or points; repair the mesh, or"
+            " its scale"
+        )

@@ -1,0 +1,204 @@
+"""The look of lenses: bokeh of every kind of lens without glass, behind the focus and before it.
+
+Rows are lenses. On the left a night scene: small lights far behind the focus, others close to the lens, and
+a row of bars in focus. On the right three of its lights, enlarged: behind the focus in the middle, before it,
+and behind it in the corner. What a photographer might ask for goes to gallery.json: how bright the inner half
+of each disc is against the outer half, and how much light the corner gets. gallery.png holds all, sheet.jpg
+the three lights of each lens with its name.
+
+    python scripts/bokeh_gallery.py --out out/bokeh
+    python scripts/bokeh_gallery.py --out out/bokeh --only thin apodized --rays 256
+"""
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+import numpy as np
+from scipy.ndimage import zoom
+
+from focusjax.film import to_bytes
+from focusjax.geometry import Camera, look_at
+from focusjax.io import save_png
+from focusjax.layers import peel
+from focusjax.lens import (
+    AberratedLens,
+    AbstractAperture,
+    AbstractLens,
+    Disk,
+    apodized,
+    chromatic_lens,
+    mask,
+    obstructed,
+    polygon,
+    power_profile,
+    seidel,
+    squeezed,
+    thin_lens,
+    vignetted_lens,
+)
+from focusjax.scene import Scene, SceneObject, constant_background, make_object, make_scene
+from focusjax.trace import render
+
+WIDTH, HEIGHT = 360, 240
+FOCUS, FAR, NEAR = 2.0, 40.0, 1.03
+"""Metres. Lights behind and before the focus are blurred over the same number of pixels."""
+SQUARE = np.array([(0, 1, 2), (0, 2, 3)])
+PLACES = {"behind": (210.0, 84.0), "before": (165.0, 205.0), "corner": (330.0, 24.0)}
+"""Lights to look at closely."""
+WINDOW = 56
+DARK = np.array([0.012, 0.013, 0.02])
+BRIGHT = 28.0
+"""So that a disc is about half as bright as white."""
+TINTS = np.array([(1.0, 0.72, 0.4), (0.9, 0.9, 0.9), (0.9, 0.9, 0.9), (0.5, 0.75, 1.0)])
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, required=True, help="folder for gallery.png and gallery.json")
+    parser.add_argument("--only", nargs="+", choices=list(LENSES), default=list(LENSES), help="some lenses")
+    parser.add_argument("--rays", type=int, default=256, help="per pixel on the average")
+    return parser.parse_args()
+
+
+def camera() -> Camera:
+    return look_at((0, 0, 0), (0, 0, -1), width=WIDTH, height=HEIGHT, focal_length=0.085, sensor_width=0.036)
+
+
+def heart(size: int = 48) -> np.ndarray:
+    """A heart, upright, as light on black."""
+    y, x = np.mgrid[1.25 : -1.35 : size * 1j, -1.25 : 1.25 : size * 1j]
+    return ((x**2 + y**2 - 0.9) ** 3 - 1.3 * x**2 * y**3 < 0).astype(float)
+
+
+def opened(aperture: AbstractAperture) -> AbstractLens:
+    """An 85 mm lens at f/1.2 with this opening, focused on the chart."""
+    return thin_lens(focus_distance=FOCUS, focal_length=0.085, f_number=1.2, aperture=aperture)
+
+
+def soft(strength: float) -> AbstractLens:
+    """With a rim that focuses nearer by so many dioptres."""
+    return AberratedLens(opened(Disk()), (power_profile([0.0, strength]),))
+
+
+def of_seidel(**coefficients: float) -> AbstractLens:
+    lens = opened(Disk())
+    return AberratedLens(lens, (seidel(lens, camera(), **coefficients),))
+
+
+LENSES: dict[str, Callable[[], AbstractLens]] = {
+    "thin": lambda: opened(Disk()),
+    "blades": lambda: opened(polygon(7, rotation=0.2, roundness=0.25)),
+    "mirror": lambda: opened(obstructed(0.45)),
+    "anamorphic": lambda: opened(squeezed(2.0, Disk())),
+    "heart": lambda: opened(mask(heart())),
+    "apodized": lambda: opened(apodized([1.0, 0.75, 0.3, 0.04])),
+    "ring-weighted": lambda: opened(apodized([0.35, 0.4, 0.7, 2.0])),
+    "under-corrected": lambda: soft(0.16),
+    "over-corrected": lambda: soft(-0.16),
+    "zones": lambda: AberratedLens(
+        opened(Disk()), (power_profile([0.0, 0.1, -0.05, 0.05, -0.1, 0.05, 0.0]),)
+    ),
+    "colour": lambda: chromatic_lens(
+        opened(Disk()), focus_offset=(-0.05, 0.0, 0.05), magnification=(1.004, 1.0, 0.996), bands=7
+    ),
+    "cat's eyes": lambda: vignetted_lens(opened(Disk()), camera(), corner_shift=0.75),
+    "coma": lambda: of_seidel(w131=7.0),
+    "astigmatism": lambda: of_seidel(w222=8.0, w220=-4.0),
+}
+
+
+def tint(number: int) -> np.ndarray:
+    """White for the lights that are looked at closely."""
+    return TINTS[number % 4]
+
+
+def light(name: str, xy: tuple[float, float], depth: float, size: float, radiance: np.ndarray) -> SceneObject:
+    """A square light of `size` pixels at a place in the picture."""
+    view = camera()
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * size / 2 + xy
+    x, y = ((corners - [WIDTH / 2, HEIGHT / 2]) / float(view.focal_px)).T
+    points = depth * np.stack([x, -y, -np.ones(4)], axis=1)
+    return make_object(name, points, SQUARE, colour=(0, 0, 0), emission=radiance)
+
+
+def night() -> Scene:
+    """Lights behind and before the focus, and a chart in it."""
+    objects = []
+    for number, (x, y) in enumerate([(x, y) for y in (24, 84) for x in (30, 90, 150, 210, 270, 330)]):
+        objects.append(light(f"far {number}", (x, y), FAR, 3.0, BRIGHT * tint(number)))
+    for number, x in enumerate((45, 105, 165, 225, 285, 345)):
+        objects.append(light(f"near {number}", (x, 205), NEAR, 3.0, BRIGHT * tint(number)))
+    for number in range(30):
+        x, y = 20 + 11 * number, 150
+        tall = 24 if number % 5 == 0 else 14
+        left = light(f"bar {number}", (x, y), FOCUS, 3.0, np.full(3, 0.5))
+        stretched = left.vertices * np.array([1.0, tall / 3.0, 1.0])
+        shift = left.vertices[:, 1].mean() - stretched[:, 1].mean()
+        objects.append(
+            make_object(
+                left.name, stretched + np.array([0, shift, 0]), SQUARE, colour=(0, 0, 0), emission=0.5
+            )
+        )
+    return make_scene(objects, background=constant_background(DARK), unlit=True)
+
+
+def close_up(picture: np.ndarray, place: tuple[float, float]) -> np.ndarray:
+    """What is around one light: [WINDOW, WINDOW, 3]."""
+    padded = np.pad(picture, ((WINDOW, WINDOW), (WINDOW, WINDOW), (0, 0)))
+    column, row = int(place[0]) + WINDOW // 2, int(place[1]) + WINDOW // 2
+    return padded[row : row + WINDOW, column : column + WINDOW]
+
+
+def core_to_rim(disc: np.ndarray) -> float:
+    """Mean brightness of the inner half of a disc's area over that of the outer half, by its own radius."""
+    y, x = np.mgrid[0.5:WINDOW, 0.5:WINDOW] - WINDOW / 2
+    away, grey = np.hypot(x, y), np.maximum(disc.mean(axis=-1) - DARK.mean(), 0.0)
+    order = np.argsort(away.ravel())
+    total = np.cumsum(grey.ravel()[order])
+    rim = away.ravel()[order][np.searchsorted(total, 0.93 * total[-1])]
+    inner, outer = away < rim * np.sqrt(0.5), (away >= rim * np.sqrt(0.5)) & (away < rim)
+    return float(grey[inner].mean() / grey[outer].mean())
+
+
+def main() -> None:
+    options = arguments()
+    options.out.mkdir(parents=True, exist_ok=True)
+    rows, sheet, numbers = [], [], {}
+    for name in options.only:
+        lens = LENSES[name]()
+        picture = np.asarray(render(peel(night(), camera(), lens), lens, rays=options.rays))
+        discs = {kind: close_up(picture, place) for kind, place in PLACES.items()}
+        numbers[name] = {f"core to rim, {kind}": core_to_rim(disc) for kind, disc in discs.items()}
+        light_of = {kind: float((disc - DARK).mean(axis=-1).sum()) for kind, disc in discs.items()}
+        numbers[name]["light in the corner"] = light_of["corner"] / light_of["behind"]
+        large = [zoom(disc, (HEIGHT / WINDOW, HEIGHT / WINDOW, 1), order=1) for disc in discs.values()]
+        rows.append(np.concatenate([picture, *large], axis=1))
+        sheet.append((name, np.concatenate(list(discs.values()), axis=1)))
+        save_png(options.out / f"{name.replace(' ', '_')}.png", rows[-1])
+        print(name, {key: round(value, 3) for key, value in numbers[name].items()}, flush=True)
+    save_png(options.out / "gallery.png", np.concatenate(rows, axis=0))
+    (options.out / "gallery.json").write_text(json.dumps(numbers, indent=2) + "\n")
+    save_sheet(options.out / "sheet.jpg", sheet)
+
+
+def save_sheet(path: Path, discs: list[tuple[str, np.ndarray]]) -> None:
+    """Discs of all lenses in two columns, with their names."""
+    rows = -(-len(discs) // 2)
+    figure, axes = plt.subplots(rows, 2, figsize=(8.4, 1.45 * rows), facecolor="black", squeeze=False)
+    for axis in axes.flat:
+        axis.axis("off")
+    for axis, (name, disc) in zip(axes.T.flat, discs, strict=False):
+        axis.imshow(to_bytes(jnp.asarray(disc)), interpolation="bilinear")
+        axis.set_title(name, color="white", fontsize=10, pad=3)
+    figure.tight_layout(pad=0.4)
+    figure.savefig(path, dpi=75, facecolor="black", pil_kwargs={"quality": 88})
+
+
+if __name__ == "__main__":
+    main()

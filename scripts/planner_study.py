@@ -1,0 +1,91 @@
+"""What the planner promises and what comes of it: PSNR and seconds, wanted, expected and reached.
+
+For each config and quality a picture is planned and rendered. Its error is that against a picture of very
+many rays through the same layers, as an eye or a film would have it: what is brighter than white counts
+relative to itself.
+
+    python scripts/planner_study.py configs/bars.toml configs/still_life.toml --out out/plans
+"""
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+
+from focusjax import job
+from focusjax.bench import baked, resized
+from focusjax.config import build_scene, load_config
+from focusjax.layers import peel
+from focusjax.trace import decibels_of, plan_rays, quality_of, render
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("configs", nargs="+", type=Path)
+    parser.add_argument("--out", type=Path, required=True, help="folder for the tables")
+    parser.add_argument("--qualities", nargs="+", default=["30 dB", "35 dB", "40 dB"])
+    parser.add_argument("--size", default="200x150")
+    parser.add_argument("--reference-rays", type=int, default=1024)
+    return parser.parse_args()
+
+
+def decibels(picture: np.ndarray, truth: np.ndarray) -> float:
+    """PSNR, with what is brighter than 1 relative to itself."""
+    error = (picture - truth) / np.maximum(truth, 1.0)
+    return -10.0 * float(np.log10(np.mean(error**2)))
+
+
+def study(path: Path, options: argparse.Namespace) -> list[dict]:
+    """A row for each quality."""
+    config = load_config(path)
+    outcome = job.run(config, rendering=False)
+    camera = resized(outcome.camera, *(int(edge) for edge in options.size.split("x")))
+    lens = outcome.lens
+    layers = peel(baked(build_scene(config)), camera, lens, max_layers=16)
+    truth = np.asarray(render(layers, lens, rays=options.reference_rays, seed=99))
+    rows = []
+    for quality in options.qualities:
+        plan = plan_rays(layers, lens, quality)
+        render(layers, lens, rays=plan.rays, seed=1)
+        start = time.perf_counter()
+        picture = np.asarray(render(layers, lens, rays=plan.rays))
+        seconds = time.perf_counter() - start
+        rows.append(
+            {
+                "scene": path.stem,
+                "wanted dB": decibels_of(quality),
+                "rays": plan.rays,
+                "expected dB": plan.decibels,
+                "reached dB": decibels(picture, truth),
+                "told dB": quality_of(layers, lens, picture, rays=plan.rays),
+                "expected s": plan.seconds,
+                "took s": seconds,
+            }
+        )
+        print(rows[-1], flush=True)
+    return rows
+
+
+def markdown(rows: list[dict]) -> str:
+    lines = ["| " + " | ".join(rows[0]) + " |", "|" + " --- |" * len(rows[0])]
+    for row in rows:
+        values = (f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values())
+        lines.append("| " + " | ".join(values) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    options = arguments()
+    options.out.mkdir(parents=True, exist_ok=True)
+    rows = [row for path in options.configs for row in study(path, options)]
+    print(markdown(rows))
+    (options.out / "plans.md").write_text(markdown(rows))
+    (options.out / "plans.json").write_text(json.dumps(rows, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,134 @@
+"""What a config says of the lens's look: openings, aberrations, colour, cat's eyes."""
+
+import imageio.v3 as iio
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from focusjax.config import ConfigError, build_camera, build_lens, build_look, load_config
+from focusjax.geometry import Camera
+from focusjax.lens import (
+    AberratedLens,
+    Apodized,
+    ChromaticLens,
+    FieldCurvature,
+    Mask,
+    Obstructed,
+    Polygon,
+    PowerProfile,
+    Seidel,
+    Squeezed,
+    ThinLens,
+    VignettedLens,
+)
+
+CONFIG = """
+[scene]
+unlit = true
+[[scene.objects]]
+file = "wall.ply"
+[camera]
+position = [0, 0, 0]
+look_at = [0, 0, -1]
+focal_length_mm = 50
+resolution = [64, 48]
+[lens]
+f_number = 2
+focus_distance_m = 2
+"""
+OPENING = '{shape = "polygon", blades = 5, obstruction = 0.3, transmission = [1, 0.4], squeeze = 1.5}'
+LOOK = [
+    "lens.power_profile=[0, 0.1]",
+    "lens.seidel.w040_px=0.5",
+    "lens.seidel.w131_px=-1",
+    "lens.colour.focus_offset=[-0.02, 0, 0.02]",
+    "lens.colour.bands=5",
+    "lens.field_curvature=[{pixel = [32, 24], offset = 0}, {pixel = [0, 0], offset = 0.1}]",
+    "lens.cats_eyes={corner_shift = 0.7}",
+]
+
+
+@pytest.fixture
+def path(tmp_path):
+    (tmp_path / "look.toml").write_text(CONFIG)
+    return tmp_path / "look.toml"
+
+
+def lens_of(path, *overrides: str) -> tuple[Camera, ThinLens]:
+    config = load_config(path, overrides)
+    camera = build_camera(config)
+    lens = build_lens(config, camera, solved=False)
+    assert isinstance(lens, ThinLens)
+    return camera, lens
+
+
+def test_an_opening_is_made_from_the_inside_out(path):
+    _, lens = lens_of(path, f"lens.aperture={OPENING}")
+    squeezed = lens.aperture
+    assert isinstance(squeezed, Squeezed)
+    assert isinstance(squeezed.whole, Apodized)
+    assert isinstance(squeezed.whole.outline, Obstructed)
+    assert isinstance(squeezed.whole.outline.outline, Polygon)
+    assert (float(squeezed.squeeze), float(squeezed.whole.outline.obstruction)) == (1.5, 0.3)
+
+
+def test_an_opening_from_an_image_is_linear_light(path):
+    iio.imwrite(path.with_name("star.png"), np.array([[0, 188], [255, 0]], dtype=np.uint8))
+    _, lens = lens_of(path, 'lens.aperture={shape = "image", file = "star.png"}')
+    assert isinstance(lens.aperture, Mask)
+    # 188 of 255 in sRGB is half of white's light.
+    np.testing.assert_allclose(lens.aperture.light.values[1:3, 1:3], [[0, 0.5], [1, 0]], atol=0.005)
+
+
+def test_the_look_is_put_around_the_lens(path):
+    config = load_config(path, LOOK)
+    camera, lens = lens_of(path, *LOOK)
+    tube = build_look(config, camera, lens)
+    assert isinstance(tube, VignettedLens)
+    assert isinstance(tube.lens, ChromaticLens)
+    assert len(tube.channels()) == 5
+    aberrated = tube.lens.lens
+    assert isinstance(aberrated, AberratedLens)
+    seidel, profile, curvature = aberrated.aberrations
+    assert isinstance(seidel, Seidel)
+    assert (float(seidel.w040), float(seidel.w131)) == (0.5, -1.0)
+    assert float(seidel.full_radius) == pytest.approx(0.0125)
+    assert isinstance(profile, PowerProfile)
+    assert isinstance(curvature, FieldCurvature)
+    assert float(curvature.dioptres[0, 0]) == pytest.approx(0.1)
+    assert float(curvature.dioptres[24, 32]) == pytest.approx(0.0, abs=1e-9)
+    assert aberrated.lens is lens
+    assert jnp.isfinite(tube.ray(camera, jnp.array([3.0, 4.0]), jnp.array([0.1, 0.2])).a).all()
+
+
+def test_a_lens_without_a_look_stays_as_it_is(path):
+    camera, lens = lens_of(path)
+    assert build_look(load_config(path), camera, lens) is lens
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("lens.aperture.obstruction=1", "lens.aperture.obstruction is 1; expected a number below 1"),
+        ("lens.aperture.transmission=[1]", "lens.aperture.transmission"),
+        ("lens.aperture.squeeze=0.5", "lens.aperture.squeeze is 0.5; expected a number of at least 1"),
+        ("lens.power_profile=[0.1]", "lens.power_profile"),
+        ("lens.colour.bands=4", "lens.colour has 4 bands; give an odd number"),
+        ("lens.colour.magnification=[1, 0, 1]", "lens.colour.magnification"),
+        ("lens.cats_eyes={disk = 1}", "lens.cats_eyes.corner_shift is missing"),
+        ("lens.seidel.w041_px=1", "w041_px"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(path, override: str, message: str):
+    overrides = ["lens.aperture.shape=disk", override]
+    with pytest.raises(ConfigError) as caught:
+        load_config(path, overrides)
+    assert message in str(caught.value)
+
+
+def test_images_that_cannot_be_openings_are_refused(path):
+    with pytest.raises(ConfigError, match=r"none\.png does not exist"):
+        lens_of(path, 'lens.aperture={shape = "image", file = "none.png"}')
+    iio.imwrite(path.with_name("black.png"), np.zeros((4, 4), dtype=np.uint8))
+    with pytest.raises(ConfigError, match="black all over"):
+        lens_of(path, 'lens.aperture={shape = "image", file = "black.png"}')

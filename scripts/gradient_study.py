@@ -9,7 +9,7 @@ both sides, made twice with other rays. What the two differ by is its noise, tak
 `plain` is the derivative of what the same rays bring back, with visibility as it is: what differentiating a
 tracer gives that does not know of silhouettes.
 
-    python scripts/gradient_study.py --cache truths --page docs/gradients.md
+    python scripts/gradient_study.py --cache truths
 
 `gradient_cost.py` tells what they cost.
 """
@@ -17,7 +17,6 @@ tracer gives that does not know of silhouettes.
 import argparse
 import dataclasses
 import hashlib
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -26,8 +25,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _gradient_page import write_page
-from _mitsuba_derivative import mitsuba_answers
 from jaxtyping import Array, Float
 from rich.console import Console
 from rich.table import Table
@@ -198,7 +195,6 @@ def main() -> None:
     )
     parser.add_argument("--truth-rays", type=int, default=768, help="per pixel, twelve times over")
     parser.add_argument("--cache", type=Path, help="folder that keeps the truths")
-    parser.add_argument("--page", type=Path, help="Markdown file to write with what was measured")
     options = parser.parse_args()
     folder = Path(__file__).parent.parent / "configs"
     rows = []
@@ -211,16 +207,6 @@ def main() -> None:
     for row in rows:
         table.add_row(*row)
     Console(width=max(120, Console().width)).print(table)
-    if options.page is not None:
-        answers: list[tuple[str, ...]] | str
-        try:
-            answers = [("parameter", "integrator", "derivative of the picture"), *mitsuba_answers()]
-        except ValueError as error:
-            answers = str(error)
-        # Seconds are this machine's, and no part of a page about derivatives.
-        kept = [row[:-1] for row in [list(HEADINGS), *rows]]
-        command = f"python scripts/gradient_study.py {' '.join(sys.argv[1:])}"
-        write_page(options.page, command, kept, answers)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
-"""Derivatives of pictures where something is closed, in focus, thin, touching, empty, cornered or glaring."""
+"""Derivatives where something is closed, in focus, thin, touching, seen through, cornered or glaring."""
 
+import dataclasses
 from functools import cache
 
 import equinox as eqx
@@ -26,8 +27,14 @@ def scene_of(*objects: SceneObject) -> Scene:
     return make_scene(list(objects), background=constant_background(0.2), unlit=True)
 
 
+def pane(box: tuple[float, ...], disparity: float) -> SceneObject:
+    """Something that stops half of the rays."""
+    plain = patch("pane", CAMERA, box, disparity, 0.4)
+    return dataclasses.replace(plain, materials=(dataclasses.replace(plain.materials[0], opacity=0.5),))
+
+
 def hard_scene() -> Scene:
-    """Bars a pixel wide, two surfaces that touch, one a hair before them, and small lamps, near and far."""
+    """Bars a pixel wide, two surfaces that touch, one a hair before them, a pane, and lamps, near and far."""
     boxes = {
         "bar": ((5.27, -60, 6.27, 80), 1.0, 0.6),
         "level bar": ((-60, 7.13, 80, 8.13), 0.9, 0.8),
@@ -37,7 +44,8 @@ def hard_scene() -> Scene:
         "near lamp": ((12.31, 8.57, 13.31, 9.57), 1.0, GLARE),
         "far lamp": ((2.11, 2.39, 3.11, 3.39), 0.31, GLARE),
     }
-    return scene_of(*(patch(name, CAMERA, *values) for name, values in boxes.items()))
+    seen_through = pane((9.73, -60, 11.91, 80), 0.8)
+    return scene_of(seen_through, *(patch(name, CAMERA, *values) for name, values in boxes.items()))
 
 
 @cache
@@ -46,8 +54,7 @@ def layers_of(case: str) -> Layers:
     if case == "hard":
         return peel(hard_scene(), CAMERA, WIDEST, supersampling=1, max_layers=5)
     sharp = [patch("left", CAMERA, (-60, -60, 7.37, 80), 0.5, 0.9), patch("wall", CAMERA, WALL, 0.5, 0.1)]
-    aside = patch("aside", CAMERA, (900, 900, 901, 901), 0.5)
-    scene = scene_of(*(sharp if case == "in focus" else [aside]))
+    scene = scene_of(pane((900, 900, 901, 901), 0.5), *(sharp if case == "in focus" else []))
     return peel(scene, CAMERA, WIDEST, supersampling=1, max_layers=5, like=layers_of("hard"))
 
 
@@ -57,21 +64,30 @@ def lens_of(values: jax.Array, layers: Layers) -> ThinLens:
     return ThinLens(values[0], radius, Polygon(rotation=values[2], roundness=values[3], blades=5))
 
 
+def picture_of(layers: Layers, values: jax.Array) -> jax.Array:
+    return render_differentiable(layers, lens_of(values, layers), rays=RAYS, derivative_rays=RAYS)
+
+
 @eqx.filter_jit
-def both_modes(layers: Layers, values: jax.Array) -> tuple[jax.Array, ...]:
-    """The picture, its Jacobian [h, w, 3, 4], and the gradient of a weighted sum with its weights."""
+def jacobian(layers: Layers, values: jax.Array) -> jax.Array:
+    """By the four values [h, w, 3, 4]."""
+    return jax.jacfwd(lambda values: picture_of(layers, values))(values)
 
-    def picture(values: jax.Array) -> jax.Array:
-        return render_differentiable(layers, lens_of(values, layers), rays=RAYS, derivative_rays=RAYS)
 
-    value = picture(values)
+@eqx.filter_jit
+def reverse(layers: Layers, values: jax.Array) -> tuple[jax.Array, ...]:
+    """The picture, and the gradient [4] of a weighted sum with its weights."""
+    value, back = jax.vjp(lambda values: picture_of(layers, values), values)
     weights = jnp.cos(jnp.arange(value.size, dtype=value.dtype)).reshape(value.shape)
-    gradient = jax.grad(lambda values: (weights * picture(values)).sum())(values)
-    return value, jax.jacfwd(picture)(values), gradient, weights
+    return value, back(weights)[0], weights
 
 
+@cache
 def derivatives(case: str, values: tuple[float, ...]) -> tuple[np.ndarray, ...]:
-    return tuple(np.asarray(part) for part in both_modes(layers_of(case), jnp.array(values)))
+    """The picture, its Jacobian, and the gradient of a weighted sum with its weights."""
+    at = layers_of(case), jnp.array(values)
+    value, gradient, weights = reverse(*at)
+    return tuple(np.asarray(part) for part in (value, jacobian(*at), gradient, weights))
 
 
 CORNERED, ROUND = (0.4, 0.0), (0.4, 1.0)
@@ -89,26 +105,23 @@ LENSES = {
 @pytest.mark.parametrize("name", LENSES)
 def test_finite_and_alike_in_both_modes_and_precisions(name: str):
     case, values = LENSES[name]
-    results = {"double": derivatives(case, values)}
+    value, found, gradient, weights = derivatives(case, values)
+    assert np.isfinite(value).all()
+    assert np.isfinite(found).all()
+    forward = np.einsum("hwc,hwck->k", weights, found)
+    scale = np.einsum("hwc,hwck->k", np.abs(weights), np.abs(found)).max()
+    off = np.abs(gradient - forward).max() / (scale + 1e-12)
     with jax.enable_x64(False):
         single = jax.tree.map(
             lambda a: a.astype(jnp.float32) if eqx.is_inexact_array(a) else a, layers_of(case)
         )
-        results["single"] = tuple(
-            np.asarray(part) for part in both_modes(single, jnp.array(values, jnp.float32))
-        )
-    # Observed: 2e-16 in double precision.
-    for precision, tolerance in (("double", 1e-10), ("single", 1e-5)):
-        value, jacobian, gradient, weights = results[precision]
-        assert np.isfinite(value).all()
-        assert np.isfinite(jacobian).all()
-        assert np.isfinite(gradient).all()
-        forward = np.einsum("hwc,hwck->k", weights, jacobian.astype(np.float64))
-        scale = np.einsum("hwc,hwck->k", np.abs(weights), np.abs(jacobian.astype(np.float64)))
-        assert (np.abs(gradient - forward) <= tolerance * scale.max() + np.finfo(value.dtype).eps).all()
-    double, single = (results[precision][1].astype(np.float64) for precision in ("double", "single"))
-    scale, apart = np.linalg.norm(double), np.linalg.norm(single - double)
-    assert apart <= 0.01 * scale + 1e-6
+        rough = np.asarray(jacobian(single, jnp.array(values, jnp.float32))).astype(np.float64)
+    assert np.isfinite(rough).all()
+    apart = np.linalg.norm(rough - found) / (np.linalg.norm(found) + 1e-4)
+    # Observed: 4e-13.
+    assert off < 1e-10
+    # Observed: 0.020 where it is nearly closed, as rounded glare is divided by the opening; 9.9e-4 elsewhere.
+    assert apart < (0.06 if name == "nearly closed" else 0.003)
 
 
 def test_a_closed_opening_changes_nothing():

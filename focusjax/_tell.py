@@ -36,13 +36,15 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
         for sentence in diagnose(outcome.solution).sentences:
             console.print(sentence, highlight=False, markup=False)
     if outcome.picture is not None and not outcome.picture.complete:
-        console.print("Some surfaces did not fit into the layers; raise render.max_layers or render.slabs.")
+        more = job.room_for_more(outcome.config.render)
+        console.print(f"Some surfaces did not fit into the layers; {more}.")
     if outcome.picture is not None and outcome.picture.examined is not None:
         missed, saving = outcome.picture.examined.missed, outcome.picture.examined.saving
+        behind = ", not counting what is seen through others" if outcome.picture.examined.see_through else ""
         console.print(
-            f"The layers miss {100 * missed.share:.4f} % of the light, ± {100 * missed.standard_error:.4f} %."
-            f" Plain peeling makes {len(saving.plain)} layers, the umbra {len(saving.umbra)}, which spares"
-            f" {100 * saving.samples_saved:.0f} % of the samples.",
+            f"The layers miss {100 * missed.share:.4f} % of the surfaces that rays meet first{behind},"
+            f" ± {100 * missed.standard_error:.4f} %. Plain peeling makes {len(saving.plain)} layers, the"
+            f" umbra {len(saving.umbra)}, which spares {100 * saving.samples_saved:.0f} % of the samples.",
             highlight=False,
         )
     stages = outcome.seconds | {"compile": sum(outcome.compile_seconds.values())}

@@ -26,8 +26,8 @@ from scipy.stats import qmc
 from focusjax.baselines import RayScene, lens_picture, mitsuba_picture, unlit_scene
 from focusjax.bench import case_from_config
 from focusjax.config import load_config
-from focusjax.inverse import fit_image, widest_lens
-from focusjax.layers import peel
+from focusjax.inverse import fit_image, scan_lenses, widest_lens
+from focusjax.layers import peel, prefilter
 from focusjax.lens import ThinLens, TiltShiftLens, tilt_shift_lens
 
 UPRIGHT = ("focus", "f_number")
@@ -62,14 +62,19 @@ def recover(path: Path, free: tuple[str, ...], options: argparse.Namespace) -> d
     smallest = length / (2.0 * radius)
     turned = "tilt" in free
     nearest = 1.0 / (1.3 * most)
-    layers = peel(
-        scene,
-        camera,
-        widest_lens(
-            camera, min_focus_distance=nearest, f_number=smallest, max_tilt=math.sqrt(2) * MOST_TILT * turned
-        ),
-        supersampling=options.supersampling,
-        max_layers=case.max_layers,
+    layers = prefilter(
+        peel(
+            scene,
+            camera,
+            widest_lens(
+                camera,
+                min_focus_distance=nearest,
+                f_number=smallest,
+                max_tilt=math.sqrt(2) * MOST_TILT * turned,
+            ),
+            supersampling=options.supersampling,
+            max_layers=case.max_layers,
+        )
     )
 
     def lens_at(point: np.ndarray) -> ThinLens | TiltShiftLens:
@@ -86,9 +91,13 @@ def recover(path: Path, free: tuple[str, ...], options: argparse.Namespace) -> d
         )
 
     by_mitsuba = not turned and importlib.util.find_spec("mitsuba") is not None
-    ready = unlit_scene(scene) if by_mitsuba else RayScene(scene)
+    cast = RayScene(scene)
+    ready = unlit_scene(scene) if by_mitsuba else cast
     dimensions = 4 if turned else 2
     truths, starts = (spread(options.starts, dimensions, seed) for seed in (options.seed, options.seed + 1))
+    begun = time.perf_counter()
+    scan = scan_lenses(layers, lens_at(starts[0]), free=free)
+    scanned = time.perf_counter() - begun
     trials = []
     for number, (truth, start) in enumerate(zip(truths, starts, strict=True)):
         true = lens_at(truth)
@@ -96,6 +105,11 @@ def recover(path: Path, free: tuple[str, ...], options: argparse.Namespace) -> d
             target = np.asarray(mitsuba_picture(ready, camera, true, samples=options.rays, seed=number + 1))
         else:
             target = lens_picture(ready, camera, true, rays=options.rays, seed=number + 1)
+
+        def exact(lens: ThinLens | TiltShiftLens) -> np.ndarray:
+            # Rays that no target is made of.
+            return lens_picture(cast, camera, lens, rays=options.rays, seed=10_000)
+
         begun = time.perf_counter()
         fit = fit_image(
             target,
@@ -103,6 +117,8 @@ def recover(path: Path, free: tuple[str, ...], options: argparse.Namespace) -> d
             lens_at(start),
             free=free,
             search=not options.no_search,
+            scan=scan,
+            exact=None if options.no_exact else exact,
             rays=options.fit_rays,
             min_focus_distance=nearest,
         )
@@ -126,6 +142,7 @@ def recover(path: Path, free: tuple[str, ...], options: argparse.Namespace) -> d
         "pictures by": "Mitsuba" if by_mitsuba else "Embree",
         "found": sum(found),
         "of": len(found),
+        "scan seconds": scanned,
         "trials": trials,
     }
 
@@ -149,13 +166,14 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("configs", nargs="*", type=Path, help="bars, still_life and town by default")
-    parser.add_argument("--width", type=int, default=320)
-    parser.add_argument("--height", type=int, default=240)
+    parser.add_argument("--width", type=int, default=160)
+    parser.add_argument("--height", type=int, default=120)
     parser.add_argument("--starts", type=int, default=20, help="true lenses, each with a start, per config")
     parser.add_argument("--rays", type=int, default=256, help="per pixel, of the pictures to fit")
     parser.add_argument("--fit-rays", type=int, default=64, help="per pixel, of the fit")
-    parser.add_argument("--supersampling", type=int, default=2, help="layer samples per pixel and axis")
+    parser.add_argument("--supersampling", type=int, default=4, help="layer samples per pixel and axis")
     parser.add_argument("--no-search", action="store_true", help="from the start alone")
+    parser.add_argument("--no-exact", action="store_true", help="by pictures of the layers alone")
     parser.add_argument("--only", choices=["upright", "turned"], help="one of the two sets of parameters")
     parser.add_argument("--seed", type=int, default=0, help="of the true lenses")
     parser.add_argument("--quick", action="store_true", help="two starts, 96 x 72 pixels, one config")

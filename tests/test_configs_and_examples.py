@@ -194,6 +194,26 @@ def test_the_example_finds_the_lens_of_a_picture(capsys, monkeypatch):
     assert gain == pytest.approx(0.8, rel=0.01)
 
 
+def test_the_example_matches_a_plate(capsys, monkeypatch, tmp_path):
+    path = ROOT / "examples" / "match_plate.py"
+    monkeypatch.chdir(tmp_path)
+    exec(compile(path.read_text().replace('"configs/', f'"{ROOT}/configs/'), path.name, "exec"), {})
+    distance, f_number = re.search(r"focus at ([0-9.]+) m.*\nf/([0-9.]+) ", capsys.readouterr().out).groups()
+    assert float(distance) == pytest.approx(0.7, rel=0.03)
+    assert float(f_number) == pytest.approx(1.0, rel=0.05)
+    assert iio.imread("matched.png").shape == (54, 72, 3)
+
+
+def test_the_example_chooses_an_aperture(capsys):
+    path = ROOT / "examples" / "choose_aperture.py"
+    exec(compile(path.read_text(), path.name, "exec"), {})
+    shown = capsys.readouterr().out
+    # A disk of D pixels leaves 2 J1(x) / x, x = pi D / 5.1, of the railings' first wave: 0.2 at D = 5.0.
+    assert float(re.search(r"at f/([0-9.]+)", shown)[1]) == pytest.approx(1.204, rel=0.05)
+    assert float(re.search(r"railings keep ([0-9.]+)", shown)[1]) == pytest.approx(0.2, abs=0.002)
+    assert "the sign keeps 0.99 of its own: readable" in shown
+
+
 def test_readme_shows_the_example_as_it_is():
     assert (ROOT / "examples" / "spot.py").read_text() in README
 

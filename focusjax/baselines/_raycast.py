@@ -81,12 +81,19 @@ class RayCaster:
 def nearest_in_scene(scene: Scene, camera: Camera) -> Callable[[LensRay], Float[np.ndarray, " n"]]:
     """Which surface lens rays of `camera` meet first, by casting them: the truth for `missed_light`.
 
+    Triangles are solid here; holes that an opacity texture cuts are not known.
+
     Returns:
         a function from n rays to the disparities [n] in 1/m where they first meet a surface, 0 where none.
 
     Raises:
-        ValueError: Embree is not installed.
+        ValueError: Embree is not installed, or some of the scene may be seen through.
     """
+    if scene.may_be_seen_through() is not None:
+        raise ValueError(
+            "some of the scene may be seen through, and a ray cast takes holes for solid; compare with"
+            " nearest_in_layers(peel(..., umbra=False)) instead"
+        )
     caster = RayCaster(scene.vertices, scene.faces)
 
     def first_disparity(rays: LensRay) -> Float[np.ndarray, " n"]:

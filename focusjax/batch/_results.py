@@ -19,7 +19,7 @@ class ItemResult:
     Attributes:
         item: what was to be done.
         status: "done", "failed", or "waiting" to be done.
-        message: of a failed item, what went wrong.
+        message: of a failed item, what went wrong; of one that is done, which wishes do not count and why.
         kept: done by an earlier batch and not again.
         facts: of an item that is done: its seconds and warnings, and the lens, wishes and solver of its
             report.json.
@@ -86,4 +86,8 @@ def result_of(item: Item, folder: Path, *, kept: bool) -> ItemResult:
     told = done_before(folder / item.name) or {}
     report = load_json(folder / item.name / "report.json") or {}
     facts = {key: told.get(key) for key in ("seconds", "warnings")}
-    return ItemResult(item, "done", kept=kept, facts=facts | {key: report.get(key) for key in _KEPT_PARTS})
+    idle = [wish for wish in report.get("wishes") or () if not wish["counts"] and wish.get("note")]
+    message = "; ".join(f"{wish['name']} is {wish['note']} and does not count" for wish in idle)
+    return ItemResult(
+        item, "done", message, kept=kept, facts=facts | {key: report.get(key) for key in _KEPT_PARTS}
+    )

@@ -24,7 +24,7 @@ class RenderTable(Table):
         default=2, description="layer samples along each side of a pixel, 1 to 8; 1 for a quality up to 32 dB"
     )
     max_layers: Annotated[int, Field(ge=1, le=64)] = Field(
-        default=16, description="the most layers to peel, up to 64"
+        default=16, description="the most layers to peel, up to 64; slabs have none"
     )
     slabs: Annotated[int, Field(ge=1, le=1024)] | None = Field(
         default=None, description="how many slabs of depth to cut instead of peeling, for example 16"
@@ -69,8 +69,7 @@ class RenderTable(Table):
         return self
 
     @model_validator(mode="after")
-    def _one_kind_of_layers(self) -> "RenderTable":
-        given = [key for key in ("max_layers", "slabs", "slab_blur_px") if key in self.model_fields_set]
-        if len(given) > 1:
-            raise ValueError(f"has {' and '.join(given)}, each of which says how layers are made; keep one")
+    def _one_thickness(self) -> "RenderTable":
+        if self.slabs is not None and self.slab_blur_px is not None:
+            raise ValueError("has slabs and slab_blur_px, each of which says how thick slabs are; keep one")
         return self

@@ -19,6 +19,7 @@ from focusjax.focus._findings import (
     bound_sentences,
     by_wish,
     conflict_sentences,
+    errors_by_wish,
     find_conflicts,
     find_unreachable,
     framing_sentences,
@@ -94,7 +95,7 @@ def diagnose_frames(
     asked = solution.asked
     assert asked is not None
     error = np.asarray(solution.error, dtype=float)
-    verdict = _verdict(solution, np.abs(error), counts)
+    verdict = _verdict(solution, error, counts)
     chosen = weightiest(solution.points, _MOST_WISHES)
     unmet = verdict.unmet()
     conflicts: tuple[Conflict, ...] = ()
@@ -125,7 +126,7 @@ def diagnose_frames(
             *unreachable_sentences(unreachable),
             *framing_sentences(verdict, solution.points, error, solution.free, zooms=zooms),
             *conflict_sentences(conflicts),
-            *bound_sentences(list(bounds.items())),
+            *bound_sentences(list(bounds.items()), to_infinity=bool(np.isinf(asked.limits.far).all())),
             *([open_sentence(solution.undetermined)] if solution.undetermined else []),
             *_idle_sentences(idle),
         ),
@@ -147,7 +148,7 @@ def _verdict(
     has = by_wish(weight, wish, len(names), weight) > 0
     return Verdict(
         names=names,
-        error=by_wish(error, wish, len(names), weight),
+        error=errors_by_wish(error, points, len(names), weight),
         tolerance=by_wish(np.asarray(points.tolerance, dtype=float), wish, len(names), weight),
         judged=has if counts is None else has & counts,
     )
@@ -164,8 +165,8 @@ def _changed(asked: FramesAsked, alone: bool, index: int) -> Errors:
 def _errors(asked: FramesAsked, weight: np.ndarray | None = None) -> Errors:
     """Errors by wish, of the rows that have weight in the shot as asked."""
     own = np.asarray(asked.points.weight if weight is None else weight, dtype=float)
-    error = np.abs(np.asarray(solve_frames_asked(asked).error, dtype=float))
-    return by_wish(error, np.asarray(asked.points.wish), len(asked.names), own)
+    error = np.asarray(solve_frames_asked(asked).error, dtype=float)
+    return errors_by_wish(error, asked.points, len(asked.names), own)
 
 
 def _missed(verdict: Verdict, index: int, free: Errors) -> MissedWish:

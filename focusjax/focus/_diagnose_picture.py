@@ -15,6 +15,7 @@ from focusjax.focus._findings import (
     bound_sentences,
     by_wish,
     conflict_sentences,
+    errors_by_wish,
     find_conflicts,
     find_unreachable,
     framing_sentences,
@@ -91,7 +92,7 @@ def diagnose_picture(solution: Solution) -> Diagnosis:
                 verdict, solution.points, np.asarray(solution.error), solution.free, zooms=zooms
             ),
             *conflict_sentences(conflicts),
-            *bound_sentences([(bound, ()) for bound in bounds]),
+            *bound_sentences([(bound, ()) for bound in bounds], to_infinity=bool(np.isinf(asked.limits.far))),
             *_open_sentences(sensed),
             *idle_sentences(table),
         ),
@@ -105,7 +106,7 @@ def picture_verdict(points: ImagePoints, error: Float[np.ndarray, "n"]) -> Verdi
     tolerance = np.asarray(points.tolerance, dtype=float)[None]
     return Verdict(
         names=points.names,
-        error=by_wish(np.abs(error)[None].astype(float), wish, count, weight),
+        error=errors_by_wish(error[None], points, count, weight),
         tolerance=by_wish(tolerance, wish, count, weight),
         judged=by_wish(weight, wish, count, weight) > 0,
     )

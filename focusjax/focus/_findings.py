@@ -122,6 +122,25 @@ def by_wish(
     return found
 
 
+def errors_by_wish(
+    error: Float[np.ndarray, "t n"], points: ImagePoints, count: int, weight: Float[np.ndarray, "t n"]
+) -> Errors:
+    """Each wish's error in every frame, measured as `WishResult` does.
+
+    It is the largest of its rows, but of a wish for where a place is shown the distance in the picture.
+    """
+    size, wish = np.abs(error).astype(float), np.asarray(points.wish)
+    if points.quantity is not None:
+        placed = np.asarray(points.quantity) != BLUR
+        # In many frames the rows are the same, and wishes inside the frame have four of them.
+        placed, wish = (each.reshape(-1, each.shape[-1])[0] for each in (placed, wish))
+        for index in range(count):
+            mine = placed & (wish == index) & (weight > 0).any(axis=0)
+            if 0 < mine.sum() < 4:
+                size[:, mine] = np.hypot.reduce(size[:, mine], axis=1)[:, None]
+    return by_wish(size, np.asarray(points.wish), count, weight)
+
+
 def find_conflicts(
     verdict: Verdict,
     where: Bool[np.ndarray, "t m"],
@@ -267,13 +286,28 @@ def framing_sentences(
     return lines
 
 
-def bound_sentences(bounds: Sequence[tuple[str, Sequence[tuple[int, int]]]]) -> list[str]:
-    """Active bounds, each with the frames of a shot in which it is active, in words."""
-    return [
-        f"The {_BOUNDS[name]} stands in the way{in_frames(stretches)}:"
-        " beyond it the wishes could be met better."
-        for name, stretches in bounds
-    ]
+def bound_sentences(
+    bounds: Sequence[tuple[str, Sequence[tuple[int, int]]]], *, to_infinity: bool
+) -> list[str]:
+    """Active bounds, each with the frames of a shot in which it is active, in words.
+
+    Args:
+        bounds: names, and stretches of frames.
+        to_infinity: whether the lens may be focused as far as infinity, beyond which none goes.
+    """
+    lines = []
+    for name, stretches in bounds:
+        if name == "max_focus_distance" and to_infinity:
+            lines.append(
+                f"The focus is at infinity{in_frames(stretches)}, as far as it goes:"
+                " beyond it the wishes could be met better."
+            )
+            continue
+        lines.append(
+            f"The {_BOUNDS[name]} stands in the way{in_frames(stretches)}:"
+            " beyond it the wishes could be met better."
+        )
+    return lines
 
 
 def open_sentence(names: Sequence[str]) -> str:

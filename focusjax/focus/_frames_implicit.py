@@ -15,8 +15,11 @@ from jaxtyping import Array, Bool, Float
 from focusjax.focus._joint import Joint
 from focusjax.focus._objective import Objective
 
-_RIDGE = 1e3
-"""Rounding steps of the largest entry that are added to what H is across, so that open directions stay."""
+_RIDGE = 16.0
+"""Rounding steps that are added to H's diagonal, scaled to 1, so that it has an inverse."""
+
+_OPEN_RIDGE = 1e3
+"""Rounding steps of H's largest entry that are added for what the wishes leave open, so that it stays."""
 
 
 def following(
@@ -26,6 +29,7 @@ def following(
     at_lower: Bool[Array, "t k"],
     at_upper: Bool[Array, "t k"],
     kept: Float[Array, "t k"],
+    open_: Bool[Array, "k"],
 ) -> Float[Array, "t k"]:
     """`pixels`, with the derivative of the solution with respect to all that `joint` holds.
 
@@ -36,6 +40,7 @@ def following(
         at_lower: parameters that a lower bound keeps from a better value; they follow the bound.
         at_upper: the same for upper bounds.
         kept: values of 0 whose derivatives are those of what the wishes leave open.
+        open_: parameters that have a part in what the wishes leave open.
     """
     pinned = at_lower | at_upper
     here = jnp.where(at_lower, joint.lower, jnp.where(at_upper, joint.upper, pixels))
@@ -43,7 +48,7 @@ def following(
     slope = joint.linearised(start, side).gradient
     off = jnp.where(pinned, 0.0, slope - jax.lax.stop_gradient(slope))
     fixed = jax.lax.stop_gradient(joint)
-    return start - _solved(_curvature(fixed, pixels, side), fixed, ~pinned, off)
+    return start - _solved(_curvature(fixed, pixels, side), fixed, ~pinned, open_, off)
 
 
 def _curvature(joint: Joint, pixels: Float[Array, "t k"], side: Float[Array, "t n"]) -> Float[Array, "t k k"]:
@@ -63,7 +68,11 @@ def _curvature(joint: Joint, pixels: Float[Array, "t k"], side: Float[Array, "t 
 
 
 def _solved(
-    curvature: Float[Array, "t k k"], joint: Joint, moves: Bool[Array, "t k"], right: Float[Array, "t k"]
+    curvature: Float[Array, "t k k"],
+    joint: Joint,
+    moves: Bool[Array, "t k"],
+    open_: Bool[Array, "k"],
+    right: Float[Array, "t k"],
 ) -> Float[Array, "t k"]:
     """H^-1 `right`, with what does not move left at 0.
 
@@ -78,10 +87,16 @@ def _solved(
     after = farthest
     identity = jnp.eye(size, dtype=right.dtype)
     own = curvature + diagonal[:, None, None] * identity[None]
-    ridge = _RIDGE * jnp.finfo(right.dtype).eps * jnp.max(jnp.abs(own))
-    may = moves.astype(right.dtype)
-    held = jnp.where(moves, ridge, 1.0)
+    eps = jnp.finfo(right.dtype).eps
+    stiff = jnp.where(open_, _OPEN_RIDGE * eps * jnp.max(jnp.abs(own)), 0.0)
+    own = own + (stiff[:, None] * identity)[None]
+    # Every parameter of every frame in the unit that makes H's diagonal 1: a single ridge then suits all.
+    steep = jnp.abs(jnp.diagonal(own, axis1=1, axis2=2))
+    unit = 1.0 / jnp.sqrt(jnp.where(steep > 0.0, steep, 1.0))
+    may = jnp.where(moves, unit, 0.0)
+    held = jnp.where(moves, _RIDGE * eps, 1.0)
     own = own * may[:, :, None] * may[:, None, :] + held[:, :, None] * identity[None]
+    right = right * may
 
     # One more frame that stays, where they do not come in pairs.
     odd = count % 2
@@ -104,7 +119,7 @@ def _solved(
         coupling(after[1:-1:2], b[1:], b[:-1]),
     )
     found = _block_tridiagonal(blocks, below, right.reshape(-1, 2 * size))
-    return found.reshape(-1, size)[:count]
+    return found.reshape(-1, size)[:count] * unit
 
 
 def _square(

@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._frames_asked import FramesAsked
 from focusjax.focus._image_points import ImagePoints
-from focusjax.focus._solution import Result, WishResult, wish_table
+from focusjax.focus._solution import Result, WishResult, one_row, wish_table
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens
 
@@ -82,8 +82,7 @@ class FramesSolution(eqx.Module):
 
     def at(self, frame: int) -> tuple[Camera, ThinLens | TiltShiftLens]:
         """Camera and lens of one frame, counted from 0."""
-        # By numpy, which compiles nothing.
-        return jax.tree.map(lambda leaf: jax.numpy.asarray(np.asarray(leaf)[frame]), (self.camera, self.lens))
+        return jax.tree.map(lambda leaf: one_row(leaf, frame), (self.camera, self.lens))
 
     def table(self, frame: int) -> tuple[WishResult, ...]:
         """One line per wish for one frame, counted from 0."""

@@ -1,16 +1,8 @@
 """All frames of a shot as one least-squares problem: the wishes of each, and smoothness from one to the next.
 
 The unknowns are the free parameters of every frame (see `_parameters`), each times a scale that makes a
-unit of it about a pixel on the picture:
-
-    focus          2 f E, the change of every blur;
-    f-number       `REFERENCE_BLUR` / E, the change of a blur of that size;
-    tilt, swing    E times the picture's height or width, the change of blur at its edge;
-    focal length   half the picture's width, the shift of its edge;
-    shift, rise    pixels per metre of sensor, the shift of the picture.
-
-f and E are those of the starting lens, over the shot for the focus and of each frame for the others: a camera
-that zooms keeps its f-number while these stay.
+unit of it about a pixel on the picture (`scales`). The scale of the focus is the mean over the shot, the
+others are each frame's own: a camera that zooms keeps its f-number while these stay.
 """
 
 import equinox as eqx
@@ -21,10 +13,6 @@ from jaxtyping import Array, Bool, Float, Int
 from focusjax.focus._banded import banded_least_squares
 from focusjax.focus._image_points import root_weight
 from focusjax.focus._objective import Objective
-from focusjax.focus._parameters import RADIUS, Start
-
-REFERENCE_BLUR = 10.0
-"""Diameter in pixels of the blur whose change stands for that of the aperture."""
 
 _GENTLE = 1e-3
 _HOPELESS = 1e8
@@ -148,25 +136,6 @@ class JointWalk(eqx.Module):
     damping: Float[Array, ""]
     settled: Bool[Array, ""]
     steps: Int[Array, ""]
-
-
-def scales(start: Start) -> Float[Array, "7"]:
-    """Pixels per unit of every parameter, of one frame."""
-    camera, radius = start.camera, start.vector()[RADIUS]
-    safe = jnp.where(radius > 0, radius, 1.0)
-    length = camera.focal_length
-    density = camera.width / camera.sensor_width
-    return jnp.stack(
-        [
-            2.0 * camera.focal_px * safe,
-            REFERENCE_BLUR / safe,
-            safe * camera.height,
-            safe * camera.width,
-            0.5 * camera.width * jnp.ones_like(length),
-            density,
-            density,
-        ]
-    )
 
 
 def walk_frames(joint: Joint, first: Float[Array, "t k"], max_steps: Int[Array, ""]) -> JointWalk:

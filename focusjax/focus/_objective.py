@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._image_points import AT_LEAST, AT_MOST, SAME, ImagePoints, one_sided
-from focusjax.focus._parameters import BlurModel, Start, blur_models
+from focusjax.focus._parameters import BlurModel, Start, blur_models, scales
 from focusjax.focus._priors import PriorRows
 
 # Rounding steps that a computed blur may be off by, relative to its largest term.
@@ -26,6 +26,7 @@ class Objective(eqx.Module):
         other: blur of every point's reference, when there are any.
         priors: expectations.
         start: all parameters, of which the free ones are replaced.
+        scale: pixels per unit of every free parameter (see `scales`).
         columns: positions of the free parameters (static).
     """
 
@@ -34,6 +35,7 @@ class Objective(eqx.Module):
     other: BlurModel | None
     priors: PriorRows
     start: Float[Array, "7"]
+    scale: Float[Array, "k"]
     columns: tuple[int, ...] = eqx.field(static=True)
 
     @property
@@ -138,4 +140,5 @@ class Objective(eqx.Module):
 def make_objective(points: ImagePoints, start: Start, priors: PriorRows) -> Objective:
     """The objective of a solve from `start`."""
     own, other = blur_models(points, start)
-    return Objective(points, own, other, priors, start.vector(), start.columns)
+    scale = scales(start)[jnp.array(start.columns)]
+    return Objective(points, own, other, priors, start.vector(), scale, start.columns)

@@ -36,6 +36,9 @@ FRAMING = ("focal_length", "shift", "rise")
 
 FOCUS, RADIUS, TILT, SWING, ZOOM, SHIFT, RISE = range(7)
 
+REFERENCE_BLUR = 10.0
+"""Diameter in pixels of the blur whose change stands for that of the aperture."""
+
 
 class Start(eqx.Module):
     """The camera and lens before solving, which hold the values of all that is not free.
@@ -125,6 +128,32 @@ def make_start(
     if "tilt" in free or "swing" in free:
         lens = as_tilt_shift(lens)
     return Start(camera, lens, free, keep_view)
+
+
+def scales(start: Start) -> Float[Array, "7"]:
+    """Pixels per unit of every parameter: how much a picture through the starting lens changes with each.
+
+    focus          2 f E, the change of every blur;
+    f-number       `REFERENCE_BLUR` / E, the change of a blur of that size;
+    tilt, swing    E times the picture's height or width, the change of blur at its edge;
+    focal length   half the picture's width, the shift of its edge;
+    shift, rise    pixels per metre of sensor, the shift of the picture.
+    """
+    camera, radius = start.camera, start.vector()[RADIUS]
+    safe = jnp.where(radius > 0, radius, 1.0)
+    length = camera.focal_length
+    density = camera.width / camera.sensor_width
+    return jnp.stack(
+        [
+            2.0 * camera.focal_px * safe,
+            REFERENCE_BLUR / safe,
+            safe * camera.height,
+            safe * camera.width,
+            0.5 * camera.width * jnp.ones_like(length),
+            density,
+            density,
+        ]
+    )
 
 
 def in_order(free: str | Sequence[str]) -> tuple[str, ...]:

@@ -14,8 +14,7 @@ from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._joint import Joint
 from focusjax.focus._objective import Objective
 from focusjax.focus._parameters import FOCUS
-from focusjax.focus._search import starts
-from focusjax.focus._walk import walk
+from focusjax.focus._search import starts, walks
 
 
 def way_through(
@@ -45,9 +44,8 @@ def way_through(
         if many:
             more_values, more_sides = starts(frame, first, box)
             values, sides = jnp.concatenate([values, more_values]), jnp.concatenate([sides, more_sides])
-        found = jax.vmap(lambda side, value: walk(frame, side, value, box, max_steps))(sides, values).value
-        natural = jax.vmap(frame.natural_side)(found)
-        cost, slack = jax.vmap(frame.cost)(found, natural), jax.vmap(frame.slack)(found, natural)
+        walked, _, cost, slack = walks(frame, sides, values, first, box, max_steps)
+        found = walked.value
         # Among equals the start if it stayed one, then the nearest focus, as for a single picture.
         kept = jnp.all(found == first[None], axis=-1)
         focus = jax.vmap(lambda value: frame.parameters(value)[FOCUS])(found)

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from focusjax.focus._bounds import Box
 from focusjax.focus._image_points import SAME, ImagePoints, root_weight, values
 from focusjax.focus._jaxopt import least_squares_in_box
-from focusjax.focus._parameters import Start
+from focusjax.focus._parameters import Start, scales
 from focusjax.focus._priors import PriorRows
 from focusjax.focus._search import Basin
 from focusjax.focus._solution import Result
@@ -111,7 +111,6 @@ class _Face(eqx.Module):
     pinned: Bool[Array, "k"]
     pin: Float[Array, "k"]
     open: Float[Array, "k k"]
-    range: Float[Array, "k"]
 
     def value(self, variables: Float[Array, "k"]) -> Float[Array, "k"]:
         return jnp.where(self.pinned, self.pin, variables * self.unit)
@@ -120,7 +119,7 @@ class _Face(eqx.Module):
 def _residuals_on_face(variables: Float[Array, "k"], face: _Face) -> Float[Array, "m"]:
     value = face.value(variables)
     off_pin = jnp.where(face.pinned, variables - face.pin / face.unit, 0.0)
-    along_open = face.open @ ((value - face.pin) / face.range)
+    along_open = face.open @ (value - face.pin)
     return jnp.concatenate([face.problem.residuals(value), off_pin + along_open])
 
 
@@ -141,7 +140,10 @@ def _on_face(
     pin = jnp.where(basin.at_lower, box.lower, jnp.where(basin.at_upper, box.upper, kept))
     width = jnp.where(box.upper > box.lower, box.upper - box.lower, 1.0)
     pinned = basin.at_lower | basin.at_upper | basin.held | (box.lower == box.upper)
-    face = _Face(problem, _GAIN * problem.units(basin.value), pinned, pin, basin.open, width)
+    # Directions are open in shares of the ranges; at right angles to them are changes in pixels.
+    stiffness = (width * scales(problem.start)[jnp.array(problem.start.columns)]) ** 2
+    open_ = basin.open * jax.lax.stop_gradient(stiffness / jnp.max(stiffness) / width)[None]
+    face = _Face(problem, _GAIN * problem.units(basin.value), pinned, pin, open_)
     found = optx.least_squares(
         _residuals_on_face,
         solver(_ROUNDINGS * float(jnp.finfo(first.dtype).eps)),

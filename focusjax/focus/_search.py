@@ -6,6 +6,8 @@ is a start, up to `MOST_CUTS`, so the best over all starts is the best of all. O
 those of points and a plane, of which planes parallel to the sensor and a few tilted ones are tried.
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -17,7 +19,7 @@ from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._image_points import SAME
 from focusjax.focus._objective import Objective
 from focusjax.focus._parameters import FOCUS, SWING, TILT, ZOOM, BlurModel
-from focusjax.focus._walk import Walk, walk
+from focusjax.focus._walk import Walk, walk, with_products
 
 MOST_CUTS = 16
 """Depths at which starts of an upright lens cut the points in two."""
@@ -74,13 +76,7 @@ def search(objective: Objective, first: Float[Array, "k"], box: Box, *, many: bo
         values = jnp.concatenate([values, more_values])
         sides = jnp.concatenate([sides, more_sides])
 
-    def downhill(side: Float[Array, "n"], value: Float[Array, "k"]) -> Walk:
-        return walk(objective, side, value, box, max_steps)
-
-    found = jax.vmap(downhill)(sides, values)
-    natural = jax.vmap(objective.natural_side)(found.value)
-    cost = jax.vmap(objective.cost)(found.value, natural)
-    slack = jax.vmap(objective.slack)(found.value, natural)
+    found, natural, cost, slack = walks(objective, sides, values, first, box, max_steps)
     equal = cost - slack <= jnp.min(cost + slack)
     focus = jax.vmap(lambda value: objective.parameters(value)[FOCUS])(found.value)
     kept = jnp.all(found.value[0] == first)
@@ -101,6 +97,70 @@ def search(objective: Objective, first: Float[Array, "k"], box: Box, *, many: bo
         settled=found.settled[chosen],
         steps=found.steps[chosen],
     )
+
+
+def walks(
+    objective: Objective,
+    sides: Float[Array, "s n"],
+    values: Float[Array, "s k"],
+    first: Float[Array, "k"],
+    box: Box,
+    max_steps: int | Int[Array, ""],
+) -> tuple[Walk, Float[Array, "s n"], Float[Array, "s"], Float[Array, "s"]]:
+    """Walks from all starts: with the sides on which they end, their costs, and what of these is rounding.
+
+    Every walk is taken a second time, from where the first one ends but with what the wishes leave open
+    brought back to the lens as given, as near as it can be.
+
+    Args:
+        objective: what to minimise.
+        sides: of all points, for every start.
+        values: starts.
+        first: the lens as given.
+        box: bounds.
+        max_steps: steps allowed to each walk.
+    """
+
+    def round_(start: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], tuple[Any, ...]]:
+        side, value = start
+        found = walk(objective, side, value, box, max_steps)
+        natural = objective.natural_side(found.value)
+        cost, slack = objective.cost(found.value, natural), objective.slack(found.value, natural)
+        return (natural, _brought_back(objective, found.value, natural, first, box)), (
+            found,
+            natural,
+            cost,
+            slack,
+        )
+
+    def twice(side: Float[Array, "n"], value: Float[Array, "k"]) -> tuple[Walk, Array, Array, Array]:
+        # A loop, so that the walk is compiled once.
+        _, rounds = jax.lax.scan(round_, (side, value), length=2)
+        walked, _, cost, slack = rounds
+        back = cost[1] - slack[1] <= cost[0] + slack[0]
+        found, natural, cost, slack = jax.tree.map(lambda leaf: jnp.where(back, leaf[1], leaf[0]), rounds)
+        return eqx.tree_at(lambda walk: walk.steps, found, jnp.sum(walked.steps)), natural, cost, slack
+
+    return jax.vmap(twice)(sides, values)
+
+
+def _brought_back(
+    objective: Objective,
+    value: Float[Array, "k"],
+    side: Float[Array, "n"],
+    first: Float[Array, "k"],
+    box: Box,
+) -> Float[Array, "k"]:
+    """`value`, moved along what the wishes leave open there to the place nearest to `first`, in pixels."""
+    at_lower, at_upper = _pushed(objective, value, side, box)
+    moves = ~(at_lower | at_upper)
+    projection = _weak(objective, value, side, objective.on(value, side), moves, box)
+    along = jnp.where(moves, box.upper - box.lower, 0.0)[:, None] * projection
+    away = objective.scale * (first - value)
+    change = along @ (jnp.linalg.pinv(objective.scale[:, None] * along) @ away)
+    # A parameter that no wish holds goes all the way, without rounding.
+    back = jnp.where(_alone(moves, projection), first, with_products(value, change, box, objective.columns))
+    return jnp.clip(jnp.where(moves, back, value), box.lower, box.upper)
 
 
 def starts(
@@ -183,13 +243,30 @@ def _open(
     box: Box,
 ) -> tuple[Bool[Array, "k"], Float[Array, "k k"]]:
     """Parameters, and a projection onto directions, whose whole range changes no wish's blur by much."""
+    projection = _weak(objective, value, side, on, moves, box)
+    held = _alone(moves, projection)
+    mixed = moves & ~held
+    return held, jnp.where(mixed[:, None] & mixed[None], projection, 0.0)
+
+
+def _weak(
+    objective: Objective,
+    value: Float[Array, "k"],
+    side: Float[Array, "n"],
+    on: Bool[Array, "n"],
+    moves: Bool[Array, "k"],
+    box: Box,
+) -> Float[Array, "k k"]:
+    """Projection, in parameters over their ranges, onto what changes no wish by much, or does not move."""
     unit = jnp.where(moves, box.upper - box.lower, 0.0)
     slopes = jax.jacfwd(objective.excess)(value, side)
     slopes = jnp.where((on & objective.counted)[:, None], slopes, 0.0)
     scaled = jnp.concatenate([slopes, jnp.diag(objective.priors.inverse)]) * unit[None]
     _, strength, rows = jnp.linalg.svd(scaled, full_matrices=False)
     weak = jnp.where(strength < UNDETERMINED_PX, 1.0, 0.0)
-    projection = (rows.T * weak[None]) @ rows
-    held = moves & (jnp.diag(projection) > 1.0 - _ALIGNED)
-    mixed = moves & ~held
-    return held, jnp.where(mixed[:, None] & mixed[None], projection, 0.0)
+    return (rows.T * weak[None]) @ rows
+
+
+def _alone(moves: Bool[Array, "k"], projection: Float[Array, "k k"]) -> Bool[Array, "k"]:
+    """Parameters whose own axis is open, whatever the others do."""
+    return moves & (jnp.diag(projection) > 1.0 - _ALIGNED)

@@ -165,8 +165,7 @@ class Solution(eqx.Module):
             raise ArgumentError(
                 f"there are {len(self.cost)} solutions, and no number {index} (counted from 0)", "index"
             )
-        # By numpy, which compiles nothing.
-        return jax.tree.map(lambda leaf: jnp.asarray(np.asarray(leaf)[index]), self)
+        return jax.tree.map(lambda leaf: one_row(leaf, index), self)
 
     def _alone(self, what: str) -> None:
         """Refuses to say of many problems what only one has."""
@@ -220,9 +219,11 @@ def wish_table(
         relation = _RELATIONS[EQUAL if points.relation is None else int(points.relation[worst])]
         wished, got, residual = (float(of[worst]) for of in (points.target, blur, error))
         weight = float(points.weight[rows].sum())
+        kept = bool(met[rows].all())
         if points.quantity is not None and points.quantity[worst] != BLUR:
             relation, wished, got, residual = _framing(points, rows, np.asarray(error))
             weight = float(points.weight[worst])
+            kept = abs(residual) <= points.tolerance[worst]
         lines.append(
             WishResult(
                 name=name,
@@ -232,7 +233,7 @@ def wish_table(
                 got=got,
                 residual=residual,
                 tolerance=float(points.tolerance[worst]),
-                met=bool(met[rows].all()),
+                met=bool(kept),
                 weight=weight,
                 note=points.notes[index] if points.notes else "",
                 xy=(float(points.xy[worst, 0]), float(points.xy[worst, 1])),
@@ -258,6 +259,11 @@ def _framing(
     place = np.where(points.quantity[rows] == ACROSS, *points.xy[rows].T)
     room = np.where(points.relation[rows] == AT_LEAST, 1.0, -1.0) * (place - points.target[rows])
     return IN_FRAME, margin, margin + float(room.min()), -float(short)
+
+
+def one_row(leaf: Array, index: int) -> Array:
+    """One entry of the leading axis; by numpy where it can be, which compiles nothing."""
+    return leaf[index] if isinstance(leaf, Tracer) else jnp.asarray(np.asarray(leaf)[index])
 
 
 def first_rows(leaf: Array, count: int) -> Array:

@@ -70,7 +70,8 @@ def solve(
     priors and whatever of the lens is not solved for.
 
     What the wishes leave open stays as the starting lens has it, or as near as the rest allows: the
-    f-number when all wishes are at one distance, the tilt about a line that holds all points.
+    f-number when all wishes are at one distance, the tilt about a line that holds all points. Near is what
+    changes the picture least, in pixels of blur as `solve_frames` measures them.
     `Solution.undetermined` names it. Where two solutions are equally good, the nearer focus is taken.
 
     Args:
@@ -97,7 +98,7 @@ def solve(
         priors: expectations of free parameters, by name.
         method: "optimistix" (Levenberg-Marquardt), "dogleg" (Optimistix, too), or "jaxopt" (L-BFGS-B from
             the starting lens, as an independent check: slower, less exact and not differentiable).
-        max_steps: steps allowed.
+        max_steps: steps allowed, at least 1.
         throw: raise an error, rather than report it in `Solution.result`, when the solver fails.
 
     Raises:
@@ -125,7 +126,9 @@ def solve(
     solution, failed = solve_asked(asked)
     # A known success skips the machinery of errors inside compiled code.
     if throw and (isinstance(failed, Tracer) or bool(failed)):
-        solution = solution.result.error_if(solution, failed)
+        if isinstance(failed, Tracer):
+            return solution.result.error_if(solution, failed)
+        raise RuntimeError(f"the solve failed after {int(solution.steps)} steps: {Result[solution.result]}")
     return solution
 
 
@@ -172,6 +175,8 @@ def prepared(
     free = in_order(free)
     if method not in METHODS:
         raise ArgumentError(f"method is {method!r}; expected one of {list(METHODS)}", "method")
+    if max_steps < 1:
+        raise ArgumentError(f"max_steps is {max_steps}; expected at least one step", "max_steps")
     if "focal_length" in free and ranges.get("focal_length_range") is None:
         raise ArgumentError(
             "the focal length is free without a range; give focal_length_range in metres",

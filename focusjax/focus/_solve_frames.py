@@ -16,9 +16,9 @@ from focusjax.focus._frames_implicit import following
 from focusjax.focus._frames_solution import FramesSolution
 from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._image_points import ImagePoints, blurs, errors
-from focusjax.focus._joint import Joint, scales, walk_frames
+from focusjax.focus._joint import Joint, walk_frames
 from focusjax.focus._objective import Objective, make_objective
-from focusjax.focus._parameters import Start, make_start
+from focusjax.focus._parameters import Start, make_start, scales
 from focusjax.focus._path import way_through
 from focusjax.focus._priors import prior_rows
 from focusjax.focus._solution import Result
@@ -51,7 +51,7 @@ def solve_frames(
              + smoothness |x_t - 2 x_(t-1) + x_(t-2)|^2 + steadiness |x_t - x_(t-1)|^2
 
     within the bounds, by Gauss-Newton steps on the banded system that couples each frame to the two before
-    it. For the last line the parameters are measured in pixels (see `_joint`): focus in the change
+    it. For the last line the parameters are measured in pixels (see `scales`): focus in the change
     of blur it makes through the starting lens, the aperture in that of a blur of 10 px, tilt and swing in
     that of blur at the picture's edge, the focal length in the shift of the edge. So a smoothness of 1 makes
     a change of blur that quickens by 1 px per frame^2 cost as much as a wish of weight 1 missed by 1 px.
@@ -158,9 +158,9 @@ def _solve(asked: FramesAsked) -> FramesSolution:
     at_upper = (walked.pixels >= still.upper) & (here.gradient < -rounding)
     open_ = _open(here.slopes * jnp.mean(still.upper - still.lower, axis=0)[None, None])
     kept = jnp.where(open_ > _HELD, first * scale, 0.0)
-    pixels = following(
-        joint, walked.pixels, walked.side, at_lower, at_upper, kept - jax.lax.stop_gradient(kept)
-    )
+    is_open = open_ > _PARTLY_OPEN
+    kept = kept - jax.lax.stop_gradient(kept)
+    pixels = following(joint, walked.pixels, walked.side, at_lower, at_upper, kept, is_open)
     value = pixels / scale
     # Rounding may carry a parameter past its bound.
     value = value + jax.lax.stop_gradient(jnp.clip(value, boxes.lower, boxes.upper) - value)
@@ -170,7 +170,6 @@ def _solve(asked: FramesAsked) -> FramesSolution:
         return camera, lens, points, blurs(points, camera, lens), errors(points, camera, lens)
 
     camera, lens, points, blur, error = jax.vmap(of_frame)(start, value, asked.points)
-    is_open = open_ > _PARTLY_OPEN
     result = Result.where(walked.settled, Result.solved, Result.max_steps_reached)
     result = Result.where((result == Result.solved) & jnp.any(is_open), Result.undetermined, result)
     finite = jnp.all(jnp.isfinite(error)) & jnp.all(jnp.isfinite(value))

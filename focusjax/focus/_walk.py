@@ -5,6 +5,9 @@ step and are cut off at their bounds. With enough damping that is a step of proj
 it helps in the end (Bertsekas 1982). Blur is linear in (E, E n) for aperture radius E and plane n, so a
 step in these is tried first where both are free: inside the bounds it ends at the optimum for the sides.
 
+What the wishes leave open goes no farther than it must: of all steps that are equally good the one is taken
+that changes the picture least, each parameter measured in pixels (`scales`).
+
 Parameters that no error follows by as much as `UNDETERMINED_PX` over their whole range stay where they are:
 what slope they have is rounding, once the wishes that would move them are met.
 """
@@ -21,7 +24,7 @@ from focusjax.focus._objective import Objective
 from focusjax.focus._parameters import FOCUS, RADIUS, SWING, TILT
 
 _GENTLE = 1e-3
-"""Damping after a step that did not help, relative to the diagonal."""
+"""Damping after a step that did not help."""
 
 _HOPELESS = 1e8
 """Damping at which no step is left to take."""
@@ -33,7 +36,7 @@ class Walk(eqx.Module):
     Attributes:
         value: free parameters.
         cost: see `Objective.cost`.
-        damping: of the next step, relative to the diagonal of the normal equations.
+        damping: of the next step, relative to the largest slope squared.
         product: whether the next step is one in (E, E n).
         settled: whether the last step was within rounding.
         steps: steps taken.
@@ -55,7 +58,8 @@ def walk(
     max_steps: int | Int[Array, ""],
 ) -> Walk:
     """The best parameters in the box for given sides, downhill from `first`."""
-    least = 1e3 * jnp.finfo(first.dtype).eps
+    rounding = 1e3 * jnp.finfo(first.dtype).eps
+    least = jnp.asarray(rounding**2, first.dtype)
 
     def more(state: Walk) -> Bool[Array, ""]:
         return ~state.settled & (state.steps < max_steps)
@@ -66,7 +70,7 @@ def walk(
         cost = objective.cost(moved, side)
         change = jnp.abs(objective.excess(moved, side) - objective.excess(state.value, side))
         inside_noise = jnp.all(~objective.counted | (change <= 4.0 * objective.noise(moved)))
-        inside_noise &= jnp.all(jnp.abs((moved - state.value) * objective.priors.inverse) <= least)
+        inside_noise &= jnp.all(jnp.abs((moved - state.value) * objective.priors.inverse) <= rounding)
         better = cost < state.cost
         calmer = jnp.maximum(state.damping * 16.0, _GENTLE)
         # A step in (E, E n) may be cut off at a bound so that it does not help; one in (E, n) then will.
@@ -84,7 +88,7 @@ def walk(
     start = Walk(
         value=first,
         cost=objective.cost(first, side),
-        damping=jnp.full_like(first[0], least),
+        damping=least,
         product=jnp.array(True),
         settled=jnp.array(False),
         steps=jnp.array(0),
@@ -106,28 +110,43 @@ def _moved(
     effect = jnp.linalg.norm(jnp.where(objective.counted[:, None], slopes, 0.0), axis=0)
     idle = (effect * (box.upper - box.lower) < UNDETERMINED_PX) & (objective.priors.inverse == 0)
     moves = ~stuck & ~idle
-    products = np.isin(columns, (FOCUS, TILT, SWING)) & (RADIUS in columns)
-    if products.any():
-        which = columns.index(RADIUS)
-        radius = value[which]
-        product = moves & jnp.array(products) & state.product
-        with_product = jacobian[:, which] - jacobian @ jnp.where(product, value, 0.0) / radius
-        jacobian = jnp.where(product[None], jacobian / radius, jacobian).at[:, which].set(with_product)
-    change = _damped(jnp.where(moves[None], jacobian, 0.0), residual, state.damping)
-    moved = value + change
-    if products.any():
-        wider = jnp.clip(moved[which], box.lower[which], box.upper[which])
-        moved = jnp.where(product, (radius * value + change) / wider, moved).at[which].set(wider)
+    change = _damped(jnp.where(moves[None], jacobian, 0.0), residual, objective.scale, state.damping)
+    moved = jnp.where(state.product, with_products(value, change, box, columns), value + change)
     return jnp.clip(jnp.where(moves, moved, value), box.lower, box.upper)
 
 
-def _damped(
-    jacobian: Float[Array, "m k"], residual: Float[Array, "m"], damping: Float[Array, ""]
+def with_products(
+    value: Float[Array, "k"], change: Float[Array, "k"], box: Box, columns: tuple[int, ...]
 ) -> Float[Array, "k"]:
-    """The least-squares change, with damping relative to each column's size; 0 for columns of zeros."""
-    size = jnp.linalg.norm(jacobian, axis=0)
-    unit = 1.0 / jnp.where(size > 0.0, size, 1.0)
-    scaled = jacobian * unit[None]
-    normal = scaled.T @ scaled
-    some = jnp.where(size > 0.0, damping, 1.0)
-    return -unit * jnp.linalg.solve(normal + jnp.diag(some), residual @ scaled)
+    """`value` after a change that is linear in (E, E n) and begins as `change` does, with E inside the box.
+
+    Blur is linear in these, so that all of the step is as good as its beginning.
+    """
+    moved = value + change
+    products = np.isin(columns, (FOCUS, TILT, SWING)) & (RADIUS in columns)
+    if not products.any():
+        return moved
+    which = columns.index(RADIUS)
+    wider = jnp.clip(moved[which], box.lower[which], box.upper[which])
+    carried = (value[which] * moved + value * change[which]) / wider
+    return jnp.where(products, carried, moved).at[which].set(wider)
+
+
+def _damped(
+    jacobian: Float[Array, "m k"],
+    residual: Float[Array, "m"],
+    scale: Float[Array, "k"],
+    damping: Float[Array, ""],
+) -> Float[Array, "k"]:
+    """The least-squares change; of equally good ones the least, times `scale`; 0 for columns of zeros.
+
+    By QR, and not by the normal equations: damping as small as rounding squared then tells what is weakly
+    determined from what is open.
+    """
+    scaled = jacobian / scale[None]
+    size = jnp.max(jnp.sum(scaled**2, axis=0))
+    root = jnp.sqrt(damping * jnp.where(size > 0.0, size, 1.0))
+    rows = jnp.concatenate([scaled, root * jnp.eye(scale.size, dtype=scale.dtype)])
+    right = jnp.concatenate([residual, jnp.zeros_like(scale)])
+    triangle = jnp.linalg.qr(jnp.concatenate([rows, right[:, None]], axis=1), mode="r")[: scale.size]
+    return -jax.scipy.linalg.solve_triangular(triangle[:, :-1], triangle[:, -1]) / scale

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-SIZES = (8, 2, 1)
+SIZES = (8, 2)
 """Edges in pixels of the blocks, coarse to fine. Each divides the first."""
 
 

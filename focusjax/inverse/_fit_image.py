@@ -1,27 +1,26 @@
 """The lens that made a picture of a known scene."""
 
-from collections.abc import Sequence
+from collections.abc import Callable
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import ArrayLike
 
 from focusjax._counts import require_counts
-from focusjax.inverse._blocks import SIZES
+from focusjax.inverse._coarse_to_fine import coarse_to_fine, rms
 from focusjax.inverse._image_fit import ImageFit, Level, standard_errors
-from focusjax.inverse._levels import Found, Problem, fit_level
+from focusjax.inverse._levels import Problem
+from focusjax.inverse._polish import Polished
+from focusjax.inverse._scan import Scan, check_scan, scan_lenses
 from focusjax.inverse._search import best_starts
-from focusjax.inverse._sight import nearest_in_sight
 from focusjax.inverse._target import checked_mask, checked_target, weights
-from focusjax.inverse._variables import GAIN, RADIUS, in_order, make_variables
+from focusjax.inverse._variables import GAIN, RADIUS, Variables, in_order, make_variables
 from focusjax.layers import Layers
 from focusjax.lens import ThinLens, TiltShiftLens
 from focusjax.trace import check_reach
 
 _STARTS = 2
-"""Starts of a search that are followed down to single pixels."""
-_HUBER = 1.345
-"""Robust standard deviations beyond which residuals count linearly: 95 % efficient on normal ones."""
+"""Starts of a search that are followed over the coarsest blocks."""
 _FLAT = 1e-6
 """Share of the target's contrast; slopes over the whole range of a parameter below it are none."""
 
@@ -36,6 +35,8 @@ def fit_image(
     noise: ArrayLike | None = None,
     robust: bool = False,
     search: bool = True,
+    scan: Scan | None = None,
+    exact: Callable[[ThinLens | TiltShiftLens], ArrayLike] | None = None,
     min_focus_distance: float | None = None,
     rays: int = 64,
     seed: int = 0,
@@ -45,13 +46,18 @@ def fit_image(
 
     Least squares over all pixels by Levenberg and Marquardt's method (Optimistix), with the picture's true
     derivatives (`render_differentiable`), which know what appears and disappears behind silhouettes. Coarse
-    to fine: means over 8 x 8 pixels, over 2 x 2, then single pixels.
+    to fine: means over 8 x 8 pixels, over 2 x 2, then single pixels, each of which counts by how well those
+    around it were met before: noise is largest along blurred silhouettes, and so are errors of the model.
 
     The lens is sought among those that the layers serve: those whose rays go no farther than the rays of the
     lens that was peeled for. Peel for `widest_lens(...)`, which serves every focus from a least distance to
     infinity at every opening up to a widest one. Layers of an ordinary lens hold the lenses of the same or a
     smaller opening whose focus is near its own; how near, the margin decides. `ImageFit.at_limits` tells when
     the best lens would lie beyond.
+
+    Pictures of layers are a little blurred by their samples, which is taken for a lens of another focus and
+    a smaller or larger opening: by several percent where blur is of a few pixels. `layers.prefilter` takes
+    most of that away for pictures that are not made of the same layers, and `exact` all of it.
 
     Args:
         target: linear picture [h, w, 3] of the size of the layers' camera.
@@ -61,11 +67,16 @@ def fit_image(
             picture; 1 if not free). With tilt or swing free, a thin lens becomes a tilt-shift lens.
         mask: pixels [h, w] that count, all if not given. For what the layers do not have, such as people.
         noise: standard deviation of the target's values, one number or [h, w] or [h, w, 3], up to a common
-            factor; all alike if not given.
+            factor; found from the residuals around each pixel if not given.
         robust: let values that stand out of the rest count less: Huber's weights, from the residuals of each
             level for the next one, and a last time for single pixels.
-        search: try many lenses all over the range with few rays first, and start from the best two. Otherwise
-            start from `lens` alone.
+        search: compare the target with pictures of few rays of lenses all over the range first, and start
+            from the best two. Otherwise start from `lens` alone.
+        scan: those pictures, of `scan_lenses` with the same layers and what is free here, for several
+            targets to share; made if not given.
+        exact: another renderer of the scene, without layers, such as
+            `lambda lens: lens_picture(scene, camera, lens, rays=256)` of `focusjax.baselines`. Last steps
+            are made with its pictures and our slopes.
         min_focus_distance: metres; 0.8 times the distance of the nearest surface in sight if not given.
         rays: rays per pixel.
         seed: chooses the rays.
@@ -74,7 +85,7 @@ def fit_image(
     Raises:
         ValueError: a target of another size, in display encoding or not finite; no free parameter or an
             unknown one; a picture that does not depend on a free one; layers that do not hold the rays of
-            `lens` where its opening is not free.
+            `lens` where its opening is not free; a scan of other layers; an exact picture of another size.
 
     Example:
         >>> fit = fit_image(photograph, layers, lens, free=("focus", "f_number", "gain"))  # doctest: +SKIP
@@ -95,64 +106,36 @@ def fit_image(
         check_reach(layers, lens)
     variables = make_variables(layers, lens, free, min_focus_distance, like)
     problem = Problem(layers, variables, like, jnp.asarray(weight, dtype=real), rays, seed)
-    own = variables.start(layers)
     if search:
-        seen = nearest_in_sight(layers)[counts]
-        starts = best_starts(problem, seen, own, _STARTS)
+        scan = scan_lenses(layers, lens, free=free, seed=seed) if scan is None else scan
+        check_scan(scan, layers, free)
+        starts = best_starts(problem, variables, scan, _STARTS)
     else:
-        starts = [own]
-    found, last, levels = _coarse_to_fine(problem, starts, weight, robust, max_steps)
-    return _answer(problem, last, found, levels)
-
-
-def _coarse_to_fine(
-    problem: Problem,
-    starts: Sequence[Float[Array, " k"]],
-    weight: np.ndarray,
-    robust: bool,
-    max_steps: int,
-) -> tuple[Found, Problem, list[Level]]:
-    """The best fit to single pixels, with the problem (its weights) that it solves, and how it went."""
-    rounds = [*range(len(SIZES)), len(SIZES) - 1] if robust else [*range(len(SIZES))]
-    best: tuple[Found, Problem, list[Level]] | None = None
-    for start in starts:
-        value, now, levels = start, problem, []
-        for number, level in enumerate(rounds):
-            found = fit_level(now, value, jnp.array(level), most_steps=max_steps)
-            value = found.variables
-            error = _rms(np.asarray(found.residual), weight)
-            levels.append(Level(SIZES[level], int(found.steps), error, bool(found.converged)))
-            if robust and number + 1 < len(rounds):
-                now = _reweighted(problem, np.asarray(found.residual), weight)
-        if best is None or levels[-1].rms_error < best[2][-1].rms_error:
-            best = found, now, levels
-    assert best is not None
-    return best
-
-
-def _reweighted(problem: Problem, residual: np.ndarray, weight: np.ndarray) -> Problem:
-    """The problem with Huber's weights for a residual."""
-    size = np.sqrt(weight) * np.abs(residual)
-    spread = 1.4826 * float(np.median(size[weight > 0]))
-    factor = np.where(size > _HUBER * spread, _HUBER * spread / np.where(size > 0, size, 1.0), 1.0)
-    return Problem(
-        problem.layers,
-        problem.variables,
-        problem.target,
-        jnp.asarray(weight * factor, dtype=problem.weight.dtype),
-        problem.rays,
-        problem.seed,
+        starts = [(variables.start(layers), 0.0)]
+    found, last, levels = coarse_to_fine(
+        problem,
+        starts,
+        weight,
+        max_steps,
+        searched=search,
+        even=noise is None,
+        robust=robust,
+        exact=exact,
     )
+    return _answer(problem, variables, last, found, levels)
 
 
-def _answer(problem: Problem, last: Problem, found: Found, levels: list[Level]) -> ImageFit:
+def _answer(
+    problem: Problem, variables: Variables, last: Problem, found: Polished, levels: list[Level]
+) -> ImageFit:
     """The report on a fit, or a refusal.
 
     Raises:
         ValueError: the picture does not depend on a free parameter, or its opening had to be closed.
     """
-    variables, layers = problem.variables, problem.layers
-    residual, slopes, weight = (np.asarray(a) for a in (found.residual, found.slopes, last.weight))
+    layers, real = problem.layers, problem.target.dtype
+    residual, slopes, weight = found.residual, found.slopes, np.asarray(last.weight)
+    settings = jnp.asarray(found.settings, dtype=real)
     span = np.asarray(variables.upper - variables.lower)[list(variables.columns)]
     effect = np.sqrt(np.einsum("hwc,hwck->k", weight, slopes**2)) * span
     flat = [name for name, e in zip(variables.free, effect, strict=True) if not e > _FLAT * last.contrast()]
@@ -169,22 +152,17 @@ def _answer(problem: Problem, last: Problem, found: Found, levels: list[Level]) 
             "the fit leads to a focus whose rays leave what the layers were peeled for; peel for"
             " widest_lens(...), or narrow the range by min_focus_distance"
         )
-    lens = variables.lens_at(found.settings)
+    lens = variables.lens_at(settings)
     check_reach(layers, lens)
-    limits = variables.at_limits(found.variables)
+    limits = variables.at_limits(settings, layers)
     return ImageFit(
         lens=lens,
         gain=float(found.settings[GAIN]),
-        picture=problem.target + found.residual,
-        rms_error=levels[-1].rms_error,
-        standard_errors=standard_errors(variables, found.settings, layers.camera, residual, slopes, weight),
+        picture=problem.target + jnp.asarray(residual, dtype=real),
+        rms_error=rms(residual, np.asarray(problem.weight)),
+        standard_errors=standard_errors(variables, found, layers.camera, weight),
         at_limits=tuple(name for name, at in zip(variables.free, limits, strict=True) if at),
         levels=tuple(levels),
         steps=sum(level.steps for level in levels),
         converged=levels[-1].converged,
     )
-
-
-def _rms(residual: np.ndarray, weight: np.ndarray) -> float:
-    """Root mean square by weight, of values that count."""
-    return float(np.sqrt((weight * residual.astype(np.float64) ** 2).sum() / weight.sum()))

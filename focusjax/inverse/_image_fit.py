@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
+from focusjax.inverse._polish import Polished, inverse_of
 from focusjax.inverse._variables import FOCUS, GAIN, PARAMETERS, RADIUS, SWING, TILT, Variables
 from focusjax.lens import ThinLens, TiltShiftLens, movements_of
 
@@ -37,7 +38,7 @@ class ImageFit:
     Attributes:
         lens: the lens; a tilt-shift lens if tilt or swing was free.
         gain: what its picture is to be multiplied by.
-        picture: that picture [h, w, 3], times the gain.
+        picture: that picture [h, w, 3], times the gain; by the exact renderer if there is one.
         rms_error: root mean square of picture less target, over the values that count, by their weight.
         standard_errors: of each free parameter by name, from the residual and the slopes of the picture at
             the solution, whatever part of it is noisier: "focus" in 1/m (of the disparity), "f_number",
@@ -62,43 +63,44 @@ class ImageFit:
 
 
 def standard_errors(
-    variables: Variables,
-    settings: Float[Array, "5"],
-    camera: Camera,
-    residual: np.ndarray,
-    slopes: np.ndarray,
-    weight: np.ndarray,
+    variables: Variables, found: Polished, camera: Camera, weight: np.ndarray
 ) -> dict[str, float]:
-    """The standard error of each free parameter, where noise may differ from value to value.
-
-    The covariance is (J' W J)^-1 J' W diag(r^2) W J (J' W J)^-1 n / (n - k) (White 1980): pictures of
-    few rays are noisiest along blurred silhouettes, which is also where they tell most of the lens.
+    """The standard error of each free parameter; see `covariance`.
 
     Args:
         variables: what was free.
-        settings: the solution.
+        found: the solution.
         camera: that takes the picture.
-        residual: picture less target [h, w, 3].
-        slopes: of the picture by the free settings [h, w, 3, k].
         weight: of each value [h, w, 3].
     """
-    columns, size = np.array(variables.columns), len(variables.columns)
-    rows = (np.sqrt(weight)[..., None] * slopes).reshape(-1, size).astype(np.float64)
-    units = np.linalg.norm(rows, axis=0)
-    safe = np.where(units > 0, units, 1.0)
-    rows = rows / safe
-    inverse = np.linalg.pinv(rows.T @ rows, hermitian=True)
-    noisy = rows * (np.sqrt(weight) * residual).reshape(-1, 1)
-    count = int((weight > 0).sum())
-    covariance = inverse @ (noisy.T @ noisy) @ inverse * count / max(count - size, 1)
-    covariance = covariance / np.outer(safe, safe)
-    turned = np.asarray(jax.jacfwd(lambda s: _reported(s, camera))(settings), dtype=np.float64)
+    columns = np.array(variables.columns)
+    spread, known = covariance(found, weight)
+    turned = np.asarray(
+        jax.jacfwd(lambda s: _reported(s, camera))(
+            jnp.asarray(found.settings, dtype=camera.focal_length.dtype)
+        ),
+        dtype=np.float64,
+    )
     turned = turned[np.ix_(columns, columns)]
-    spread = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", turned, covariance, turned), 0.0))
+    errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", turned, spread, turned), 0.0))
     return {
-        name: float(s) if u > 0 else math.inf
-        for name, s, u in zip(variables.free, spread, units, strict=True)
+        name: float(error) if there else math.inf
+        for name, error, there in zip(variables.free, errors, known, strict=True)
     }
+
+
+def covariance(found: Polished, weight: np.ndarray) -> tuple[Float[np.ndarray, "k k"], np.ndarray]:
+    """The covariance of the settings that were fitted, and which the picture depends on [k].
+
+    (J' W K)^-1 J' W diag(r^2) W J (J' W K)^-1 n / (n - k), where noise may differ from value to value
+    (White 1980): pictures of few rays are noisiest along blurred silhouettes, which is also where they tell
+    most of the lens. J and K are slopes by different rays.
+    """
+    inverse = inverse_of(found.square)
+    noisy = np.einsum("hwck,hwc->hwck", found.slopes, weight * found.residual).reshape(-1, len(inverse))
+    count = int((weight > 0).sum())
+    spread = inverse @ (noisy.T @ noisy) @ inverse * count / max(count - len(inverse), 1)
+    return spread, np.diag(found.square) > 0
 
 
 def _reported(settings: Float[Array, "5"], camera: Camera) -> Float[Array, "5"]:

@@ -7,11 +7,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
+import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.inverse._blocks import SIZES, block_means
-from focusjax.inverse._variables import GAIN, Variables
+from focusjax.inverse._variables import AbstractVariables
 from focusjax.layers import Layers
 from focusjax.trace import render_differentiable
 
@@ -22,7 +23,7 @@ _RELATIVE, _ABSOLUTE = 1e-3, 3e-4
 """Shares of variables and residuals below which a step is the last, where there is no noise."""
 _LOST = 4.0
 """Squares of standard errors that a step may be and still be lost in noise."""
-_SMALL = (1.0, 0.5, 0.25)
+_SMALL = (1.0, 0.5)
 """Those of the last step, on each level."""
 
 
@@ -39,16 +40,28 @@ class Problem(eqx.Module):
     """
 
     layers: Layers
-    variables: Variables
+    variables: AbstractVariables
     target: Float[Array, "h w 3"]
     weight: Float[Array, "h w 3"]
     rays: int = eqx.field(static=True)
     seed: int = eqx.field(static=True)
 
-    def picture(self, settings: Float[Array, "5"]) -> Float[Array, "h w 3"]:
+    def picture(self, settings: Float[Array, " p"]) -> Float[Array, "h w 3"]:
         """What the lens of given settings forms, times the gain."""
         lens = self.variables.lens_at(settings)
-        return settings[GAIN] * render_differentiable(self.layers, lens, rays=self.rays, seed=self.seed)
+        return settings[-1] * render_differentiable(self.layers, lens, rays=self.rays, seed=self.seed)
+
+    def weighed(self, weight: np.ndarray) -> "Problem":
+        """The same with other weights."""
+        return eqx.tree_at(lambda each: each.weight, self, jnp.asarray(weight, dtype=self.weight.dtype))
+
+    def of_rays(self, rays: int) -> "Problem":
+        """The same with pictures of another number of rays."""
+        return Problem(self.layers, self.variables, self.target, self.weight, rays, self.seed)
+
+    def of_seed(self, seed: int) -> "Problem":
+        """The same with other rays."""
+        return Problem(self.layers, self.variables, self.target, self.weight, self.rays, seed)
 
     def contrast(self) -> Float[Array, ""]:
         """Root of the sum of squares of the target about its mean, by weight."""
@@ -71,7 +84,7 @@ class Found(eqx.Module):
     """
 
     variables: Float[Array, " k"]
-    settings: Float[Array, "5"]
+    settings: Float[Array, " p"]
     residual: Float[Array, "h w 3"]
     slopes: Float[Array, "h w 3 k"]
     cost: Float[Array, ""]
@@ -170,7 +183,7 @@ def fit_level(
     columns = jnp.array(problem.variables.columns)
     scale = _SCALE / problem.contrast()
 
-    def with_slopes(settings: Float[Array, "5"]) -> tuple[Array, Array]:
+    def with_slopes(settings: Float[Array, " p"]) -> tuple[Array, Array]:
         def both(part: Float[Array, " k"]) -> tuple[Array, Array]:
             picture = problem.picture(settings.at[columns].set(part))
             return picture, picture

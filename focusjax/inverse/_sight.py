@@ -1,9 +1,14 @@
-"""What the lens centre sees of layers."""
+"""What the lens centre sees of layers, and whose rays they hold."""
 
+import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
 from focusjax.layers import Layers
+from focusjax.trace import widest_opening
+
+served_share = eqx.filter_jit(widest_opening)
+"""Compiled, for many lenses of one kind."""
 
 
 def nearest_in_sight(layers: Layers) -> Float[np.ndarray, "h w"]:

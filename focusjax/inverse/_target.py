@@ -7,6 +7,8 @@ from focusjax.geometry import Camera
 
 _MOST_LINEAR = 64.0
 """Whole numbers that go beyond it are codes of a screen or a file, not radiance."""
+_NEAR_CODE = 1e-3
+"""How near to a whole number a code of a file is, in single precision, too."""
 _TO_LINEAR = (
     "; decode it to linear light first, for sRGB with v = picture / 255 by"
     " where(v > 0.04045, ((v + 0.055) / 1.055) ** 2.4, v / 12.92)"
@@ -46,6 +48,12 @@ def checked_target(target: ArrayLike, camera: Camera, mask: ArrayLike | None) ->
         raise ValueError(
             f"the target holds whole numbers up to {picture.max():g}, which suggests display codes from 0 to"
             f" 255{_TO_LINEAR}"
+        )
+    codes = 255.0 * picture
+    coded = picture.max() <= 1.0 and (np.abs(codes - np.round(codes)) < _NEAR_CODE).all()
+    if coded and len(np.unique(picture)) > 2:
+        raise ValueError(
+            f"the target holds multiples of 1/255 only, which suggests display codes over 255{_TO_LINEAR}"
         )
     return picture
 

@@ -5,6 +5,7 @@ Roos 1975): smooth, and bounds are reached, at finite u, where the slope is zero
 the layers end (`trace.widest_opening`), which may depend on the focus; gain is exp u.
 """
 
+import abc
 import math
 
 import equinox as eqx
@@ -13,9 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from focusjax.geometry import Camera
 from focusjax.inverse._sight import nearest_in_sight
 from focusjax.layers import Layers
-from focusjax.lens import ThinLens, TiltShiftLens, as_tilt_shift, view_tangents
+from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens, as_tilt_shift, view_tangents
 from focusjax.trace import widest_opening
 
 PARAMETERS = ("focus", "f_number", "tilt", "swing", "gain")
@@ -23,6 +25,10 @@ PARAMETERS = ("focus", "f_number", "tilt", "swing", "gain")
 
 FOCUS, RADIUS, TILT, SWING, GAIN = range(5)
 
+_SECANT_PX = 0.2
+"""Half the length of secants by focus, in pixels of blur."""
+RADIUS_SECANT = 0.06
+"""Of secants by the opening, as a share of its radius."""
 MOST_TILT = math.radians(45.0)
 _NEARER = 1.25
 """How much nearer than the nearest surface in sight, in disparity, the focus may be."""
@@ -30,7 +36,32 @@ _AT_LIMIT = 1e-3
 """Share of the box from its ends within which a setting is said to be at its limit."""
 
 
-class Variables(eqx.Module):
+class AbstractVariables(eqx.Module):
+    """Some settings [p] of a lens, the last of them the gain, that are free: variables [k] without bounds."""
+
+    @property
+    @abc.abstractmethod
+    def columns(self) -> tuple[int, ...]:
+        """Positions of the free settings among all."""
+
+    @abc.abstractmethod
+    def settings(self, variables: Float[Array, " k"], layers: Layers) -> Float[Array, " p"]:
+        """The settings, within their box and within what `layers` hold."""
+
+    @abc.abstractmethod
+    def lens_at(self, settings: Float[Array, " p"]) -> AbstractLens:
+        """The lens of given settings."""
+
+    @abc.abstractmethod
+    def secants(self, settings: Float[np.ndarray, " p"], camera: Camera) -> Float[np.ndarray, " p"]:
+        """How far each setting may move for blur to change by a part of a pixel."""
+
+    @abc.abstractmethod
+    def within(self, settings: Float[np.ndarray, " p"], layers: Layers) -> Float[np.ndarray, " p"]:
+        """The nearest settings in the box, with an opening that `layers` serve."""
+
+
+class Variables(AbstractVariables):
     """The free settings of a lens before a camera, and their box.
 
     Settings are (focus disparity, aperture radius, n_y, n_x, gain), n of the plane in focus in 1/m.
@@ -55,12 +86,15 @@ class Variables(eqx.Module):
         return tuple(PARAMETERS.index(name) for name in self.free)
 
     def start(self, layers: Layers) -> Float[Array, " k"]:
-        """The variables of the lens to start from, moved off the ends of the box, where slopes are 0."""
-        settings = settings_of(self.lens, self.gain)
-        settings = settings.at[RADIUS].divide(self._room(settings, layers))
-        share = (settings - self.lower) / (self.upper - self.lower)
+        """The variables of the lens to start from."""
+        return self.at(settings_of(self.lens, self.gain), layers)
+
+    def at(self, settings: Float[Array, "5"], layers: Layers) -> Float[Array, " k"]:
+        """The variables of given settings, moved off the ends of the box, where slopes are 0."""
+        share = settings.at[RADIUS].divide(self._room(settings, layers))
+        share = (share - self.lower) / (self.upper - self.lower)
         turn = jnp.arcsin(2.0 * jnp.clip(share, 0.02, 0.98) - 1.0)
-        return turn.at[GAIN].set(jnp.log(self.gain))[jnp.array(self.columns)]
+        return turn.at[GAIN].set(jnp.log(settings[GAIN]))[jnp.array(self.columns)]
 
     def settings(self, variables: Float[Array, " k"], layers: Layers) -> Float[Array, "5"]:
         """The settings [5], within the box and within what `layers` hold."""
@@ -80,16 +114,44 @@ class Variables(eqx.Module):
         plane = settings[jnp.array([SWING, TILT, FOCUS])]
         return TiltShiftLens(plane, settings[RADIUS], self.lens.aperture)
 
-    def at_limits(self, variables: Float[Array, " k"]) -> Bool[np.ndarray, " k"]:
-        """Which variables are at an end of their box."""
-        share = 0.5 * (1.0 + np.sin(np.asarray(variables)))
-        return (np.abs(share - 0.5) > 0.5 - _AT_LIMIT) & (np.array(self.columns) != GAIN)
+    def secants(self, settings: Float[np.ndarray, " p"], camera: Camera) -> Float[np.ndarray, " p"]:
+        focus = focus_secant(float(settings[RADIUS]), camera)
+        wide, high = _edges(camera)
+        return np.array(
+            [focus, RADIUS_SECANT * settings[RADIUS], focus / high, focus / wide, 0.05 * settings[GAIN]]
+        )
+
+    def within(self, settings: Float[np.ndarray, " p"], layers: Layers) -> Float[np.ndarray, " p"]:
+        out, columns = settings.copy(), [c for c in self.columns if c not in (RADIUS, GAIN)]
+        out[columns] = np.clip(settings, np.asarray(self.lower), np.asarray(self.upper))[columns]
+        room = float(self._room(jnp.asarray(out, dtype=self.lower.dtype), layers))
+        out[RADIUS] = min(max(out[RADIUS], 1e-3 * room), room)
+        out[GAIN] = max(out[GAIN], 1e-6)
+        return out
+
+    def at_limits(self, settings: Float[Array, "5"], layers: Layers) -> Bool[np.ndarray, " k"]:
+        """Which of the free settings are at an end of their box."""
+        share = settings.at[RADIUS].divide(self._room(settings, layers))
+        share = np.asarray((share - self.lower) / (self.upper - self.lower))
+        return ((np.abs(share - 0.5) > 0.5 - _AT_LIMIT) & (np.arange(5) != GAIN))[np.array(self.columns)]
 
     def _room(self, settings: Float[Array, "5"], layers: Layers) -> Float[Array, ""]:
         """The radius of the widest opening that layers serve, focused as the settings have it."""
         most = layers.lens.parallax(layers.camera) / layers.camera.focal_px
         widest = settings.at[RADIUS].set(most)
         return most * widest_opening(layers, self.lens_at(widest))
+
+
+def focus_secant(radius: float, camera: Camera) -> float:
+    """Change of focus disparity that changes blur by `_SECANT_PX`; less for a nearly closed lens."""
+    return _SECANT_PX / (2.0 * max(radius * float(camera.focal_px), 0.1))
+
+
+def _edges(camera: Camera) -> tuple[float, float]:
+    """Tangents of the view at the frame's sides, and at its top or bottom, whichever is larger."""
+    ends = jnp.array([(0.0, 0.0), (camera.width, camera.height)], dtype=camera.focal_px.dtype)
+    wide, high = np.abs(np.asarray(jax.vmap(lambda p: view_tangents(camera, p))(ends))).max(axis=0)
+    return float(wide), float(high)
 
 
 def settings_of(lens: ThinLens | TiltShiftLens, gain: Float[Array, ""]) -> Float[Array, "5"]:
@@ -144,10 +206,9 @@ def make_variables(
     else:
         nearest = 1.0 / min_focus_distance
     camera = layers.camera
-    ends = jnp.array([(0.0, 0.0), (camera.width, camera.height)], dtype=real)
-    wide, high = np.abs(np.asarray(jax.vmap(lambda p: view_tangents(camera, p))(ends))).max(axis=0)
+    wide, high = _edges(camera)
     most = math.sin(MOST_TILT) / math.sqrt(2.0) / float(camera.focal_length)
-    swing, tilt = (min(most, nearest / float(edge)) for edge in (wide, high))
+    swing, tilt = (min(most, nearest / edge) for edge in (wide, high))
     upper = jnp.array([nearest, 1.0, tilt, swing, 1.0], dtype=real)
     lower = jnp.array([0.0, 0.0, -tilt, -swing, 0.0], dtype=real)
     return Variables(lens=lens, gain=jnp.ones((), dtype=real), lower=lower, upper=upper, free=free)

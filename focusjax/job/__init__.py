@@ -3,6 +3,8 @@
 from focusjax.job._picture import Examined as Examined
 from focusjax.job._picture import Picture as Picture
 from focusjax.job._picture import Progress as Progress
+from focusjax.job._picture import make_layers as make_layers
+from focusjax.job._picture import room_for_more as room_for_more
 from focusjax.job._run import Outcome as Outcome
 from focusjax.job._run import blur_map as blur_map
 from focusjax.job._run import find_points as find_points

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -36,12 +37,15 @@ class Examined:
     """What layers miss and what the umbra spares them, against plain peeling to the end.
 
     Attributes:
-        missed: share of the lens rays whose nearest surface they do not hold.
+        missed: share of the lens rays whose nearest surface they do not hold. Of what lies behind something
+            that may be seen through it says nothing.
+        see_through: whether there is such a thing.
         saving: layers and samples with the umbra and without.
     """
 
     missed: MissedLight
     saving: UmbraSaving
+    see_through: bool
 
 
 @dataclass(frozen=True)
@@ -99,7 +103,7 @@ def make_picture(
     """
     like = like if like is not None and like.serves(camera, table.supersampling) else None
     with watch.stage("peel"):
-        layers = _layers(table, scene, camera, lens, like)
+        layers = make_layers(table, scene, camera, lens, like)
         jax.block_until_ready(eqx.filter(layers, eqx.is_array))
     examined = None
     if table.examine_layers:
@@ -135,10 +139,39 @@ def make_picture(
     )
 
 
-def _layers(
-    table: RenderTable, scene: Scene, camera: Camera, lens: AbstractLens, like: Extent | None
+@runtime_checkable
+class LayerSettings(Protocol):
+    """How layers are made; names and meanings as in `peel` and `decompose`."""
+
+    @property
+    def supersampling(self) -> int: ...
+    @property
+    def max_layers(self) -> int: ...
+    @property
+    def slabs(self) -> int | None: ...
+    @property
+    def slab_blur_px(self) -> float | None: ...
+    @property
+    def view_dependent(self) -> bool: ...
+    @property
+    def pixel_filter(self) -> str: ...
+
+
+def room_for_more(table: LayerSettings) -> str:
+    """What to change so that more surfaces find a place in the layers."""
+    if table.slab_blur_px is not None:
+        return "lower render.slab_blur_px"
+    return "raise render.max_layers" if table.slabs is None else "raise render.slabs"
+
+
+def make_layers(
+    table: LayerSettings,
+    scene: Scene,
+    camera: Camera,
+    lens: AbstractLens,
+    like: Layers | Extent | None = None,
 ) -> Layers:
-    """Peeled, or in slabs when the table says how many or how thick."""
+    """Peeled, or in slabs when `table` says how many or how thick."""
     if table.slabs is not None or table.slab_blur_px is not None:
         return decompose(
             scene,
@@ -169,4 +202,5 @@ def _examine(layers: Layers, scene: Scene, camera: Camera, lens: AbstractLens) -
     return Examined(
         missed=missed_light(layers, nearest_in_layers(everything)),
         saving=umbra_saving(scene, camera, lens, supersampling=samples),
+        see_through=scene.may_be_seen_through() is not None,
     )

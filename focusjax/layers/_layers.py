@@ -98,7 +98,11 @@ class Layers(eqx.Module):
 
     @property
     def disparity(self) -> Float[Array, "l h w"]:
-        """1/m; 0 where the layer holds nothing."""
+        """1/m; 0 where the layer holds nothing.
+
+        Decreasing from layer to layer where surfaces are at the samples' centres. Fringe samples take the
+        first layer that is free, so that a nearer one may come after a farther one.
+        """
         return spread(self, self.samples.disparity, 0.0)
 
     @property

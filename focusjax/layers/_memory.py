@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -13,6 +14,10 @@ _BYTES_OF_ROOM = 8
 """Per sample of the grid and layer, whether anything is kept there or not."""
 _SHARE = 0.9
 """Of the memory that layers may take: the rest is for the system and for the scene."""
+_CONTAINER_LIMITS = (
+    Path("/sys/fs/cgroup/memory.max"),
+    Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"),
+)
 
 
 def check_frame(grid: Grid) -> None:
@@ -57,11 +62,24 @@ def check_layers(grid: Grid, kept: Sequence[int], limit: str) -> None:
 
 
 def machine_memory() -> int | None:
-    """Bytes of memory of this machine; None where the system does not tell.
+    """Bytes of memory that this machine, or the container on it, has; None where the system does not tell.
 
     Not those that are free: most of what is not can be had back at once, as it holds copies of files.
     """
     try:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        physical = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, OSError, ValueError):
         return None
+    return min([physical, *_limits_of_container()])
+
+
+def _limits_of_container() -> list[int]:
+    """Bytes that control groups, of version 2 and 1, allow a container's processes together."""
+    limits = []
+    for file in _CONTAINER_LIMITS:
+        try:
+            limits.append(int(file.read_text()))
+        except (OSError, ValueError):
+            # There is no such group, or "max", which is no limit.
+            continue
+    return limits

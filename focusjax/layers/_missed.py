@@ -80,7 +80,7 @@ def missed_light(
         seed: chooses the rays.
 
     Raises:
-        ValueError: no rays.
+        ValueError: no rays, or a truth that is no function.
 
     Example:
         >>> from focusjax import look_at, make_scene, nearest_in_layers, peel, thin_lens
@@ -96,6 +96,8 @@ def missed_light(
         True
     """
     require_counts(rays=rays)
+    if not callable(nearest):
+        raise ValueError(f"nearest is {nearest!r}; expected a function such as nearest_in_layers(all_layers)")
     lens = layers.lens if lens is None else lens
     random = np.random.default_rng(seed)
     missed, weights = [], []

@@ -14,6 +14,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from focusjax.lens._length import root
+
 
 class AbstractAperture(eqx.Module):
     """An opening inside the unit disk (x right, y down)."""
@@ -45,9 +47,7 @@ class AbstractAperture(eqx.Module):
         """
         hole = self.hole()
         share = place[0] if hole is None else hole**2 + (1.0 - hole**2) * place[0]
-        # With no slope in the middle, rather than an infinite one.
-        root = jnp.where(share > 0.0, jnp.sqrt(jnp.where(share > 0.0, share, 1.0)), 0.0)
-        return root * self.rim(place[1])
+        return root(share) * self.rim(place[1])
 
     def share(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         """Light per area at any point, as a share of all of it; 0 beside the opening."""

@@ -10,6 +10,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from focusjax.lens._aperture import AbstractAperture, Disk, Polygon
 from focusjax.lens._density import Density
+from focusjax.lens._length import length
 from focusjax.lens._obstructed import Obstructed
 from focusjax.lens._spline import RadialSpline, radial_spline
 
@@ -49,9 +50,7 @@ class Apodized(AbstractAperture):
         return self._passes(point) / self._table().mean()
 
     def _passes(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        square = point @ point
-        radius = jnp.where(square > 0.0, jnp.sqrt(jnp.where(square > 0.0, square, 1.0)), 0.0)
-        return jnp.maximum(self.transmission(radius), 0.0)
+        return jnp.maximum(self.transmission(length(point)), 0.0)
 
     def _table(self) -> Density:
         """Light over (sqrt(s), t) for places (s, t), so that all is smooth about the middle."""

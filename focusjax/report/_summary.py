@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from focusjax.focus import Diagnosis, Result, Solution, SurfaceDiagnosis, SurfaceSolution, diagnose
 from focusjax.io import for_json
-from focusjax.job import Examined, Outcome
+from focusjax.job import Examined, Outcome, room_for_more
 from focusjax.lens import FocalSurfaceLens, as_tilt_shift
 from focusjax.report._depth_of_field import depth_of_field
 
@@ -207,6 +207,7 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
     return {
         "layers": picture.layer_count,
         "layers_complete": picture.complete,
+        "layers_remedy": None if picture.complete else room_for_more(outcome.config.render),
         "layer_samples": picture.samples_kept,
         "layers_mib": picture.layer_bytes / 2**20,
         "examined": _examined(picture.examined),
@@ -231,6 +232,7 @@ def _examined(found: Examined | None) -> dict[str, Any] | None:
         return None
     return {
         "missed_share": found.missed.share,
+        "counts_what_is_seen_through": not found.see_through,
         "missed_standard_error": found.missed.standard_error,
         "layers_with_umbra": len(found.saving.umbra),
         "layers_without": len(found.saving.plain),

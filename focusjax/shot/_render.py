@@ -16,8 +16,8 @@ from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
 from focusjax.io import save_exr, save_png
-from focusjax.job import blur_map
-from focusjax.layers import Layers, disparity_map, peel
+from focusjax.job import blur_map, make_layers
+from focusjax.layers import Layers, disparity_map
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
 from focusjax.shot._solve import Progress, SolvedShot
@@ -38,6 +38,9 @@ class FrameSettings:
         quality: decibels or a name instead of `rays`: planned once, for the most blurred frame.
         supersampling: layer samples along a pixel's side.
         max_layers: most layers to peel.
+        slabs: how many slabs of depth to cut instead of peeling.
+        slab_blur_px: by how much blur may change within a slab, instead of their number.
+        pixel_filter: "box", "tent" or "gaussian".
         view_dependent: whether every lens ray sees highlights for itself.
         seed: chooses the rays, the same ones in every frame, so that noise does not flicker.
         exposure: stops, for PNG files.
@@ -48,6 +51,9 @@ class FrameSettings:
     quality: str | float | None = None
     supersampling: int = 2
     max_layers: int = 8
+    slabs: int | None = None
+    slab_blur_px: float | None = None
+    pixel_filter: str = "box"
     view_dependent: bool = False
     seed: int = 0
     exposure: float = 0.0
@@ -122,7 +128,7 @@ def render_frames(
         if widest is None:
             widest, rays = _widest(solved, wanted, settings)
         assert rays is not None
-        layers = _peel(scene, camera, lens, settings, widest)
+        layers = make_layers(settings, scene, camera, lens, widest)
         complete &= layers.complete
         image = np.asarray(render(layers, lens, rays=rays, seed=settings.seed))
         for kind, path in zip(kinds, files[-1], strict=True):
@@ -181,7 +187,7 @@ def _widest(solved: SolvedShot, wanted: Sequence[int], settings: FrameSettings) 
         reach.append(float(_reach(lens, camera, jnp.asarray(solved.depths[number - 1], dtype=float))))
     number = wanted[int(np.argmax(reach))]
     camera, lens = _view(solved, number)
-    layers = _peel(solved.shot.scene.at(number), camera, lens, settings, None)
+    layers = make_layers(settings, solved.shot.scene.at(number), camera, lens)
     if settings.quality is None:
         return layers, settings.rays
     return layers, plan_rays(layers, lens, settings.quality, seed=settings.seed).rays
@@ -190,20 +196,6 @@ def _widest(solved: SolvedShot, wanted: Sequence[int], settings: FrameSettings) 
 @eqx.filter_jit
 def _reach(lens: AbstractLens, camera: Camera, depths: Float[Array, "2"]) -> Float[Array, ""]:
     return jnp.max(jax.vmap(lambda w: lens.reach(camera, w))(depths))
-
-
-def _peel(
-    scene: Scene, camera: Camera, lens: AbstractLens, settings: FrameSettings, like: Layers | None
-) -> Layers:
-    return peel(
-        scene,
-        camera,
-        lens,
-        supersampling=settings.supersampling,
-        max_layers=settings.max_layers,
-        view_dependent=settings.view_dependent,
-        like=like,
-    )
 
 
 def _save_exr(path: Path, image: np.ndarray, scene: Scene, camera: Camera, lens: AbstractLens) -> None:

@@ -32,6 +32,8 @@ from focusjax.trace._samples import chances, spread_points, tile_edge
 from focusjax.trace._sight import who_sees
 
 _RAYS_AT_ONCE = {"cpu": 1 << 16, "gpu": 1 << 22}
+_FEWEST_RAYS = 1 << 13
+"""In a block: fewer would need other programs, and save next to nothing."""
 _SHARE = 0.5
 """Most aimed rays, of all."""
 
@@ -74,7 +76,7 @@ class Aimed:
             return
         starts = _starts(self._filter, rays, seed, self._scene.volume.opacity is not None, picture.dtype)
         size = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // rays)
-        size = min(size, 1 << (len(mine) - 1).bit_length())
+        size = min(size, max(1 << (len(mine) - 1).bit_length(), _FEWEST_RAYS // rays))
         blocks = [mine[k : k + size] for k in range(0, len(mine), size)]
 
         def trace(block: Int[np.ndarray, " b"]) -> Float[np.ndarray, "b 3"]:

@@ -30,10 +30,18 @@ _MOST_PAIRS = 2
 _STEP = 0.5
 """Samples beyond a part at which rays may pass its disparity and yet meet it; see `first_hit`."""
 _TURNS = 8
+_OUT_OF_SIGHT = 1e6
+"""Pixels beyond the picture at which nothing is seen."""
+_FEWEST = 512
+"""Elements that arrays are padded to at least."""
+_SIZES = (1.0, 0.95, 0.85, 0.7, 0.5)
 
 
 class Highlights(eqx.Module):
     """Parts of surfaces that rays are aimed at.
+
+    Lengths m and k are padded, so that a scene that moves needs no other programs: with samples that no slot
+    tells of, and with boxes out of all sight.
 
     Attributes:
         slot: of each sample [n] that the layers hold, its position in the next two; -1 for all others.
@@ -61,8 +69,11 @@ def split_highlights(layers: Layers, lens: AbstractLens) -> tuple[Layers, Highli
     brightest = layers.samples.radiance.max(axis=1)
     if not brightest.size or not float(brightest.max()) > _WHITE:
         return layers, None
-    number = np.flatnonzero(np.asarray(brightest) > _WHITE)
-    index = np.flatnonzero(np.asarray(layers.cells).ravel())[number]
+    held = np.flatnonzero(np.asarray(layers.cells).ravel())
+    number = np.flatnonzero(np.asarray(brightest)[: len(held)] > _WHITE)
+    if not len(number):
+        return layers, None
+    index = held[number]
     disparity = np.asarray(layers.samples.disparity)[number]
     share, radius = _shares(layers, lens, index, disparity)
     rare = share < _LARGEST_SHARE
@@ -70,7 +81,7 @@ def split_highlights(layers: Layers, lens: AbstractLens) -> tuple[Layers, Highli
         return layers, None
     number, index, share, radius = number[rare], index[rare], share[rare], radius[rare]
     radiance = np.asarray(layers.samples.radiance)
-    level = np.minimum(radiance[: np.count_nonzero(np.asarray(layers.cells))], _WHITE).mean(axis=0)
+    level = np.minimum(radiance[: len(held)], _WHITE).mean(axis=0)
     excess = radiance[number] - level
     part = _parts(index, layers)
     value, pairs = _value_and_pairs(part, excess, share, radius, layers)
@@ -87,15 +98,17 @@ def split_highlights(layers: Layers, lens: AbstractLens) -> tuple[Layers, Highli
     number, index = number[mine], index[mine]
     slot = np.full(len(brightest), -1, dtype=np.int32)
     slot[number] = np.arange(len(part))
-    low, high, middle = _boxes(layers, lens, index, part, _goes_on(layers, slot, number, index, part))
-    left, real = jnp.asarray(radiance).at[number].set(level), layers.samples.disparity.dtype
+    low, high, middle = _boxes(layers, lens, index, part, _goes_on(layers, held, slot, number, part))
+    left, real = radiance.copy(), layers.samples.disparity.dtype
+    left[number] = level
     highlights = Highlights(
         jnp.asarray(slot),
-        jnp.asarray(excess[mine]),
-        jnp.asarray(part.astype(np.int32)),
-        *(jnp.asarray(a, dtype=real) for a in (low, high, middle)),
+        *padded(radiance.dtype, excess[mine]),
+        *padded(np.int32, part),
+        *padded(real, low, high, fill=-_OUT_OF_SIGHT),
+        *padded(real, middle),
     )
-    return eqx.tree_at(lambda a: a.samples.radiance, layers, left), highlights
+    return eqx.tree_at(lambda a: a.samples.radiance, layers, jnp.asarray(left)), highlights
 
 
 @eqx.filter_jit
@@ -175,19 +188,19 @@ def _value_and_pairs(
 
 def _goes_on(
     layers: Layers,
+    held: Int[np.ndarray, " h"],
     slot: Int[np.ndarray, " n"],
     number: Int[np.ndarray, " m"],
-    index: Int[np.ndarray, " m"],
     part: Int[np.ndarray, " m"],
 ) -> Bool[np.ndarray, " m"]:
     """Whether the surface of each sample continues into a sample of no part or of another."""
-    columns, size = layers.grid.columns, layers.grid.size
+    columns, size, index = layers.grid.columns, layers.grid.size, held[number]
     links, out = np.asarray(layers.samples.links)[number].astype(np.int64), np.zeros(len(index), dtype=bool)
     for side, step in enumerate(dy * columns + dx for dx, dy in NEIGHBOURS):
         code = links >> (4 * side) & 15
         joined = code != UNJOINED
         neighbour = index + np.where(joined, (code - SAME_LAYER) * size + step, 0)
-        found = slot[np.asarray(layers.places.number(jnp.asarray(neighbour.astype(np.int32))))]
+        found = slot[np.searchsorted(held, neighbour)]
         out |= joined & ((found < 0) | (part[found] != part))
     return out
 
@@ -204,10 +217,12 @@ def _boxes(
     What `goes_on` brings its radiance from half a sample beyond, by interpolation.
     """
     grid, count = layers.grid, int(part.max()) + 1
-    words = layers.cells.reshape(-1)[index]
+    words = np.asarray(layers.cells).reshape(-1)[index]
     nearest, farthest = np.full(count, -np.inf), np.full(count, np.inf)
     # Rays meet a sample anywhere in its interval, and half a step beyond.
-    least, most = (np.asarray(end, dtype=np.float64) for end in interval(words))
+    least, most = (
+        np.asarray(end, dtype=np.float64)[: len(part)] for end in interval(*padded(np.uint32, words))
+    )
     np.maximum.at(nearest, part, most + 1)
     np.minimum.at(farthest, part, np.maximum(least - 1, 0))
     nearest, farthest = (ends * float(layers.disparity_scale) for ends in (nearest, farthest))
@@ -218,7 +233,7 @@ def _boxes(
     np.minimum.at(low, part, place)
     np.maximum.at(high, part, place + 1)
     low, high = ((corner - grid.margin) / grid.supersampling for corner in (low, high))
-    bent = _bends(layers.camera, lens, *padded(layers.disparity_scale.dtype, 0.5 * (low + high), middle))
+    bent = bends(layers.camera, lens, *padded(layers.disparity_scale.dtype, 0.5 * (low + high), middle))
     moved = float(lens.parallax(layers.camera)) * (nearest - middle)
     mixed = 0.5 * (np.bincount(part, goes_on) > 0)
     beyond = (_STEP + mixed) / grid.supersampling + moved + np.asarray(bent)[:count]
@@ -226,7 +241,7 @@ def _boxes(
 
 
 @eqx.filter_jit
-def _bends(
+def bends(
     camera: Camera, lens: AbstractLens, film: Float[Array, "k 2"], disparity: Float[Array, " k"]
 ) -> Float[Array, " k"]:
     """How far in pixels rays of film points are, at a disparity, from where `towards` takes them to be."""
@@ -234,12 +249,16 @@ def _bends(
     def of(lens: AbstractLens, film: Array, disparity: Array) -> Array:
         start, slope = towards(camera, lens, film, disparity)
 
-        def bend(turn: Array) -> Array:
-            point = lens.opening().rim(turn)
-            return jnp.abs(lens.ray(camera, film, point).at(disparity) - start - slope @ point).max()
+        def bend(size: Array, turn: Array) -> Array:
+            point = size * lens.opening().rim(turn)
+            ray = lens.ray(camera, film, point)
+            # A ray without light may go anywhere.
+            return jnp.where(ray.weight > 0, jnp.abs(ray.at(disparity) - start - slope @ point).max(), 0.0)
 
-        # At the rim, where it is largest; twice, as it is looked at in some places only.
-        return 2.0 * jax.vmap(bend)(jnp.arange(_TURNS) / _TURNS).max()
+        # Largest at the rim, or within it where that is dark; twice, as it is looked at in some places only.
+        turns = jnp.arange(_TURNS, dtype=film.dtype) / _TURNS
+        over_turns = jax.vmap(bend, in_axes=(None, 0))
+        return 2.0 * jax.vmap(over_turns, in_axes=(0, None))(jnp.asarray(_SIZES, film.dtype), turns).max()
 
     colours = [channel.lens for channel in lens.channels()] or [lens]
     bends = [jax.vmap(lambda f, w, each=each: of(each, f, w))(film, disparity) for each in colours]
@@ -258,10 +277,11 @@ def towards(
     return at(middle), jax.jacfwd(at)(middle)
 
 
-def padded(dtype: np.dtype | type, *arrays: np.ndarray) -> list[Array]:
-    """Arrays of one length, on the device, with zeros up to the next power of two.
+def padded(dtype: np.dtype | type, *arrays: np.ndarray, fill: float = 0.0) -> list[Array]:
+    """Arrays of one length, on the device, with rows of `fill` up to the next power of two.
 
     One compiled program then serves for many lengths.
     """
-    more = (1 << max(len(arrays[0]) - 1, 0).bit_length()) - len(arrays[0])
-    return [jnp.asarray(np.pad(a, [(0, more)] + [(0, 0)] * (a.ndim - 1)), dtype=dtype) for a in arrays]
+    more = max(_FEWEST, 1 << max(len(arrays[0]) - 1, 0).bit_length()) - len(arrays[0])
+    rows = [np.pad(a, [(0, more)] + [(0, 0)] * (a.ndim - 1), constant_values=fill) for a in arrays]
+    return [jnp.asarray(a, dtype=dtype) for a in rows]

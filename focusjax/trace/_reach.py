@@ -29,7 +29,7 @@ def check_reach(layers: Layers, lens: AbstractLens, pixel_filter: str = "box") -
             f" but the layers were peeled for {held:g}; peel with pixel_filter={pixel_filter!r}"
         )
     camera = layers.camera
-    moves, peeled = float(lens.parallax(camera)), float(layers.lens.parallax(camera))
+    moves, peeled = float(_parallax(lens, camera)), float(_parallax(layers.lens, camera))
     if moves > peeled * (1 + _ROUNDING):
         raise ValueError(
             f"the lens moves rays by {moves:.4g} pixels per dioptre but the layers were peeled for"
@@ -86,6 +86,11 @@ def _strays(layers: Layers, lens: AbstractLens) -> np.ndarray:
         return np.zeros(1)
     disparities = jnp.asarray(np.linspace(least, largest, _LOOKS).astype(layers.background.dtype))
     return np.asarray(_strays_at(lens, layers.camera, disparities))
+
+
+@eqx.filter_jit
+def _parallax(lens: AbstractLens, camera: Camera) -> Float[Array, ""]:
+    return lens.parallax(camera)
 
 
 @eqx.filter_jit

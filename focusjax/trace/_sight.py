@@ -21,7 +21,7 @@ def who_sees(
     """Row-major numbers of pixels, and the parts that some of their rays may meet: all such pairs."""
     low, high = np.asarray(highlights.low), np.asarray(highlights.high)
     wide = filter_radius(pixel_filter)
-    reach = np.asarray(jax.vmap(lambda w: lens.reach(camera, w))(highlights.disparity))[:, None] + wide
+    reach = np.asarray(_reaches(lens, camera, highlights.disparity))[:, None] + wide
     size = np.array([camera.width, camera.height])
     first = np.clip(np.floor(low - reach), 0, size).astype(np.int64)
     extent = np.clip(np.ceil(high + reach), first, size).astype(np.int64) - first
@@ -39,6 +39,11 @@ def who_sees(
     if not pixels:
         return np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int32)
     return np.concatenate(pixels).astype(np.int32), np.concatenate(parts).astype(np.int32)
+
+
+@eqx.filter_jit
+def _reaches(lens: AbstractLens, camera: Camera, disparity: Float[Array, " k"]) -> Float[Array, " k"]:
+    return jax.vmap(lambda w: lens.reach(camera, w))(disparity)
 
 
 @eqx.filter_jit

@@ -103,6 +103,7 @@ def test_a_wish_out_of_reach_is_named(camera, lens):
     np.testing.assert_allclose(out.best, best, rtol=1e-9)
     assert f'"sign" is out of reach even alone: the best is {best:.3g} px off.' in found.sentences
     assert found.active_bounds == ("max_focus_distance", "min_f_number")
+    assert any(line.startswith("The focus is at infinity, as far as it goes") for line in found.sentences)
     assert any(line.startswith("The widest aperture stands in the way") for line in found.sentences)
     assert found.standard_errors["f_number"] == 0.0
 

@@ -107,6 +107,16 @@ def test_the_frame_moves_no_farther_than_it_has_to():
     assert inside.table()[1].wished == pytest.approx(17.7778, abs=1e-3)
 
 
+def test_a_place_out_of_reach_is_as_far_off_as_its_miss():
+    """Nothing that is free moves the picture: alone, the place is as far off as with the others."""
+    wishes = (SHARP, FocusPoint(AtPoint(TOP), ShownAt(300.0, 100.0), name="top"))
+    found = solved(*wishes, shift_range=(0, 0), rise_range=(0, 0))
+    off = np.hypot(320 + DENSITY * LENGTH * 0.3 / 4 - 300, 240 - DENSITY * LENGTH * 1.2 / 4 - 100)
+    (out,) = diagnose(found).unreachable
+    assert out.name == "top"
+    np.testing.assert_allclose([out.best, found.table()[1].residual], off, rtol=1e-9)
+
+
 def test_what_cannot_all_be_in_the_frame_is_shared_and_named():
     ends = [FocusPoint(AtPoint((0.3, y, -4.0)), InFrame(20.0), name=f"at {y}") for y in (1.8, -1.1)]
     found = solved(*ends)

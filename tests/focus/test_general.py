@@ -205,6 +205,22 @@ def test_a_plane_through_three_points(camera, lens):
     np.testing.assert_allclose(np.sin(moved.tilt), -LENGTH * expected[1], rtol=1e-9)
 
 
+def test_one_point_slides_and_turns_the_plane_least(camera, lens):
+    """Of all planes through the point the one that changes blur least, in pixels as a shot measures it."""
+    place = (0.02, 0.01, 0.8)
+    options = {"free": ("focus", "tilt", "swing"), "min_focus_distance": 0.5}
+    solution = solve(locate(sharp(place), camera), camera, lens, **options)
+    # The slopes of blur at the picture's edge are half its size in focal lengths.
+    weights = np.array([640, 480, 2 * FOCAL_PX])
+    across = np.array([place[0], place[1], place[2]]) / place[2] / weights
+    start = np.array([0, 0, 0.5])
+    expected = start + across * (1 / place[2] - 0.5) / (across @ across / 1.0) / weights
+    # Observed 1e-15.
+    np.testing.assert_allclose(solution.lens.plane, expected, rtol=1e-9)
+    assert np.degrees(np.abs(solution.lens.movements(camera).tilt)) < 1.0
+    assert solution.undetermined == ("focus", "tilt", "swing")
+
+
 @pytest.mark.parametrize(
     ("wishes", "options"),
     [

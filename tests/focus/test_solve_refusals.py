@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from focusjax.focus import Prior, Result, solve
+from focusjax.focus import ArgumentError, Prior, Result, solve
 
 BOTH = ("focus", "f_number")
 
@@ -89,12 +89,17 @@ class TestFailure:
 
     def test_is_reported(self, make_setup, make_points):
         camera, lens = make_setup()
-        solution = solve(make_points(*self.row), camera, lens, max_steps=0, throw=False)
+        solution = solve(make_points(*self.row), camera, lens, max_steps=1, throw=False)
         assert solution.result == Result.max_steps_reached
         lens = solution.lens
         assert np.isfinite([lens.focus_disparity, lens.aperture_radius]).all()
 
+    def test_no_steps_are_refused(self, make_setup, make_points):
+        camera, lens = make_setup()
+        with pytest.raises(ArgumentError, match="max_steps is 0; expected at least one step"):
+            solve(make_points(*self.row), camera, lens, max_steps=0)
+
     def test_is_raised(self, make_setup, make_points):
         camera, lens = make_setup()
         with pytest.raises(RuntimeError, match="as many steps as it was allowed"):
-            solve(make_points(*self.row), camera, lens, max_steps=0)
+            solve(make_points(*self.row), camera, lens, max_steps=1)

@@ -68,3 +68,22 @@ def test_this_machine_tells():
     assert told is None or told > 1 << 28
     camera = front_camera()
     assert disparity_map(varied_scene(), camera).shape == (camera.height, camera.width)
+
+
+@pytest.mark.parametrize(("text", "expected"), [("4096\n", 4096), ("max\n", None), (None, None)])
+def test_a_container_has_the_memory_that_it_is_allowed(tmp_path, monkeypatch, text, expected):
+    file = tmp_path / "memory.max"
+    if text is not None:
+        file.write_text(text)
+    monkeypatch.setattr(_memory, "_CONTAINER_LIMITS", (tmp_path / "none",))
+    without = _memory.machine_memory()
+    monkeypatch.setattr(_memory, "_CONTAINER_LIMITS", (file,))
+    assert _memory.machine_memory() == (without if expected is None else expected)
+
+
+def test_full_layers_take_no_more_than_they_need():
+    camera = front_camera()
+    layers = peel(panes(camera), camera, wide_lens(camera), supersampling=1)
+    # 28 bytes of surface, 4 of outline, and what finds them. Observed: 58.8, as numbers are
+    # doubles here, and 37.4 in single precision.
+    assert layers.nbytes / (4 * layers.grid.size) < 62.0

@@ -145,8 +145,8 @@ def test_disparity_map_is_zero_where_nothing_is():
     [
         ({"supersampling": 0}, "supersampling is 0; expected a whole number, at least 1"),
         ({"max_layers": 0}, "max_layers is 0; expected a whole number, at least 1"),
-        ({"near": 0.0}, r"near is 0\.0 m; expected a positive depth"),
-        ({"near": float("nan")}, "near is nan m; expected a positive depth"),
+        ({"near": 0.0}, r"near is 0\.0; expected a positive depth"),
+        ({"near": float("nan")}, "near is nan; expected a positive depth"),
     ],
 )
 def test_bad_values_are_refused(changes: dict, message: str):

@@ -166,7 +166,7 @@ def test_an_empty_view_has_an_empty_layer():
         ({"blur_step": 0.0}, r"blur_step is 0\.0 px; expected a positive number"),
         ({"blur_step": float("nan")}, "blur_step is nan px; expected a positive number"),
         ({"blur_step": 1e-3}, r"1024 there can be; make the blur_step of 0\.001 px larger"),
-        ({"count": 2, "near": 0.0}, r"near is 0\.0 m; expected a positive depth"),
+        ({"count": 2, "near": 0.0}, r"near is 0\.0; expected a positive depth"),
     ],
 )
 def test_bad_values_are_refused(options: dict, message: str):

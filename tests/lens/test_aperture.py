@@ -123,12 +123,12 @@ def test_a_rotation_that_is_not_finite_is_refused(rotation: float):
 
 
 @pytest.mark.parametrize(("opening", "blades", "roundness"), OPENINGS)
-def test_density_is_one_over_the_area_inside_the_rim(
+def test_the_share_of_light_is_one_over_the_area_inside_the_rim(
     opening: AbstractAperture, blades: int, roundness: float
 ):
     area, _ = area_and_moment(blades, roundness)
     rim = jax.vmap(opening.rim)((jnp.arange(40) + 0.5) / 40)
-    inside, outside = (np.asarray(jax.vmap(opening.density)(rim * scale)) for scale in (0.999, 1.001))
+    inside, outside = (np.asarray(jax.vmap(opening.share)(rim * scale)) for scale in (0.999, 1.001))
     np.testing.assert_allclose(inside, 1 / area, rtol=1e-12)
     assert not outside.any()
-    assert float(opening.density(jnp.zeros(2))) == pytest.approx(1 / area)
+    assert float(opening.share(jnp.zeros(2))) == pytest.approx(1 / area)

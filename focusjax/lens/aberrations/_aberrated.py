@@ -10,7 +10,8 @@ from jaxtyping import Array, Float
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import AbstractAperture
 from focusjax.lens._base import AbstractLens, Channel
-from focusjax.lens.aberrations._base import AbstractAberration, length
+from focusjax.lens._length import length
+from focusjax.lens.aberrations._base import AbstractAberration
 
 
 class AberratedLens(AbstractLens):

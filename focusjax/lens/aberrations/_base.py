@@ -74,9 +74,3 @@ class AbstractAberration(eqx.Module):
 def frame_corners(camera: Camera, dtype: jnp.dtype) -> Float[Array, "4 2"]:
     """The corners of the frame in pixels."""
     return jnp.array([(x, y) for x in (0, camera.width) for y in (0, camera.height)], dtype=dtype)
-
-
-def length(vector: Float[Array, "2"]) -> Float[Array, ""]:
-    """Its length, with slope 0 where that is 0."""
-    square = vector @ vector
-    return jnp.where(square > 0.0, jnp.sqrt(jnp.where(square > 0.0, square, 1.0)), 0.0)

@@ -8,20 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from focusjax.geometry import Camera, LensRay
-from focusjax.lens._aperture import AbstractAperture
 from focusjax.lens._base import AbstractLens, Channel
+from focusjax.lens._coloured import AbstractColouredLens
 from focusjax.lens.aberrations._aberrated import AberratedLens
-from focusjax.lens.aberrations._base import AbstractAberration, length
+from focusjax.lens.aberrations._base import AbstractAberration
 from focusjax.lens.aberrations._focus_offsets import FocusOffset
 from focusjax.lens.aberrations._magnification import Magnification
 
 
-class ChromaticLens(AbstractLens):
+class ChromaticLens(AbstractColouredLens):
     """A lens with aberrations that each colour has for itself.
-
-    It is looked through once for each channel, so that a picture takes so many times as long to trace. `ray`
-    and `blur` are those of the lens without them.
 
     Attributes:
         lens: the lens that they come on top of; it treats all colours alike.
@@ -33,37 +29,11 @@ class ChromaticLens(AbstractLens):
     aberrations: tuple[tuple[AbstractAberration, ...], ...]
     colours: tuple[tuple[float, float, float], ...] = eqx.field(static=True)
 
-    def opening(self) -> AbstractAperture:
-        return self.lens.opening()
-
     def channels(self) -> tuple[Channel, ...]:
         return tuple(
             Channel(AberratedLens(self.lens, own), colour)
             for own, colour in zip(self.aberrations, self.colours, strict=True)
         )
-
-    def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
-        return self.lens.ray(camera, film_point, pupil_point)
-
-    def blur(
-        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
-    ) -> Float[Array, ""]:
-        return self.lens.blur(camera, film_point, disparity)
-
-    def footprint(
-        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
-    ) -> tuple[Float[Array, "2"], Float[Array, ""]]:
-        disks = [each.lens.footprint(camera, film_point, disparity) for each in self.channels()]
-        disks.append(self.lens.footprint(camera, film_point, disparity))
-        middle = sum((centre for centre, _ in disks), jnp.zeros_like(film_point)) / len(disks)
-        return middle, jnp.stack([length(centre - middle) + radius for centre, radius in disks]).max()
-
-    def reach(self, camera: Camera, disparity: Float[Array, ""]) -> Float[Array, ""]:
-        each = [channel.lens.reach(camera, disparity) for channel in self.channels()]
-        return jnp.stack([*each, self.lens.reach(camera, disparity)]).max()
-
-    def parallax(self, camera: Camera) -> Float[Array, ""]:
-        return self.lens.parallax(camera)
 
     def __check_init__(self) -> None:
         if self.lens.channels():

@@ -9,8 +9,9 @@ from jaxtyping import Array, ArrayLike, Float
 from focusjax.geometry import Camera
 from focusjax.lens._control_points import FocalSurface
 from focusjax.lens._corners import at_corners, corner_weights
+from focusjax.lens._length import length
 from focusjax.lens._spline import RadialSpline, radial_spline
-from focusjax.lens.aberrations._base import AbstractAberration, Bounds, focus_bounds, length
+from focusjax.lens.aberrations._base import AbstractAberration, Bounds, focus_bounds
 
 
 class FocusOffset(AbstractAberration):

@@ -8,7 +8,8 @@ from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
 from focusjax.lens._base import AbstractLens
-from focusjax.lens.aberrations._base import AbstractAberration, Bounds, frame_corners, length
+from focusjax.lens._length import length
+from focusjax.lens.aberrations._base import AbstractAberration, Bounds, frame_corners
 
 
 class Seidel(AbstractAberration):

@@ -1,0 +1,50 @@
+"""What lenses that treat colours differently have in common."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from focusjax.geometry import Camera, LensRay
+from focusjax.lens._aperture import AbstractAperture
+from focusjax.lens._base import AbstractLens
+from focusjax.lens._length import length
+
+
+class AbstractColouredLens(AbstractLens):
+    """A lens that each of its `channels` sees differently.
+
+    It is looked through once for each channel, so that a picture takes so many times as long to trace. `ray`
+    and `blur` are those of `lens`; the bounds hold for it and for all channels.
+
+    Attributes:
+        lens: the lens for a colour between, or with no colour of its own.
+    """
+
+    lens: eqx.AbstractVar[AbstractLens]
+
+    def opening(self) -> AbstractAperture:
+        return self.lens.opening()
+
+    def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
+        return self.lens.ray(camera, film_point, pupil_point)
+
+    def blur(
+        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
+    ) -> Float[Array, ""]:
+        return self.lens.blur(camera, film_point, disparity)
+
+    def footprint(
+        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
+    ) -> tuple[Float[Array, "2"], Float[Array, ""]]:
+        disks = [each.footprint(camera, film_point, disparity) for each in self._all()]
+        middle = sum((centre for centre, _ in disks), jnp.zeros_like(film_point)) / len(disks)
+        return middle, jnp.stack([length(centre - middle) + radius for centre, radius in disks]).max()
+
+    def reach(self, camera: Camera, disparity: Float[Array, ""]) -> Float[Array, ""]:
+        return jnp.stack([each.reach(camera, disparity) for each in self._all()]).max()
+
+    def parallax(self, camera: Camera) -> Float[Array, ""]:
+        return jnp.stack([each.parallax(camera) for each in self._all()]).max()
+
+    def _all(self) -> list[AbstractLens]:
+        return [self.lens, *(channel.lens for channel in self.channels())]

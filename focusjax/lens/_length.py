@@ -1,0 +1,14 @@
+"""Lengths whose derivative is 0, not undefined, where they are 0."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+def length(vector: Float[Array, "2"]) -> Float[Array, ""]:
+    """Of a vector."""
+    return root(vector @ vector)
+
+
+def root(square: Float[Array, ""]) -> Float[Array, ""]:
+    """The square root of what is at least 0."""
+    return jnp.where(square > 0.0, jnp.sqrt(jnp.where(square > 0.0, square, 1.0)), 0.0)

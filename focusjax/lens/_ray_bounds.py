@@ -1,0 +1,163 @@
+"""Bounds on the rays of each film point of a real lens, from rays over a grid of film and pupil.
+
+In tangents of the view, all rays of a film point at the radius r lie, at the disparity w, within
+
+    A(r) + B(r) |w - w_0(r)|        of        a(r) + b(r) w,
+
+with w_0 the disparity at which their spot is least. A and B are found at k radii from rays all over the
+opening. Film points halfway between those are traced, too: twice what they exceed the interpolated disks by
+is added to the neighbours, and 8 % for what lies between the rays.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from focusjax.lens._pupils import Pupils, from_film, openness, turns
+from focusjax.optics import Prescription
+
+STEEPEST = 6.0
+"""Tangent to the axis beyond which no ray is taken: 80.5 degrees."""
+_RINGS = (*(((ring + 0.5) / 4) ** 0.5 for ring in range(4)), 1.0)
+"""Shares of the rim's radius: four that stand for equal areas, and the rim, which stands for none."""
+_MARGIN = 1.08
+_ROUNDING = 2e-6
+
+
+class RayBounds(eqx.Module):
+    """Disks around the rays of film points, over k radii from the axis in equal steps.
+
+    Attributes:
+        at_infinity: a, tangent [k] along the radius.
+        crossing: b, metres [k] along the radius.
+        focus: w_0, 1/m [k].
+        spot: A, tangent [k].
+        spread: B, metres [k].
+        radius: metres [k]; of the round opening whose blur has the same variance.
+    """
+
+    at_infinity: Float[Array, " k"]
+    crossing: Float[Array, " k"]
+    focus: Float[Array, " k"]
+    spot: Float[Array, " k"]
+    spread: Float[Array, " k"]
+    radius: Float[Array, " k"]
+
+    def at(self, place: Float[Array, ""]) -> "RayBounds":
+        """Interpolated at a `place` counted in steps."""
+        last = self.focus.shape[0] - 1
+        place = jnp.clip(place, 0.0, last)
+        low = jnp.clip(jnp.floor(place), 0, last - 1).astype(int)
+        return jax.tree.map(lambda leaf: leaf[low] + (place - low) * (leaf[low + 1] - leaf[low]), self)
+
+
+def exit_line(
+    position: Float[Array, "3"], direction: Float[Array, "3"], pupil: Float[Array, ""]
+) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
+    """Slopes [2] of a ray that left backwards, and where [2] in mm it crosses the plane at `pupil`."""
+    slope = -direction[:2] / direction[2]
+    return slope, position[:2] - slope * (pupil - position[2])
+
+
+def find_bounds(
+    lens: Prescription,
+    indices: Float[Array, " n_plus_1"],
+    film_distance: Float[Array, ""],
+    film_scale: Float[Array, ""],
+    entrance_pupil: Float[Array, ""],
+    pupils: Pupils,
+    radii: Float[Array, " k"],
+) -> RayBounds:
+    """Of `radii` (tangents, in equal steps, an odd number of them), every other one; see `RayBounds`."""
+
+    def one(radius: Array, inside: Array, rim: Array) -> tuple[Array, ...]:
+        angles = turns(rim.dtype)[None]
+        share = jnp.asarray(_RINGS, dtype=rim.dtype)[:, None]
+        rings = share * rim[None]
+        x, y = inside + rings * jnp.cos(angles), rings * jnp.sin(angles)
+        area = jnp.where(share < 1.0, rim[None] ** 2, 0.0)
+        film = jnp.stack([-film_scale * radius, jnp.zeros_like(radius)])
+
+        def ray(x: Array, y: Array) -> tuple[Array, Array, Array]:
+            # Film points are on the negative side here, so that they look to the positive one.
+            found, _ = from_film(lens, indices, film_distance, film, jnp.stack([-x, y]))
+            slope, crossing = exit_line(found.position, found.direction, entrance_pupil)
+            flat = slope @ slope < STEEPEST**2
+            light = openness(found.clearance + 1e-3) * flat
+            return slope, crossing * 1e-3, light
+
+        slope, crossing, light = jax.vmap(ray)(x.reshape(-1), y.reshape(-1))
+        return _disk(slope, crossing, light, area.reshape(-1), radius)
+
+    found = jax.vmap(one)(radii, pupils.inside, pupils.rim)
+    *found, lit = found
+    # Where no light comes, as where some comes last.
+    nearest = jax.lax.cummax(jnp.where(lit, jnp.arange(radii.shape[0]), 0))
+    bounds = RayBounds(*(column[nearest] for column in found))
+    stretched = bounds.at_infinity * radii / jnp.where(radii[nearest] > 0.0, radii[nearest], 1.0)
+    bounds = eqx.tree_at(
+        lambda b: b.at_infinity, bounds, jnp.where(nearest > 0, stretched, bounds.at_infinity)
+    )
+    return _with_margins(bounds)
+
+
+def _disk(slope: Array, crossing: Array, light: Array, area: Array, radius: Array) -> tuple[Array, ...]:
+    """a, b, w_0, A, B and the equal opening of some rays, and whether there are any."""
+    lit = light > 0.0
+    weight = light * area
+    total = jnp.where(jnp.any(lit), jnp.sum(weight), 1.0)
+
+    def mean(values: Array) -> Array:
+        return jnp.sum(weight * values) / total
+
+    def extent(values: Array) -> tuple[Array, Array]:
+        largest, least = (jnp.max(jnp.where(lit, sign * values, -jnp.inf)) for sign in (1.0, -1.0))
+        middle = jnp.where(jnp.any(lit), 0.5 * (largest - least), 0.0)
+        return middle, values - middle
+
+    # The other half of the opening mirrors this one: radial means are the same, those across it 0.
+    off_slope, off_crossing = (one[:, 0] - mean(one[:, 0]) for one in (slope, crossing))
+    square = mean(off_crossing**2 + crossing[:, 1] ** 2)
+    together = mean(off_slope * off_crossing + slope[:, 1] * crossing[:, 1])
+    focus = -together / jnp.where(square > 0.0, square, 1.0)
+    b, from_b = extent(crossing[:, 0])
+    sharp = slope + crossing * focus
+    a, from_a = extent(sharp[:, 0])
+
+    def farthest(along: Array, across: Array) -> Array:
+        squares = jnp.where(lit, along**2 + across**2, 0.0)
+        most = jnp.max(squares)
+        return jnp.where(most > 0.0, jnp.sqrt(jnp.where(most > 0.0, most, 1.0)), 0.0)
+
+    root = jnp.sqrt(jnp.where(square > 0.0, 2.0 * square, 1.0))
+    return (
+        jnp.where(jnp.any(lit), a - b * focus, radius),
+        b,
+        focus,
+        farthest(from_a, sharp[:, 1]),
+        farthest(from_b, crossing[:, 1]),
+        jnp.where(square > 0.0, root, 0.0),
+        jnp.any(lit),
+    )
+
+
+def _with_margins(fine: RayBounds) -> RayBounds:
+    """Every other radius, with what those between exceed the interpolation by."""
+    kept, between = (jax.tree.map(lambda leaf, s=start: leaf[s::2], fine) for start in (0, 1))
+    guess = jax.tree.map(lambda leaf: 0.5 * (leaf[:-1] + leaf[1:]), kept)
+    b_off = between.crossing - guess.crossing
+    a_off = between.at_infinity - guess.at_infinity + b_off * guess.focus
+    spot = jnp.abs(a_off) + jnp.maximum(between.spot - guess.spot, 0.0)
+    spot = spot + between.spread * jnp.abs(between.focus - guess.focus)
+    spread = jnp.abs(b_off) + jnp.maximum(between.spread - guess.spread, 0.0)
+
+    def widened(values: Array, excess: Array) -> Array:
+        beside = jnp.maximum(jnp.append(excess, 0.0), jnp.append(0.0, excess))
+        return _MARGIN * values + 2.0 * beside
+
+    return eqx.tree_at(
+        lambda b: (b.spot, b.spread),
+        kept,
+        (widened(kept.spot, spot) + _ROUNDING, widened(kept.spread, spread)),
+    )

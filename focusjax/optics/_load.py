@@ -1,0 +1,77 @@
+"""Lenses from files, and those that come with the package."""
+
+import dataclasses
+import difflib
+from importlib import resources
+from pathlib import Path
+
+from focusjax.optics._prescription import Prescription
+from focusjax.optics._read_json import read_json
+from focusjax.optics._read_pbrt import read_pbrt
+from focusjax.optics._read_zemax import read_zemax
+from focusjax.optics._rows import LensFileError
+
+_READERS = {".dat": read_pbrt, ".zmx": read_zemax, ".json": read_json}
+
+
+@dataclasses.dataclass(frozen=True)
+class Preset:
+    """A lens that comes with the package.
+
+    Attributes:
+        file: its data in `data/lenses`.
+        title: what it is.
+        year: of the patent; None where the source names none.
+    """
+
+    file: str
+    title: str
+    year: int | None
+
+
+PRESETS = {
+    "planar_us583336_f4.5_1897": Preset(
+        "planar_us583336_f4.5_1897.zmx", "Planar, P. Rudolph, US 583,336 example 2, f/4.5", 1897
+    ),
+    "gauss_jp62087922_f1.8_1987": Preset(
+        "gauss_jp62087922_f1.8_1987.json", "Double Gauss, JP 62-087922 example 1, f/1.8", 1987
+    ),
+    "retrofocus_35mm_f2": Preset("retrofocus_35mm_f2.zmx", "Retrofocus wide angle 35 mm, f/2", None),
+    "cooke_triplet_50mm_f4": Preset("cooke_triplet_50mm_f4.json", "Cooke triplet 50 mm, f/4", None),
+}
+"""Lenses that come with the package, by name; `data/CREDITS.md` says where they are from."""
+
+
+def load_lens(path: str | Path) -> Prescription:
+    """A lens file: pbrt (.dat), Zemax sequential (.zmx) or DeepLens (.json).
+
+    Raises:
+        LensFileError: another ending, or a file that cannot be read; the message names file and line.
+    """
+    path = Path(path)
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        raise LensFileError(
+            f"{path}: {path.suffix or 'no ending'} is no lens file that is known; expected .dat (pbrt), .zmx"
+            " (Zemax) or .json (DeepLens)"
+        )
+    return reader(path)
+
+
+def lens_preset(name: str) -> Prescription:
+    """A lens that comes with the package, as its source has it: see `PRESETS`.
+
+    Raises:
+        ValueError: no such lens; the nearest names are told.
+
+    Example:
+        >>> lens_preset("planar_us583336_f4.5_1897").stop
+        5
+    """
+    preset = PRESETS.get(name)
+    if preset is None:
+        near = difflib.get_close_matches(name, PRESETS, n=3, cutoff=0.3) or list(PRESETS)
+        raise ValueError(f"there is no lens {name!r}; did you mean {', '.join(near)}?")
+    folder = resources.files("focusjax.optics").joinpath("data/lenses")
+    with resources.as_file(folder.joinpath(preset.file)) as path:
+        return dataclasses.replace(load_lens(path), name=name)

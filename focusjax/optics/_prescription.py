@@ -1,0 +1,162 @@
+"""A lens as its maker writes it down: surfaces, what is between them, and how wide they are."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from focusjax.optics._glass import FRAUNHOFER, AbstractGlass, air
+from focusjax.optics._surfaces import AbstractSurface, sphere
+
+_GAP = 1e-6
+"""Millimetres that surfaces may seem to cross by, since files give rounded numbers."""
+
+
+class Prescription(eqx.Module):
+    """A centred lens in air, from the scene's side to the film's. Lengths are millimetres.
+
+    Attributes:
+        surfaces: n of them, each about its own vertex; the stop is one.
+        thicknesses: [n] from each vertex to the next; the last is to the film of the file, 0 if it has none.
+        semi_diameters: [n] clear radius of each surface.
+        glasses: n media, each after its surface; the last is air.
+        stop: number of the surface that limits the axial beam, from 0 (static).
+        name: what to call it (static).
+
+    Example:
+        >>> lens = singlet(50.0, -50.0, thickness=5.0, semi_diameter=10.0, glass=find_glass("N-BK7"))
+        >>> round(float(first_order(lens).focal_length), 3)
+        49.22
+    """
+
+    surfaces: tuple[AbstractSurface, ...]
+    thicknesses: Float[Array, " n"]
+    semi_diameters: Float[Array, " n"]
+    glasses: tuple[AbstractGlass, ...]
+    stop: int = eqx.field(static=True)
+    name: str = eqx.field(static=True, default="lens")
+
+    def indices(self, wavelength: Float[Array, ""]) -> Float[Array, " n_plus_1"]:
+        """Refractive index at `wavelength` (nm) before the first surface and after each."""
+        media = [air(), *self.glasses]
+        return jnp.stack([glass.index(wavelength).astype(self.thicknesses.dtype) for glass in media])
+
+    def vertices(self) -> Float[Array, " n"]:
+        """Places of the vertices on the axis in mm, the first at 0."""
+        return jnp.cumsum(self.thicknesses) - self.thicknesses
+
+    def scaled(self, factor: float | Float[Array, ""]) -> "Prescription":
+        """The lens with all lengths multiplied by `factor`: the same f-number, another focal length."""
+        by = jnp.asarray(factor, dtype=self.thicknesses.dtype)
+        return dataclasses.replace(
+            self,
+            surfaces=tuple(surface.scaled(by) for surface in self.surfaces),
+            thicknesses=self.thicknesses * by,
+            semi_diameters=self.semi_diameters * by,
+        )
+
+
+def make_prescription(
+    surfaces: Sequence[AbstractSurface],
+    thicknesses: Sequence[float],
+    semi_diameters: Sequence[float],
+    glasses: Sequence[AbstractGlass],
+    *,
+    stop: int,
+    name: str = "lens",
+) -> Prescription:
+    """A `Prescription` that makes sense.
+
+    Raises:
+        ValueError: numbers that do not match, no such stop, a semi-diameter that is not positive, a negative
+            thickness, or surfaces that cross within the clear radius of both.
+    """
+    count = len(surfaces)
+    for what, some in (
+        ("thicknesses", thicknesses),
+        ("semi-diameters", semi_diameters),
+        ("glasses", glasses),
+    ):
+        if len(some) != count:
+            raise ValueError(f"{name} has {count} surfaces but {len(some)} {what}")
+    if count == 0:
+        raise ValueError(f"{name} has no surfaces; expected at least one")
+    if not 0 <= stop < count:
+        raise ValueError(f"the stop of {name} is surface {stop}; expected one of 0 to {count - 1}")
+    for number, (gap, radius) in enumerate(zip(thicknesses, semi_diameters, strict=True)):
+        if not 0 < radius < float("inf"):
+            raise ValueError(f"surface {number} of {name} has a semi-diameter of {radius:g} mm; expected > 0")
+        if not 0 <= gap < float("inf"):
+            raise ValueError(
+                f"the thickness after surface {number} of {name} is {gap:g} mm; expected 0 or more"
+            )
+    lens = Prescription(
+        tuple(surfaces),
+        jnp.asarray(np.asarray(thicknesses, dtype=float), dtype=float),
+        jnp.asarray(np.asarray(semi_diameters, dtype=float), dtype=float),
+        tuple(glasses),
+        stop,
+        name,
+    )
+    _refuse_crossings(lens)
+    return lens
+
+
+def singlet(
+    front_radius: float,
+    back_radius: float,
+    *,
+    thickness: float,
+    semi_diameter: float,
+    glass: AbstractGlass,
+    name: str = "singlet",
+) -> Prescription:
+    """A lens of one piece of glass with two spherical surfaces; its front is the stop.
+
+    Args:
+        front_radius: mm, positive if the centre is on the film's side; `inf` is a plane.
+        back_radius: likewise; negative for a biconvex lens.
+        thickness: mm along the axis.
+        semi_diameter: clear radius in mm of both surfaces.
+        glass: what it is made of.
+        name: what to call it.
+
+    Raises:
+        ValueError: a radius of 0, or as `make_prescription`.
+    """
+    if front_radius == 0 or back_radius == 0:
+        raise ValueError(f"a radius of {name} is 0; expected a length, or inf for a plane")
+    return make_prescription(
+        [sphere(1.0 / front_radius), sphere(1.0 / back_radius)],
+        [thickness, 0.0],
+        [semi_diameter, semi_diameter],
+        [glass, air()],
+        stop=0,
+        name=name,
+    )
+
+
+def line(name: str = "d") -> Float[Array, ""]:
+    """Wavelength in nm of a Fraunhofer line, "d" for yellow."""
+    return jnp.asarray(FRAUNHOFER[name], dtype=float)
+
+
+def _refuse_crossings(lens: Prescription) -> None:
+    """Each surface ends where its clear radius does, and must be before the next up to there."""
+    radii = np.asarray(lens.semi_diameters)
+    shares = np.linspace(0.0, 1.0, 33)
+    for number, (surface, following) in enumerate(zip(lens.surfaces, lens.surfaces[1:], strict=False)):
+        across = jnp.asarray(shares * radii[number : number + 2].min(), dtype=float)
+        zero = jnp.zeros_like(across)
+        before, after = (jax.vmap(one.sag)(across, zero) for one in (surface, following))
+        gap = np.asarray(lens.thicknesses[number] + after - before)
+        if gap.min() < -_GAP:
+            raise ValueError(
+                f"surfaces {number} and {number + 1} of {lens.name} cross {float(across[gap.argmin()]):.3g}"
+                f" mm from the axis, within their clear radius, by {-gap.min():.3g} mm; check the thickness"
+                " between them and the semi-diameters"
+            )

@@ -1,0 +1,203 @@
+"""What all readers of lens files share: rows with the line they come from, made into a prescription."""
+
+import dataclasses
+import math
+import warnings
+from pathlib import Path
+
+import jax.numpy as jnp
+
+from focusjax.optics._catalogue import find_glass, index_glass
+from focusjax.optics._glass import AbstractGlass, ConstantIndex
+from focusjax.optics._paraxial import first_order
+from focusjax.optics._prescription import Prescription, line, make_prescription
+from focusjax.optics._surfaces import AbstractSurface, Conic, EvenAsphere
+
+
+class LensFileError(ValueError):
+    """A lens file that cannot be read; the message names the file and the line."""
+
+
+@dataclasses.dataclass
+class Row:
+    """One surface of a file.
+
+    Attributes:
+        line: where it begins, from 1.
+        curvature: 1/mm.
+        conic: of the surface.
+        coefficients: of r^2, r^4 and so on, in mm.
+        thickness: mm to the next.
+        semi_diameter: mm; None where the file leaves it open.
+        glass: what is after it.
+        is_stop: whether it is the stop.
+    """
+
+    line: int
+    curvature: float = 0.0
+    conic: float = 0.0
+    coefficients: tuple[float, ...] = ()
+    thickness: float = 0.0
+    semi_diameter: float | None = None
+    glass: AbstractGlass | None = None
+    is_stop: bool = False
+
+    def surface(self) -> AbstractSurface:
+        """The surface itself; a polynomial of zeros is none."""
+        curvature, conic = (jnp.asarray(value, dtype=float) for value in (self.curvature, self.conic))
+        if not any(self.coefficients):
+            return Conic(curvature, conic)
+        return EvenAsphere(curvature, conic, jnp.asarray(self.coefficients, dtype=float))
+
+
+class LensText:
+    """A lens file's lines, and refusals that name the one at fault.
+
+    Attributes:
+        path: the file.
+        lines: its text, line by line.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            data = path.read_bytes()
+        except OSError as error:
+            raise LensFileError(f"{path}: {error.strerror or error}") from None
+        wide = data[:2] in (b"\xff\xfe", b"\xfe\xff")
+        try:
+            self.lines = data.decode("utf-16" if wide else "utf-8-sig").splitlines()
+        except UnicodeDecodeError:
+            try:
+                self.lines = data.decode("latin-1").splitlines()
+            except UnicodeDecodeError:
+                raise LensFileError(f"{path}: is not text") from None
+
+    def refuse(self, line: int, why: object) -> LensFileError:
+        """The error to raise about a line, counted from 1."""
+        return LensFileError(f"{self.path}, line {line}: {why}")
+
+    def number(self, line: int, text: object, what: str) -> float:
+        """A finite number, or a refusal that says what was expected there."""
+        try:
+            value = float(str(text))
+        except ValueError:
+            raise self.refuse(line, f"{what} is {text!r}; expected a number") from None
+        if not math.isfinite(value):
+            raise self.refuse(line, f"{what} is {text!r}; expected a finite number")
+        return value
+
+    def glass(self, line: int, name: str) -> AbstractGlass:
+        """A glass by name, or a refusal with the nearest names."""
+        try:
+            return find_glass(name)
+        except ValueError as error:
+            raise self.refuse(line, error) from None
+
+    def index(self, line: int, n_d: float, v_d: float | None) -> AbstractGlass:
+        """A medium by its index and Abbe number."""
+        try:
+            return index_glass(n_d, v_d)
+        except ValueError as error:
+            raise self.refuse(line, error) from None
+
+    def opening(self, line: int, value: float) -> float:
+        """A semi-diameter, positive."""
+        if not value > 0:
+            raise self.refuse(line, f"an aperture is {value:g}; expected a positive one")
+        return value
+
+    def warn_of_stand_in(self, line: int, name: str, n_d: float, v_d: float) -> None:
+        """Say that a glass of the file is known by two numbers only."""
+        warnings.warn(
+            f"{self.path}, line {line}: glass {name!r} is not in the catalogue; taken by the file's"
+            f" n_d = {n_d:g} and V_d = {v_d:g}",
+            UserWarning,
+            stacklevel=2,
+        )
+
+
+def from_rows(
+    text: LensText,
+    rows: list[Row],
+    name: str,
+    *,
+    f_number: float | None = None,
+    pupil_diameter: float | None = None,
+) -> Prescription:
+    """The prescription of a file's rows; `f_number` or `pupil_diameter` sets its stop.
+
+    Dummy planes in air are left out, and the gaps before and after them joined.
+
+    Raises:
+        LensFileError: no surfaces, no stop or two, an opening that is missing, or what `make_prescription`
+            refuses.
+    """
+    rows = _without_dummies(rows)
+    stops = [number for number, row in enumerate(rows) if row.is_stop]
+    if not rows:
+        raise LensFileError(f"{text.path}: has no surfaces")
+    if len(stops) != 1:
+        where = ", ".join(str(rows[number].line) for number in stops)
+        found = f"has {len(stops)} stops (lines {where})" if stops else "has no stop"
+        raise LensFileError(f"{text.path}: {found}; expected one")
+    stop = stops[0]
+    for number, row in enumerate(rows):
+        if row.semi_diameter is None and number != stop:
+            raise text.refuse(row.line, "the surface has no aperture; expected its semi-diameter")
+    given = rows[stop].semi_diameter
+    open_stop = max(row.semi_diameter or 0.0 for row in rows)
+    try:
+        lens = make_prescription(
+            [row.surface() for row in rows],
+            [row.thickness for row in rows],
+            [open_stop if row.semi_diameter is None else row.semi_diameter for row in rows],
+            [find_glass("air") if row.glass is None else row.glass for row in rows],
+            stop=stop,
+            name=name,
+        )
+    except ValueError as error:
+        raise LensFileError(f"{text.path}: {error}") from None
+    if f_number is None and pupil_diameter is None and given is not None:
+        return lens
+    seen = first_order(lens)
+    radius = float(lens.semi_diameters[stop])
+    if f_number is not None:
+        radius *= float(seen.f_number) / f_number
+    elif pupil_diameter is not None:
+        radius *= pupil_diameter / 2.0 / float(seen.entrance_pupil_radius)
+    else:
+        radius = _widest_axial_beam(lens)
+    return dataclasses.replace(lens, semi_diameters=lens.semi_diameters.at[stop].set(radius))
+
+
+def _widest_axial_beam(lens: Prescription) -> float:
+    """Radius at the stop of the beam from infinity that fills the tightest of the other surfaces."""
+    indices = lens.indices(line())
+    y, u = jnp.ones(()), jnp.zeros(())
+    heights = []
+    for number, surface in enumerate(lens.surfaces):
+        heights.append(abs(float(y)))
+        before, after = indices[number], indices[number + 1]
+        u = (before * u - y * surface.osculating()[0] * (after - before)) / after
+        y = y + lens.thicknesses[number] * u
+    others = [n for n in range(len(heights)) if n != lens.stop and heights[n] > 0]
+    return heights[lens.stop] * min(float(lens.semi_diameters[n]) / heights[n] for n in others)
+
+
+def _without_dummies(rows: list[Row]) -> list[Row]:
+    kept: list[Row] = []
+    before: AbstractGlass | None = None
+    for row in rows:
+        flat = row.curvature == 0 and not any(row.coefficients)
+        if flat and not row.is_stop and _is_air(before) and _is_air(row.glass):
+            if kept:
+                kept[-1] = dataclasses.replace(kept[-1], thickness=kept[-1].thickness + row.thickness)
+        else:
+            kept.append(row)
+        before = row.glass
+    return kept
+
+
+def _is_air(glass: AbstractGlass | None) -> bool:
+    return glass is None or (isinstance(glass, ConstantIndex) and float(glass.value) == 1.0)

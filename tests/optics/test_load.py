@@ -1,0 +1,190 @@
+"""Glasses and lens files: what is read, and what is refused in which words."""
+
+import codecs
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from optics_lenses import GLASS
+
+from focusjax.optics import (
+    FRAUNHOFER,
+    LensFileError,
+    abbe_number,
+    air,
+    find_glass,
+    first_order,
+    glass_names,
+    lens_preset,
+    line,
+    load_lens,
+    make_prescription,
+    singlet,
+    sphere,
+)
+
+SINGLET_DAT = "# a comment\n50 5 1.5168 18\n\n-50 2 1 18 # rear\n0 40 0 10\n"
+
+
+def zemax(*, glass="GLAS N-BK7 0 0 1.5168 64.17", surface="TYPE STANDARD", stop="STOP", more="DIAM 9 1"):
+    return (
+        "MODE SEQ\nUNIT MM X W X CM MR CPMM\nSURF 0\nTYPE STANDARD\nCURV 0\nDISZ INFINITY\n"
+        f"SURF 1\n{surface}\nCURV 0.02\n{stop}\nDISZ 5\n{glass}\n{more}\n"
+        "SURF 2\nTYPE STANDARD\nCURV -0.02\nDISZ 45\nDIAM 9 1\nSURF 3\nTYPE STANDARD\nCURV 0\nDISZ 0\n"
+    )
+
+
+def json_lens(surface='{"type": "Spheric", "r": 9, "roc": -50, "d_next": 2, "mat2": "air"}'):
+    return (
+        '{"surfaces": [\n{"type": "Spheric", "r": 9, "roc": 50, "d_next": 5, "mat2": "N-BK7"},\n'
+        f'{surface},\n{{"type": "Stop", "r": 5, "d_next": 40, "mat2": "air"}}\n]}}'
+    )
+
+
+@pytest.fixture
+def write(tmp_path):
+    def make(name, text):
+        path = tmp_path / name
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return make
+
+
+def test_the_same_singlet_from_each_kind_of_file(write):
+    wanted = float(first_order(singlet(50, -50, thickness=5, semi_diameter=9, glass=GLASS)).focal_length)
+    for name, text in (("a.dat", SINGLET_DAT), ("a.zmx", zemax()), ("a.json", json_lens())):
+        lens = load_lens(write(name, text))
+        # Rounded indices make 2e-6 of it.
+        assert float(first_order(lens).focal_length) == pytest.approx(wanted, rel=1e-5)
+    assert load_lens(write("a.dat", SINGLET_DAT)).stop == 2
+    assert load_lens(write("a.dat", SINGLET_DAT)).name == "a"
+
+
+def test_zemax_files_in_inches_utf16_and_with_aspheres(write):
+    text = zemax(surface="TYPE EVENASPH\nCONI -1.5\nPARM 2 1e-6\nPARM 3 0").replace("UNIT MM", "UNIT IN")
+    lens = load_lens(write("a.zmx", codecs.BOM_UTF16_LE + text.encode("utf-16-le")))
+    front = lens.surfaces[0]
+    assert float(front.conic) == -1.5
+    assert float(front.curvature) == pytest.approx(0.02 / 25.4)
+    np.testing.assert_allclose(front.coefficients, [0.0, 1e-6 / 25.4**3, 0.0])
+    assert float(lens.thicknesses[0]) == pytest.approx(127.0)
+
+
+def test_the_stop_of_a_zemax_file_is_as_wide_as_it_says(write):
+    lens = load_lens(write("a.zmx", "FNUM 8 0\n" + zemax()))
+    assert float(first_order(lens).f_number) == pytest.approx(8.0)
+    lens = load_lens(write("a.zmx", "ENPD 3 0\n" + zemax()))
+    assert float(first_order(lens).entrance_pupil_radius) == pytest.approx(1.5)
+    lens = load_lens(write("a.zmx", zemax(more="")))
+    # As wide as the rear lets an axial beam be.
+    n, height = float(GLASS.index(line())), 1 - 5 * 0.02 * (1 - 1 / float(GLASS.index(line())))
+    assert float(lens.semi_diameters[0]) == pytest.approx(9 / height)
+    assert n > 1.5
+
+
+def test_glass_without_an_entry_is_taken_by_its_index(write):
+    with pytest.warns(UserWarning, match="line 12: glass 'LASFN99' is not in the catalogue"):
+        lens = load_lens(write("a.zmx", zemax(glass="GLAS LASFN99 0 0 1.8 40")))
+    assert float(lens.glasses[0].index(line())) == pytest.approx(1.8)
+    assert float(abbe_number(lens.glasses[0])) == pytest.approx(40.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("a.dat", "50 5 1.5\n", r"a.dat, line 1: has 3 columns; expected radius"),
+        ("a.dat", "50 5 1.5 18\n-50 x 1 18\n", r"line 2: thickness is 'x'; expected a number"),
+        ("a.dat", "50 5 1.5 -18\n", r"line 1: an aperture is -18; expected a positive one"),
+        ("a.dat", "50 5 0.5 18\n", r"line 1: a refractive index is 0.5"),
+        ("a.dat", "50 5 1.5 18\n-50 0 1 18\n", "a.dat: has no stop; expected one"),
+        ("a.dat", "0 1 0 9\n50 5 1.5 18\n-50 1 1 18\n0 1 0 9\n", r"has 2 stops \(lines 1, 4\)"),
+        ("a.dat", "", "a.dat: has no surfaces"),
+        ("a.dat", "50 0.5 1.5 18\n-50 0 1 18\n0 1 0 9\n", r"surfaces 0 and 1 of a cross .* from the axis"),
+        ("a.zmx", zemax(surface="TYPE TOROIDAL"), r"line 8: surface type TOROIDAL is not supported"),
+        ("a.zmx", zemax(glass="GLAS MIRROR"), "line 12: mirrors are not supported"),
+        ("a.zmx", zemax(glass="GLAS N-BK8"), r"line 12: there is no glass 'N-BK8'; did you mean N-BK7"),
+        ("a.zmx", zemax(glass="GLAS ___BLANK 1 0"), "line 12: a model glass has no index"),
+        ("a.zmx", zemax(more="DIAM -9"), "line 13: an aperture is -9"),
+        ("a.zmx", zemax(more="PARM 9 1"), "line 13: parameter 9 of an asphere"),
+        ("a.zmx", zemax(more="PARM 2"), "line 13: PARM ends early"),
+        ("a.zmx", zemax(stop=""), "has no stop"),
+        ("a.zmx", zemax().replace("MODE SEQ", "MODE NSC"), "line 1: mode NSC is not supported"),
+        ("a.zmx", zemax().replace("UNIT MM", "UNIT FURLONG"), "line 2: unit 'FURLONG' is not known"),
+        ("a.zmx", zemax()[:130], "has 2 surfaces; expected an object, a lens and an image"),
+        ("a.json", json_lens()[:-20], r"a.json, line 4: "),
+        ("a.json", "[]", 'has no list "surfaces"'),
+        ("a.json", json_lens('{"type": "ThinLens"}'), "line 3: surface type ThinLens is not supported"),
+        ("a.json", json_lens('{"type": "Spheric", "r": 9, "roc": 5}'), 'line 3: the surface has no "d_next"'),
+        (
+            "a.json",
+            json_lens('{"type": "Spheric", "r": 0, "roc": 5, "d_next": 1}'),
+            "line 3: an aperture is 0",
+        ),
+        ("a.step", "", r"a.step: .step is no lens file that is known"),
+    ],
+)
+def test_bad_files_are_refused_by_file_and_line(write, name, text, message):
+    with pytest.raises(LensFileError, match=message):
+        load_lens(write(name, text))
+
+
+def test_missing_files_and_unknown_presets():
+    with pytest.raises(LensFileError, match=r"nowhere.dat: No such file"):
+        load_lens("nowhere.dat")
+    with pytest.raises(
+        ValueError, match=r"there is no lens .planar.; did you mean planar_us583336_f4.5_1897"
+    ):
+        lens_preset("planar")
+
+
+def test_prescriptions_that_make_no_sense():
+    def make(gaps=(1.0, 0.0), radii=(5.0, 5.0), stop=0):
+        return make_prescription([sphere(0.02)] * 2, gaps, radii, [GLASS, air()], stop=stop)
+
+    for wrong, message in (
+        ({"gaps": (1.0,)}, "2 surfaces but 1 thicknesses"),
+        ({"gaps": (-1.0, 0.0)}, "thickness after surface 0 of lens is -1 mm"),
+        ({"radii": (5.0, 0.0)}, "surface 1 of lens has a semi-diameter of 0 mm"),
+        ({"stop": 2}, "the stop of lens is surface 2; expected one of 0 to 1"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            make(**wrong)
+    with pytest.raises(ValueError, match="a radius of singlet is 0"):
+        singlet(0, 5, thickness=1, semi_diameter=1, glass=GLASS)
+
+
+def test_glasses_have_the_numbers_of_the_catalogue():
+    assert len(glass_names()) == 46
+    # Schott's own for N-BK7.
+    for name, wanted in (("d", 1.51680), ("F", 1.52238), ("C", 1.51432), ("g", 1.52668)):
+        assert round(float(GLASS.index(line(name))), 5) == wanted
+    assert round(float(abbe_number(GLASS)), 2) == 64.17
+    assert float(abbe_number(find_glass("1.62/36.4"))) == pytest.approx(36.4)
+    assert float(find_glass("1.62").index(line("F"))) == pytest.approx(1.62)
+    assert list(FRAUNHOFER) == sorted(FRAUNHOFER, key=FRAUNHOFER.get)
+
+
+def test_a_model_glass_is_near_the_real_one():
+    """Between F and C; its use beyond is a guess."""
+    for name in ("N-BK7", "F2", "N-SF11", "N-LAK9"):
+        real = find_glass(name)
+        model = find_glass(f"{float(real.index(line()))}/{float(abbe_number(real))}")
+        for wavelength in (486.1, 520.0, 550.0, 620.0, 656.3):
+            at = jnp.asarray(wavelength)
+            # Observed: 4.4e-4 for N-SF11, 3e-5 for N-BK7.
+            assert float(model.index(at)) == pytest.approx(float(real.index(at)), abs=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("N-SK61", "there is no glass 'N-SK61'; did you mean N-SK16"),
+        ("0.9", "a refractive index is 0.9"),
+        ("1.5/-3", "an Abbe number is -3"),
+        ("1.5.2", "glass '1.5.2' is no number"),
+    ],
+)
+def test_glasses_that_are_none(name, message):
+    with pytest.raises(ValueError, match=message):
+        find_glass(name)

@@ -1,6 +1,7 @@
 """Derivatives where something is closed, in focus, thin, touching, seen through, cornered or glaring."""
 
 import dataclasses
+import math
 from functools import cache
 
 import equinox as eqx
@@ -21,16 +22,20 @@ WIDEST = wide_lens(CAMERA, focus=0.0)
 PARALLAX = 11.0
 WALL = (-60.0, -60.0, 80.0, 80.0)
 GLARE = 1e5
+OBJECTS = 8
+EDGE, STOPPED = 7.3, 0.6
 
 
-def scene_of(*objects: SceneObject) -> Scene:
-    return make_scene(list(objects), background=constant_background(0.2), unlit=True)
+def scene_of(*objects: SceneObject, background: float = 0.2) -> Scene:
+    """As many objects in any scene, so that scenes share compiled programs."""
+    unseen = [pane(f"unseen {k}", (900, 900, 901, 901), 0.5) for k in range(OBJECTS - len(objects))]
+    return make_scene([*objects, *unseen], background=constant_background(background), unlit=True)
 
 
-def pane(box: tuple[float, ...], disparity: float) -> SceneObject:
-    """Something that stops half of the rays."""
-    plain = patch("pane", CAMERA, box, disparity, 0.4)
-    return dataclasses.replace(plain, materials=(dataclasses.replace(plain.materials[0], opacity=0.5),))
+def pane(name: str, box: tuple[float, ...], *look: float, stopped: float = 0.5) -> SceneObject:
+    """A patch of given disparity and radiance that stops a share of the rays."""
+    plain = patch(name, CAMERA, box, *look)
+    return dataclasses.replace(plain, materials=(dataclasses.replace(plain.materials[0], opacity=stopped),))
 
 
 def hard_scene() -> Scene:
@@ -44,7 +49,7 @@ def hard_scene() -> Scene:
         "near lamp": ((12.31, 8.57, 13.31, 9.57), 1.0, GLARE),
         "far lamp": ((2.11, 2.39, 3.11, 3.39), 0.31, GLARE),
     }
-    seen_through = pane((9.73, -60, 11.91, 80), 0.8)
+    seen_through = pane("pane", (9.73, -60, 11.91, 80), 0.8, 0.4)
     return scene_of(seen_through, *(patch(name, CAMERA, *values) for name, values in boxes.items()))
 
 
@@ -54,7 +59,13 @@ def layers_of(case: str) -> Layers:
     if case == "hard":
         return peel(hard_scene(), CAMERA, WIDEST, supersampling=1, max_layers=5)
     sharp = [patch("left", CAMERA, (-60, -60, 7.37, 80), 0.5, 0.9), patch("wall", CAMERA, WALL, 0.5, 0.1)]
-    scene = scene_of(pane((900, 900, 901, 901), 0.5), *(sharp if case == "in focus" else []))
+    scene = {
+        "in focus": lambda: scene_of(*sharp),
+        "empty": lambda: scene_of(),
+        "edge": lambda: scene_of(
+            pane("light", (-200, -200, EDGE, 200), 1.0, 1.0, stopped=STOPPED), background=0.0
+        ),
+    }[case]()
     return peel(scene, CAMERA, WIDEST, supersampling=1, max_layers=5, like=layers_of("hard"))
 
 
@@ -155,3 +166,20 @@ def test_glare_is_moved_and_neither_lost_nor_made():
     gained = jacobian[..., 0].sum(axis=(0, 1)) / np.abs(jacobian[..., 0]).sum(axis=(0, 1))
     # Observed: 0.019.
     assert np.abs(gained).max() < 0.06
+
+
+def test_what_is_seen_through_moves_as_much_as_it_stops():
+    """Light that stops 0.6 of the rays, before darkness, by the formula for a straight edge times 0.6.
+
+    A disk of radius c around x is lit by the share F((x - 7.3) / c) with F' = -2 sqrt(1 - t^2) / pi.
+    """
+    values = jnp.array([0.5, PARALLAX, *ROUND])
+    found = np.asarray(jacobian(layers_of("edge"), values))[..., 0, :2].mean(axis=0)
+    radius = 0.5 * PARALLAX
+    t = np.clip((np.linspace(0, 16, 16 * 64 + 1) - EDGE) / radius, -1, 1)
+    by_radius = 2 / math.pi * np.sqrt(1 - t**2) * t / radius
+    by_radius = STOPPED * ((by_radius[1:] + by_radius[:-1]) / 2).reshape(16, 64).mean(axis=1)
+    by_settings = by_radius[:, None] * np.array([-PARALLAX, 0.5])
+    projection = np.sum(found * by_settings, axis=0) / np.sum(by_settings**2, axis=0)
+    print("OBS", projection)
+    np.testing.assert_allclose(projection, 1.0, atol=0.2)

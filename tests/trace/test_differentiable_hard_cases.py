@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compilations import IN_HASTE
 from small_scenes import front_camera, patch, wide_lens
 
 from focusjax.layers import Layers, peel
@@ -61,12 +62,17 @@ def layers_of(case: str) -> Layers:
     sharp = [patch("left", CAMERA, (-60, -60, 7.37, 80), 0.5, 0.9), patch("wall", CAMERA, WALL, 0.5, 0.1)]
     scene = {
         "in focus": lambda: scene_of(*sharp),
-        "empty": lambda: scene_of(),
+        "empty": scene_of,
         "edge": lambda: scene_of(
             pane("light", (-200, -200, EDGE, 200), 1.0, 1.0, stopped=STOPPED), background=0.0
         ),
     }[case]()
-    return peel(scene, CAMERA, WIDEST, supersampling=1, max_layers=5, like=layers_of("hard"))
+    hard = layers_of("hard")
+    found = peel(scene, CAMERA, WIDEST, supersampling=1, max_layers=5, like=hard)
+    if found.samples.opacity is not None:
+        return found
+    solid = jnp.ones_like(hard.samples.opacity)
+    return eqx.tree_at(lambda each: each.samples.opacity, found, solid, is_leaf=lambda leaf: leaf is None)
 
 
 def lens_of(values: jax.Array, layers: Layers) -> ThinLens:
@@ -79,13 +85,13 @@ def picture_of(layers: Layers, values: jax.Array) -> jax.Array:
     return render_differentiable(layers, lens_of(values, layers), rays=RAYS, derivative_rays=RAYS)
 
 
-@eqx.filter_jit
+@eqx.filter_jit(compiler_options=IN_HASTE)
 def jacobian(layers: Layers, values: jax.Array) -> jax.Array:
     """By the four values [h, w, 3, 4]."""
     return jax.jacfwd(lambda values: picture_of(layers, values))(values)
 
 
-@eqx.filter_jit
+@eqx.filter_jit(compiler_options=IN_HASTE)
 def reverse(layers: Layers, values: jax.Array) -> tuple[jax.Array, ...]:
     """The picture, and the gradient [4] of a weighted sum with its weights."""
     value, back = jax.vjp(lambda values: picture_of(layers, values), values)
@@ -181,5 +187,5 @@ def test_what_is_seen_through_moves_as_much_as_it_stops():
     by_radius = STOPPED * ((by_radius[1:] + by_radius[:-1]) / 2).reshape(16, 64).mean(axis=1)
     by_settings = by_radius[:, None] * np.array([-PARALLAX, 0.5])
     projection = np.sum(found * by_settings, axis=0) / np.sum(by_settings**2, axis=0)
-    print("OBS", projection)
-    np.testing.assert_allclose(projection, 1.0, atol=0.2)
+    # Observed: 0.958 by focus and 1.005 by the opening, as which rays stop is chance.
+    np.testing.assert_allclose(projection, 1.0, atol=0.12)

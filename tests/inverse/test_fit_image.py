@@ -196,10 +196,14 @@ def test_other_arguments_that_do_not_fit():
     refused(target(), "the mask is empty", mask=np.zeros((24, 32)))
     refused(target(), "noise has shape (7, 1, 1)", noise=np.ones((7, 1)))
     refused(target(), "a standard deviation that is not positive", noise=0.0)
-    refused(target(), "the exact picture has shape (2, 2, 3)", exact=lambda lens: np.zeros((2, 2, 3)))
     refused(target(), "min_focus_distance is -1.0 m", min_focus_distance=-1.0)
     with pytest.raises(ValueError, match="peel again"):
         fit_image(target(), layers(), ThinLens(jnp.array(0.5), jnp.array(1.0)), free=("focus",))
+
+
+def test_an_exact_picture_of_another_size():
+    with pytest.raises(ValueError, match=re.escape("the exact picture has shape (2, 2, 3)")):
+        fitted(target(), search=False, max_steps=1, exact=lambda lens: np.zeros((2, 2, 3)))
 
 
 def test_a_scan_of_something_else_is_refused():

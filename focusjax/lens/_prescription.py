@@ -68,7 +68,9 @@ class PrescriptionLens(AbstractLens):
         bounds: disks around the rays of film points.
         exposure: in mm^2, the product of the ellipse's half axes times the mean share of light over it, on
             the axis.
-        falloff: power of the cosine to the axis at the film that is in the weights: 4, or 0.
+        falloff: whether weights have the fourth power of the cosine to the axis at the film (static).
+        focus: how it was focused, "traced" or "paraxial" (static).
+        breathing: whether the film keeps its size at every focus (static).
     """
 
     prescription: Prescription
@@ -81,31 +83,38 @@ class PrescriptionLens(AbstractLens):
     pupils: Pupils
     bounds: RayBounds
     exposure: Float[Array, ""]
-    falloff: Float[Array, ""]
+    falloff: bool = eqx.field(static=True)
+    focus: str = eqx.field(static=True)
+    breathing: bool = eqx.field(static=True)
 
     def opening(self) -> Disk:
         return Disk()
 
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
-        upright = jnp.array([1.0, -1.0], dtype=film_point.dtype)
+        aim = self.aim(camera, film_point, pupil_point)
+        return line_of(camera, film_point, aim, *self.passing(aim))
+
+    def aim(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> "Aim":
+        """How a ray starts at the film."""
         # Seen from the lens, the film is upside down.
+        upright = jnp.array([1.0, -1.0], dtype=film_point.dtype)
         tangents = -(film_point - camera.principal_point) / camera.focal_px * upright
         radius, along = _polar(tangents)
         centre, radial, tangential = self._opening(radius / self.film_step)
         across = pupil_point * upright
         target = along * centre + tangential * across + (radial - tangential) * along * (along @ across)
-        film = self.film_scale * tangents
-        found, cosine = from_film(self.prescription, self.indices, self.film_place, film, target)
-        slope, crossing = exit_line(found.position, found.direction, self.entrance_pupil)
+        light = radial * tangential / self.exposure
+        if self.falloff:
+            step = target - self.film_scale * tangents
+            light *= (self.film_place**2 / (step @ step + self.film_place**2)) ** 2
         last = self.pupils.centre.shape[0] - 1
-        lit = (slope @ slope < STEEPEST**2) & (radius <= last * self.film_step)
-        share = openness(found.clearance) * radial * tangential / self.exposure
-        share = jnp.where(lit, share * cosine**self.falloff, 0.0)
-        # Where there is no light, any ray will do: the pinhole's.
-        dark = share <= 0.0
-        a = camera.principal_point + camera.focal_px * slope * upright
-        b = camera.focal_px * 1e-3 * crossing * upright
-        return LensRay(a=jnp.where(dark, film_point, a), b=jnp.where(dark, 0.0, b), weight=share)
+        return Aim(tangents, target, jnp.where(radius <= last * self.film_step, light, 0.0))
+
+    def passing(self, aim: "Aim") -> tuple[Float[Array, "2"], Float[Array, "2"], Float[Array, ""]]:
+        """A ray's slopes [2] ahead of the lens, where [2] in mm it crosses the pupil, and its clearance."""
+        film = self.film_scale * aim.tangents
+        found, _ = from_film(self.prescription, self.indices, self.film_place, film, aim.target)
+        return *exit_line(found.position, found.direction, self.entrance_pupil), found.clearance
 
     def blur(
         self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
@@ -159,6 +168,37 @@ class PrescriptionLens(AbstractLens):
             for values in (pupils.centre, pupils.radial, pupils.tangential)
         )
         return centre, radial, tangential
+
+
+class Aim(eqx.Module):
+    """How a ray starts at the film of a real lens, upside down and y upwards as the lens sees it.
+
+    Attributes:
+        tangents: the film point [2], over s.
+        target: point [2] of the last vertex plane in mm that the ray is aimed at.
+        light: weight of the ray if it passes; 0 beyond the film.
+    """
+
+    tangents: Float[Array, "2"]
+    target: Float[Array, "2"]
+    light: Float[Array, ""]
+
+
+def line_of(
+    camera: Camera,
+    film_point: Float[Array, "2"],
+    aim: Aim,
+    slope: Float[Array, "2"],
+    crossing: Float[Array, "2"],
+    clearance: Float[Array, ""],
+) -> LensRay:
+    """A ray ahead of a real lens as a line in image space; cut off, it is the pinhole's, without light."""
+    upright = jnp.array([1.0, -1.0], dtype=film_point.dtype)
+    share = jnp.where(slope @ slope < STEEPEST**2, openness(clearance) * aim.light, 0.0)
+    dark = share <= 0.0
+    a = camera.principal_point + camera.focal_px * slope * upright
+    b = camera.focal_px * 1e-3 * crossing * upright
+    return LensRay(a=jnp.where(dark, film_point, a), b=jnp.where(dark, 0.0, b), weight=share)
 
 
 def prescription_lens(
@@ -241,19 +281,27 @@ def focused_lens(
         film = best
     if breathing:
         scale = camera.focal_length * 1e3
-    power = jnp.asarray(4.0 if falloff else 0.0, dtype=film.dtype)
-    lens = _placed(prescription, indices, film, scale, seen.entrance_pupil, _film_step(camera), power)
-    return dataclasses.replace(lens, focus_disparity=focus_disparity)
+    lens = _placed(prescription, indices, film, scale, seen.entrance_pupil, _film_step(camera), falloff)
+    return dataclasses.replace(lens, focus_disparity=focus_disparity, focus=focus, breathing=breathing)
 
 
 def at_wavelength(
     lens: PrescriptionLens, camera: Camera, wavelength: SupportsFloat | Float[Array, ""]
 ) -> PrescriptionLens:
     """The same lens with its film where it is, for light of another `wavelength` in nm."""
-    indices = lens.prescription.indices(jnp.asarray(wavelength, dtype=lens.indices.dtype))
+    return with_indices(
+        lens, camera, lens.prescription.indices(jnp.asarray(wavelength, dtype=lens.indices.dtype))
+    )
+
+
+def with_indices(
+    lens: PrescriptionLens, camera: Camera, indices: Float[Array, " n_plus_1"]
+) -> PrescriptionLens:
+    """The same lens with its film where it is, for light that is refracted by other `indices`."""
     place = (lens.film_place, lens.film_scale, lens.entrance_pupil, _film_step(camera))
     other = _placed(lens.prescription, indices, *place, lens.falloff)
-    return dataclasses.replace(other, focus_disparity=lens.focus_disparity, exposure=lens.exposure)
+    kept = {name: getattr(lens, name) for name in ("focus_disparity", "exposure", "focus", "breathing")}
+    return dataclasses.replace(other, **kept)
 
 
 def _film_step(camera: Camera) -> Float[Array, ""]:
@@ -272,7 +320,7 @@ def _placed(
     scale: Float[Array, ""],
     pupil: Float[Array, ""],
     step: Float[Array, ""],
-    falloff: Float[Array, ""],
+    falloff: bool,
 ) -> PrescriptionLens:
     """The lens with its film in place: find what film points see, and bound their rays."""
     radii = 0.5 * step * jnp.arange(2 * _RADII - 1, dtype=indices.dtype)
@@ -284,7 +332,7 @@ def _placed(
     def light(ring: Array) -> Array:
         middle = jnp.zeros(2, dtype=ring.dtype)
         found, cosine = from_film(prescription, indices, film, middle, jnp.stack([ring, middle[0]]))
-        return openness(found.clearance) * cosine**falloff
+        return openness(found.clearance) * (cosine**4 if falloff else 1.0)
 
     return PrescriptionLens(
         prescription=prescription,
@@ -298,6 +346,8 @@ def _placed(
         bounds=bounds,
         exposure=jnp.mean(jax.vmap(light)(rings)) * pupils.radial[0] * pupils.tangential[0],
         falloff=falloff,
+        focus="traced",
+        breathing=False,
     )
 
 

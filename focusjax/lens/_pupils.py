@@ -53,11 +53,16 @@ def from_film(
     target: Float[Array, "2"],
 ) -> tuple[RealRay, Float[Array, ""]]:
     """The ray from a film point through a point of the last vertex plane (mm), and its cosine at the film."""
-    last = lens.vertices()[-1]
+    start, way = way_from_film(lens, film_distance, film, target)
+    return trace(lens, indices, start, way, backward=True), -way[2]
+
+
+def way_from_film(
+    lens: Prescription, film_distance: Float[Array, ""], film: Float[Array, "2"], target: Float[Array, "2"]
+) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+    """A film point [3] in mm from the first vertex, and the unit vector [3] from there to a target."""
     step = jnp.append(target - film, -film_distance)
-    length = jnp.sqrt(step @ step)
-    start = jnp.append(film, last + film_distance)
-    return trace(lens, indices, start, step / length, backward=True), film_distance / length
+    return jnp.append(film, lens.vertices()[-1] + film_distance), step / jnp.sqrt(step @ step)
 
 
 def openness(clearance: Float[Array, ""]) -> Float[Array, ""]:

@@ -51,12 +51,14 @@ def fit_error(
     def one(point: Array) -> tuple[Array, ...]:
         film, pupil = point[:2] * frame, Disk().point(point[2:])
         aim = exact.aim(camera, film, pupil)
-        slope, crossing, clearance = exact.passing(aim)
+        *line, clearance = exact.passing(aim)
+        slope, crossing = (jnp.stack(pair) for pair in line)
 
         def fitted(pupil: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
             aim = exact.aim(camera, film, pupil)
-            slope, crossing, clear = transfer(aim.tangents, aim.target)
-            found = landed(slope - aim.tangents, crossing), clear
+            (x, y), crossing, clear = transfer(aim.tangents, aim.target)
+            slope = jnp.stack([x - aim.tangents[0], y - aim.tangents[1]])
+            found = landed(slope, jnp.stack(crossing)), clear
             return found, found
 
         def landed(slope: Array, crossing: Array) -> Array:

@@ -53,8 +53,9 @@ class FittedLens(AbstractLens):
 
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         aim = self.exact.aim(camera, film_point, pupil_point)
-        slope, crossing, clearance = self.transfer(aim.tangents, aim.target)
-        return line_of(camera, film_point, aim, slope - aim.tangents, crossing, clearance)
+        (x, y), crossing, clearance = self.transfer(aim.tangents, aim.target)
+        slope = (x - aim.tangents[0], y - aim.tangents[1])
+        return line_of(camera, film_point, aim, slope, crossing, clearance)
 
     def blur(
         self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
@@ -230,17 +231,18 @@ def _traced(lens: PrescriptionLens, camera: Camera) -> TracedRays:
         tangents = jnp.stack([place * lens.film_step, jnp.zeros_like(place)])
         film_point = camera.principal_point - camera.focal_px * tangents
         aim = lens.aim(camera, film_point, pupil)
-        start, way = way_from_film(
-            lens.prescription, lens.film_place, lens.film_scale * aim.tangents, aim.target
-        )
+        x, y = aim.tangents
+        film = lens.film_scale * x, lens.film_scale * y
+        start, way = way_from_film(lens.prescription, lens.film_place, film, aim.target)
         found, points = trace_path(lens.prescription, lens.indices, start, way, backward=True)
-        slope, crossing = exit_line(found.position, found.direction, lens.entrance_pupil)
+        line = exit_line(found.position, found.direction, lens.entrance_pupil)
+        slope, crossing = (jnp.stack(pair) for pair in line)
         squares = (points[:, 0] ** 2 + points[:, 1] ** 2) / lens.prescription.semi_diameters**2
         there = (found.clearance > 0.5 * BLOCKED) & (slope @ slope < STEEPEST**2)
         near = jnp.where(found.clearance > -_BESIDE, 1.0, _LITTLE)
         rim = jnp.where(squares.max() < 1.5, 1.0, _LITTLE)
         weights = [jnp.where(there, weight, 0.0) for weight in (near, rim)]
-        return aim.tangents, aim.target, slope + aim.tangents, crossing, squares, *weights
+        return aim.tangents, aim.target, slope + jnp.stack([x, y]), crossing, squares, *weights
 
     return TracedRays(*jax.vmap(one)(jnp.asarray(places, dtype=dtype), jnp.asarray(pupil, dtype=dtype)))
 

@@ -30,7 +30,7 @@ from jaxtyping import Array, Float
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import Disk
 from focusjax.lens._base import AbstractLens
-from focusjax.lens._length import length
+from focusjax.lens._length import Pair, root
 from focusjax.lens._pupils import Pupils, find_pupils, from_film, openness
 from focusjax.lens._ray_bounds import STEEPEST, RayBounds, exit_line, find_bounds
 from focusjax.optics import (
@@ -96,24 +96,30 @@ class PrescriptionLens(AbstractLens):
 
     def aim(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> "Aim":
         """How a ray starts at the film."""
-        # Seen from the lens, the film is upside down.
-        upright = jnp.array([1.0, -1.0], dtype=film_point.dtype)
-        tangents = -(film_point - camera.principal_point) / camera.focal_px * upright
-        radius, along = _polar(tangents)
+        # In numbers rather than vectors, which compilers keep in registers. Seen from the lens, the film is
+        # upside down.
+        x = (camera.principal_point[0] - film_point[0]) / camera.focal_px
+        y = (film_point[1] - camera.principal_point[1]) / camera.focal_px
+        radius, (along_x, along_y) = _polar(x, y)
         centre, radial, tangential = self._opening(radius / self.film_step)
-        across = pupil_point * upright
-        target = along * centre + tangential * across + (radial - tangential) * along * (along @ across)
+        across_x, across_y = pupil_point[0], -pupil_point[1]
+        out = centre + (radial - tangential) * (along_x * across_x + along_y * across_y)
+        target_x, target_y = along_x * out + tangential * across_x, along_y * out + tangential * across_y
         light = radial * tangential / self.exposure
         if self.falloff:
-            step = target - self.film_scale * tangents
-            light *= (self.film_place**2 / (step @ step + self.film_place**2)) ** 2
+            step_x, step_y = target_x - self.film_scale * x, target_y - self.film_scale * y
+            square = self.film_place**2
+            light *= (square / (step_x * step_x + step_y * step_y + square)) ** 2
         last = self.pupils.centre.shape[0] - 1
-        return Aim(tangents, target, jnp.where(radius <= last * self.film_step, light, 0.0))
+        light = jnp.where(radius <= last * self.film_step, light, 0.0)
+        return Aim((x, y), (target_x, target_y), light)
 
-    def passing(self, aim: "Aim") -> tuple[Float[Array, "2"], Float[Array, "2"], Float[Array, ""]]:
+    def passing(self, aim: "Aim") -> tuple[Pair, Pair, Float[Array, ""]]:
         """A ray's slopes [2] ahead of the lens, where [2] in mm it crosses the pupil, and its clearance."""
-        film = self.film_scale * aim.tangents
-        found, _ = from_film(self.prescription, self.indices, self.film_place, film, aim.target)
+        (x, y), scale = aim.tangents, self.film_scale
+        found, _ = from_film(
+            self.prescription, self.indices, self.film_place, (scale * x, scale * y), aim.target
+        )
         return *exit_line(found.position, found.direction, self.entrance_pupil), found.clearance
 
     def blur(
@@ -130,10 +136,10 @@ class PrescriptionLens(AbstractLens):
         self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
     ) -> tuple[Float[Array, "2"], Float[Array, ""]]:
         seen = self._bounds_at(camera, film_point)
-        _, along = _polar(film_point - camera.principal_point)
+        _, along = self._off_axis(camera, film_point)
         middle = (seen.at_infinity + seen.crossing * disparity) * camera.focal_px
         radius = (seen.spot + seen.spread * jnp.abs(disparity - seen.focus)) * camera.focal_px
-        return camera.principal_point + middle * along, radius
+        return camera.principal_point + middle * jnp.stack(along), radius
 
     def reach(self, camera: Camera, disparity: Float[Array, ""]) -> Float[Array, ""]:
         seen = self.bounds
@@ -153,8 +159,13 @@ class PrescriptionLens(AbstractLens):
         del camera
         return first_order(self.prescription).f_number
 
+    def _off_axis(self, camera: Camera, film_point: Float[Array, "2"]) -> tuple[Float[Array, ""], Pair]:
+        """Tangent of a film point to the axis, and the direction away from there in the picture."""
+        x, y = (film_point[axis] - camera.principal_point[axis] for axis in range(2))
+        return _polar(x / camera.focal_px, y / camera.focal_px)
+
     def _bounds_at(self, camera: Camera, film_point: Float[Array, "2"]) -> RayBounds:
-        radius, _ = _polar((film_point - camera.principal_point) / camera.focal_px)
+        radius, _ = self._off_axis(camera, film_point)
         return self.bounds.at(radius / self.film_step)
 
     def _opening(self, place: Float[Array, ""]) -> tuple[Array, Array, Array]:
@@ -174,13 +185,13 @@ class Aim(eqx.Module):
     """How a ray starts at the film of a real lens, upside down and y upwards as the lens sees it.
 
     Attributes:
-        tangents: the film point [2], over s.
-        target: point [2] of the last vertex plane in mm that the ray is aimed at.
+        tangents: the film point, over s.
+        target: point of the last vertex plane in mm that the ray is aimed at.
         light: weight of the ray if it passes; 0 beyond the film.
     """
 
-    tangents: Float[Array, "2"]
-    target: Float[Array, "2"]
+    tangents: Pair
+    target: Pair
     light: Float[Array, ""]
 
 
@@ -188,17 +199,19 @@ def line_of(
     camera: Camera,
     film_point: Float[Array, "2"],
     aim: Aim,
-    slope: Float[Array, "2"],
-    crossing: Float[Array, "2"],
+    slope: Pair,
+    crossing: Pair,
     clearance: Float[Array, ""],
 ) -> LensRay:
     """A ray ahead of a real lens as a line in image space; cut off, it is the pinhole's, without light."""
-    upright = jnp.array([1.0, -1.0], dtype=film_point.dtype)
-    share = jnp.where(slope @ slope < STEEPEST**2, openness(clearance) * aim.light, 0.0)
-    dark = share <= 0.0
-    a = camera.principal_point + camera.focal_px * slope * upright
-    b = camera.focal_px * 1e-3 * crossing * upright
-    return LensRay(a=jnp.where(dark, film_point, a), b=jnp.where(dark, 0.0, b), weight=share)
+    flat = slope[0] * slope[0] + slope[1] * slope[1] < STEEPEST**2
+    share = jnp.where(flat, openness(clearance) * aim.light, 0.0)
+    a, b = [], []
+    for axis, sign in enumerate((1.0, -1.0)):
+        ahead = camera.principal_point[axis] + sign * camera.focal_px * slope[axis]
+        a.append(jnp.where(share > 0.0, ahead, film_point[axis]))
+        b.append(jnp.where(share > 0.0, sign * 1e-3 * camera.focal_px * crossing[axis], 0.0))
+    return LensRay(a=jnp.stack(a), b=jnp.stack(b), weight=share)
 
 
 def prescription_lens(
@@ -330,8 +343,8 @@ def _placed(
     rings = pupils.radial[0] * jnp.sqrt((jnp.arange(_RINGS, dtype=indices.dtype) + 0.5) / _RINGS)
 
     def light(ring: Array) -> Array:
-        middle = jnp.zeros(2, dtype=ring.dtype)
-        found, cosine = from_film(prescription, indices, film, middle, jnp.stack([ring, middle[0]]))
+        zero = jnp.zeros_like(ring)
+        found, cosine = from_film(prescription, indices, film, (zero, zero), (ring, zero))
         return openness(found.clearance) * (cosine**4 if falloff else 1.0)
 
     return PrescriptionLens(
@@ -375,8 +388,8 @@ def _best_film(
     return -jnp.sum(weight * place * slope) / jnp.sum(weight * slope**2)
 
 
-def _polar(vector: Float[Array, "2"]) -> tuple[Float[Array, ""], Float[Array, "2"]]:
+def _polar(x: Float[Array, ""], y: Float[Array, ""]) -> tuple[Float[Array, ""], Pair]:
     """Length and direction; of the zero vector 0 and x, with derivative 0."""
-    size = length(vector)
-    x_axis = jnp.array([1.0, 0.0], dtype=vector.dtype)
-    return size, jnp.where(size > 0.0, vector / jnp.where(size > 0.0, size, 1.0), x_axis)
+    size = root(x * x + y * y)
+    inverse = 1.0 / jnp.where(size > 0.0, size, 1.0)
+    return size, (jnp.where(size > 0.0, x * inverse, 1.0), y * inverse)

@@ -23,6 +23,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax.lens._length import Pair
+
 _LEAST_SQUARE = 1e-3
 """Squares below it are taken for it: the root is steep there, and everything open."""
 
@@ -46,32 +48,33 @@ class Transfer(eqx.Module):
     rims: Float[Array, "k m"]
     degree: int = eqx.field(static=True)
 
-    def __call__(
-        self, tangents: Float[Array, "2"], target: Float[Array, "2"]
-    ) -> tuple[Float[Array, "2"], Float[Array, "2"], Float[Array, ""]]:
+    def __call__(self, tangents: Pair, target: Pair) -> tuple[Pair, Pair, Float[Array, ""]]:
         """Where the ray from a film point to a target goes.
 
         Returns:
-            slopes [2] beyond those of the pinhole's ray, place [2] in mm where it crosses the entrance pupil,
-            and least clearance of the rims.
+            its slopes beyond those of the pinhole's ray, where in mm it crosses the entrance pupil, and its
+            least clearance of the rims.
         """
         t, T = shares(self.film, self.lean, self.pupil, tangents, target)
-        place = invariants(t, T)
-        numbers = [polynomial(row, self.degree, *place) for row in (*self.lines, *self.rims)]
-        # Each once: compilers would work them out anew for every coordinate that they are part of.
-        A, B, C, D, *squares = jax.lax.optimization_barrier(numbers)
+        u, v, w = invariants(t, T)
+        # One after the other: XLA for CPU would else work each out anew for every number that it is part of,
+        # and compile as many.
+        rows = jnp.concatenate([self.lines, self.rims])
+        A, B, C, D, *squares = jax.lax.map(lambda row: polynomial(row, self.degree, u, v, w), rows)
         farthest = jnp.full_like(A, _LEAST_SQUARE)
         for square in squares:
             farthest = jnp.maximum(farthest, square)
-        return A * t + B * T, C * t + D * T, 1.0 - jnp.sqrt(farthest)
+        (x, y), (X, Y) = t, T
+        slope, crossing = (A * x + B * X, A * y + B * Y), (C * x + D * X, C * y + D * Y)
+        return slope, crossing, 1.0 - jnp.sqrt(farthest)
 
 
 class TracedRays(eqx.Module):
     """Rays of film points on the x axis, half of them, as the mirror images are the others.
 
     Attributes:
-        tangents: film points [r, 2].
-        target: where they are aimed [r, 2] in mm.
+        tangents: film points, x and y [r].
+        target: where they are aimed, x and y [r] in mm.
         slope: beyond the pinhole's ray [r, 2].
         crossing: of the entrance pupil [r, 2] in mm.
         squares: of distances from the axis [r, k] on surfaces, over those of their rims.
@@ -79,8 +82,8 @@ class TracedRays(eqx.Module):
         rim_weight: how much [r] the squares count.
     """
 
-    tangents: Float[Array, "r 2"]
-    target: Float[Array, "r 2"]
+    tangents: tuple[Float[Array, " r"], Float[Array, " r"]]
+    target: tuple[Float[Array, " r"], Float[Array, " r"]]
     slope: Float[Array, "r 2"]
     crossing: Float[Array, "r 2"]
     squares: Float[Array, "r k"]
@@ -88,19 +91,16 @@ class TracedRays(eqx.Module):
     rim_weight: Float[Array, " r"]
 
 
-def shares(
-    film: Array, lean: Array, pupil: Array, tangents: Float[Array, "2"], target: Float[Array, "2"]
-) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
+def shares(film: Array, lean: Array, pupil: Array, tangents: Pair, target: Pair) -> tuple[Pair, Pair]:
     """The vectors t and T; see `Transfer` for the scales."""
-    t = tangents * film
-    return t, (target - lean * t) * pupil
+    x, y = tangents[0] * film, tangents[1] * film
+    return (x, y), ((target[0] - lean * x) * pupil, (target[1] - lean * y) * pupil)
 
 
-def invariants(
-    t: Float[Array, "2"], T: Float[Array, "2"]
-) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
+def invariants(t: Pair, T: Pair) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
     """2 u - 1, v and 2 w - 1: each between -1 and 1."""
-    return 2.0 * (t @ t) - 1.0, t @ T, 2.0 * (T @ T) - 1.0
+    (x, y), (X, Y) = t, T
+    return 2.0 * (x * x + y * y) - 1.0, x * X + y * Y, 2.0 * (X * X + Y * Y) - 1.0
 
 
 def terms(degree: int) -> list[tuple[int, int, int]]:
@@ -148,21 +148,20 @@ def fit_transfers(
         replace_fn=jax.lax.stop_gradient,
     )
     film, lean, pupil = jax.lax.stop_gradient((film, lean, pupil))
-    t, T = jax.vmap(lambda a, b: shares(film, lean, pupil, a, b))(rays.tangents, rays.target)
-    powers = np.asarray(terms(degrees[-1]))
-    place = jnp.stack(jax.vmap(invariants)(t, T), axis=1)
-    monomials = _powers(place, degrees[-1], powers)
+    t, T = shares(film, lean, pupil, rays.tangents, rays.target)
+    place = jnp.stack(invariants(t, T), axis=1)
+    table = jax.vmap(lambda each: monomials(each, degrees[-1]))(place)
     # Columns of A and of B in turns, those of lower degrees first: then the first few columns are those of
     # the lower degrees, and one factorisation serves for all.
     along = [
-        jnp.stack([t[:, k, None] * monomials, T[:, k, None] * monomials], axis=2).reshape(len(t), -1)
+        jnp.stack([t[k][:, None] * table, T[k][:, None] * table], axis=2).reshape(len(table), -1)
         for k in range(2)
     ]
     wanted = jnp.concatenate([jnp.stack([rays.slope[:, k], rays.crossing[:, k]], axis=1) for k in range(2)])
     sizes = [len(terms(degree)) for degree in degrees]
     weight = jnp.concatenate([rays.line_weight] * 2)
     lines = _least_squares(jnp.concatenate(along), wanted, weight, [2 * size for size in sizes])
-    rims = _least_squares(monomials, rays.squares, rays.rim_weight, sizes)
+    rims = _least_squares(table, rays.squares, rays.rim_weight, sizes)
     found = []
     for degree, (line, line_rest), (rim, rim_rest) in zip(degrees, lines, rims, strict=True):
         columns = line.T.reshape(2, -1, 2).swapaxes(1, 2).reshape(4, -1)
@@ -172,13 +171,13 @@ def fit_transfers(
     return found
 
 
-def _powers(place: Float[Array, "r 3"], degree: int, powers: np.ndarray) -> Float[Array, "r m"]:
-    """Products of powers of the three columns of `place`."""
-    table = [jnp.ones_like(place)]
+def monomials(place: Float[Array, "3"], degree: int) -> Float[Array, " m"]:
+    """All terms, without coefficients."""
+    powers = [jnp.ones_like(place)]
     for _ in range(degree):
-        table.append(table[-1] * place)
-    stacked = jnp.stack(table, axis=2)
-    return stacked[:, 0, powers[:, 0]] * stacked[:, 1, powers[:, 1]] * stacked[:, 2, powers[:, 2]]
+        powers.append(powers[-1] * place)
+    table, (u, v, w) = jnp.stack(powers), np.asarray(terms(degree)).T
+    return table[u, 0] * table[v, 1] * table[w, 2]
 
 
 def _least_squares(

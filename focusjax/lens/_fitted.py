@@ -21,8 +21,8 @@ from focusjax.lens._spectral import SpectralLens
 from focusjax.lens._transfer import TracedRays, Transfer, fit_transfers
 from focusjax.optics import BLOCKED, HeightField, trace_path
 
-_FILM_POINTS, _RINGS, _TURNS = 24, 12, 15
-_HIGHEST = 7
+_FILM_POINTS, _RINGS, _TURNS = 16, 9, 13
+_HIGHEST = 6
 _DEGREES = range(2, _HIGHEST + 1)
 _BESIDE = 0.03
 """Clearance beyond a rim up to which rays count fully."""
@@ -125,7 +125,7 @@ def fitted_lens(
         farthest: metres to the farthest.
 
     Raises:
-        PoorFitError: a lens whose rays no degree up to 7 comes near enough to.
+        PoorFitError: a lens whose rays no degree up to 6 comes near enough to.
         ValueError: distances out of order, or an error that is not positive.
 
     Example:
@@ -153,8 +153,9 @@ def fitted_lens(
     if any(isinstance(surface, HeightField) for surface in lens.prescription.surfaces):
         raise PoorFitError(f"{name} is not the same all around its axis; trace it exactly")
     disparities = jnp.asarray([1.0 / far, 1.0 / near], dtype=lens.indices.dtype)
-    rims = _limiting_rims(lens, camera)
-    found, rough = _fits(lens, camera, disparities, rims, tuple(_DEGREES))
+    rays = eqx.filter_jit(_traced)(lens, camera)
+    rims = _limiting_rims(rays)
+    found, rough = _fits(rays, lens, camera, disparities, rims, tuple(_DEGREES))
     least = math.inf
     for transfer, off in zip(found, np.asarray(rough), strict=True):
         # Over other rays the error is hardly less than over those that were fitted.
@@ -176,12 +177,14 @@ def refitted(fitted: FittedLens, lens: PrescriptionLens, camera: Camera) -> Fitt
     For derivatives and compiled code: differentiable in all that `lens` is. Its `error` is the old one.
     """
     ends = fitted.error.disparities
-    (transfer,), _ = _fits(lens, camera, ends, fitted.rims, (fitted.transfer.degree,))
+    rays = _traced(lens, camera)
+    (transfer,), _ = _fits(rays, lens, camera, ends, fitted.rims, (fitted.transfer.degree,))
     return FittedLens(lens, transfer, fitted.rims, fitted.error)
 
 
 @eqx.filter_jit
 def _fits(
+    rays: TracedRays,
     lens: PrescriptionLens,
     camera: Camera,
     disparities: Float[Array, "2"],
@@ -189,7 +192,6 @@ def _fits(
     degrees: tuple[int, ...],
 ) -> tuple[list[Transfer], Float[Array, " d"]]:
     """Polynomials of some degrees, and the largest error in pixels of each over the rays it is fitted to."""
-    rays = _traced(lens, camera)
     rays = eqx.tree_at(lambda r: r.squares, rays, rays.squares[:, jnp.array(rims)])
     last = lens.pupils.centre.shape[0] - 1
     steps = jnp.arange(last + 1, dtype=lens.indices.dtype)
@@ -208,9 +210,8 @@ def _fits(
     return made, jnp.stack(errors)
 
 
-def _limiting_rims(lens: PrescriptionLens, camera: Camera) -> tuple[int, ...]:
+def _limiting_rims(rays: TracedRays) -> tuple[int, ...]:
     """Numbers of the surfaces whose rims cut any ray off, or nearly so."""
-    rays = eqx.filter_jit(_traced)(lens, camera)
     squares, counts = np.asarray(rays.squares), np.asarray(rays.rim_weight) > 0
     largest = squares.max(axis=1, keepdims=True)
     first = (squares == largest) & (largest > (1.0 - 2.0 * SOFTNESS) ** 2) & counts[:, None]

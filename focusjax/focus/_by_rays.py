@@ -22,7 +22,7 @@ from focusjax.focus._image_points import BLUR, EQUAL, ImagePoints
 from focusjax.focus._refine import forgiving
 from focusjax.focus._refuse import require_points
 from focusjax.geometry import Camera
-from focusjax.lens import AbstractLens, refocused
+from focusjax.lens import AbstractLens, moved_film, refocused
 
 _RAYS = 256
 _ROUNDINGS = 1e3
@@ -87,12 +87,12 @@ def focus_by_rays(
     weight = sharp_weights(points)
     if not isinstance(weight, Tracer) and not bool(jnp.any(weight > 0)):
         raise ArgumentError("nothing is wished sharp; rays are focused on what is", "points")
-    found, failed = _search(points.xy, points.disparity, weight, camera, lens, max_steps)
+    focus, sizes, steps, failed = _search(points.xy, points.disparity, weight, camera, lens, max_steps)
     if isinstance(failed, Tracer):
-        return eqx.error_if(found, failed, "focusing by rays failed")
-    if bool(failed):
-        raise RuntimeError(f"focusing by rays failed after {int(found.steps)} steps")
-    return found
+        focus = eqx.error_if(focus, failed, "focusing by rays failed")
+    elif bool(failed):
+        raise RuntimeError(f"focusing by rays failed after {int(steps)} steps")
+    return RayFocus(refocused(lens, camera, focus), focus, sizes, steps)
 
 
 def sharp_weights(points: ImagePoints) -> Float[Array, "n"]:
@@ -144,7 +144,7 @@ def _search(
     camera: Camera,
     lens: AbstractLens,
     max_steps: int,
-) -> tuple[RayFocus, Array]:
+) -> tuple[Array, Array, Array, Array]:
     share = weight / jnp.sum(weight)
     roots = jnp.where(share > 0.0, jnp.sqrt(jnp.where(share > 0.0, share, 1.0)), 0.0)
     dynamic, static = eqx.partition(lens, eqx.is_array)
@@ -152,7 +152,7 @@ def _search(
 
     def residuals(variable: Array, args: Any) -> Array:
         xy, disparity, roots, unit, camera, dynamic = args
-        lens = refocused(eqx.combine(dynamic, static), camera, variable * unit)
+        lens = moved_film(eqx.combine(dynamic, static), camera, variable * unit)
         return roots[:, None, None] * _scatter(xy, disparity, camera, lens)
 
     tolerance = _ROUNDINGS * float(jnp.finfo(disparity.dtype).eps)
@@ -166,10 +166,9 @@ def _search(
         throw=False,
     )
     focus = found.value * unit
-    focused = refocused(lens, camera, focus)
-    sizes = spots(xy, disparity, camera, focused)
+    sizes = spots(xy, disparity, camera, moved_film(lens, camera, focus))
     failed = found.result != optx.RESULTS.successful
-    return RayFocus(focused, focus, sizes, jnp.asarray(found.stats["num_steps"])), failed
+    return focus, sizes, jnp.asarray(found.stats["num_steps"]), failed
 
 
 def _square_points() -> Float[np.ndarray, "s 2"]:

@@ -33,6 +33,7 @@ from focusjax.lens._prescription import PrescriptionLens as PrescriptionLens
 from focusjax.lens._prescription import at_wavelength as at_wavelength
 from focusjax.lens._prescription import focused_lens as focused_lens
 from focusjax.lens._prescription import prescription_lens as prescription_lens
+from focusjax.lens._refocused import moved_film as moved_film
 from focusjax.lens._refocused import refocused as refocused
 from focusjax.lens._scheimpflug import MAX_TILT as MAX_TILT
 from focusjax.lens._scheimpflug import Movements as Movements

@@ -228,7 +228,7 @@ def _traced(lens: PrescriptionLens, camera: Camera) -> TracedRays:
     places, rings, turns = (a.ravel() for a in np.meshgrid(radii, rings, turns, indexing="ij"))
     pupil = np.stack([rings * np.cos(turns), rings * np.sin(turns)], axis=1)
 
-    def one(place: Array, pupil: Array) -> tuple[Array, ...]:
+    def one(place: Array, pupil: Array) -> TracedRays:
         tangents = jnp.stack([place * lens.film_step, jnp.zeros_like(place)])
         film_point = camera.principal_point - camera.focal_px * tangents
         aim = lens.aim(camera, film_point, pupil)
@@ -243,9 +243,10 @@ def _traced(lens: PrescriptionLens, camera: Camera) -> TracedRays:
         near = jnp.where(found.clearance > -_BESIDE, 1.0, _LITTLE)
         rim = jnp.where(squares.max() < 1.5, 1.0, _LITTLE)
         weights = [jnp.where(there, weight, 0.0) for weight in (near, rim)]
-        return aim.tangents, aim.target, slope + jnp.stack([x, y]), crossing, squares, *weights
+        beyond = slope + jnp.stack([x, y])
+        return TracedRays(aim.tangents, aim.target, beyond, crossing, squares, *weights)
 
-    return TracedRays(*jax.vmap(one)(jnp.asarray(places, dtype=dtype), jnp.asarray(pupil, dtype=dtype)))
+    return jax.vmap(one)(jnp.asarray(places, dtype=dtype), jnp.asarray(pupil, dtype=dtype))
 
 
 def unfitted(lens: AbstractLens) -> PrescriptionLens:

@@ -284,6 +284,22 @@ def focused_lens(
     Differentiable in the prescription and the focus; only the ellipse that rays are spread over is taken as
     it is, since any that covers the opening gives the same picture.
     """
+    indices = prescription.indices(line())
+    film, scale = film_for(prescription, camera, focus_disparity, focus, breathing=breathing)
+    pupil = first_order(prescription).entrance_pupil
+    lens = _placed(prescription, indices, film, scale, pupil, _film_step(camera), falloff)
+    return dataclasses.replace(lens, focus_disparity=focus_disparity, focus=focus, breathing=breathing)
+
+
+def film_for(
+    prescription: Prescription,
+    camera: Camera,
+    focus_disparity: Float[Array, ""],
+    focus: str,
+    *,
+    breathing: bool,
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Distance in mm from the last vertex to the film, and the film's scale s; see `focused_lens`."""
     seen = first_order(prescription)
     indices = prescription.indices(line())
     disparity = focus_disparity * 1e-3
@@ -294,8 +310,7 @@ def focused_lens(
         film = best
     if breathing:
         scale = camera.focal_length * 1e3
-    lens = _placed(prescription, indices, film, scale, seen.entrance_pupil, _film_step(camera), falloff)
-    return dataclasses.replace(lens, focus_disparity=focus_disparity, focus=focus, breathing=breathing)
+    return film, scale
 
 
 def at_wavelength(

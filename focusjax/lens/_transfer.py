@@ -82,13 +82,13 @@ class TracedRays(eqx.Module):
         rim_weight: how much [r] the squares count.
     """
 
-    tangents: tuple[Float[Array, " r"], Float[Array, " r"]]
-    target: tuple[Float[Array, " r"], Float[Array, " r"]]
-    slope: Float[Array, "r 2"]
-    crossing: Float[Array, "r 2"]
-    squares: Float[Array, "r k"]
-    line_weight: Float[Array, " r"]
-    rim_weight: Float[Array, " r"]
+    tangents: tuple[Float[Array, "*r"], Float[Array, "*r"]]
+    target: tuple[Float[Array, "*r"], Float[Array, "*r"]]
+    slope: Float[Array, "*r 2"]
+    crossing: Float[Array, "*r 2"]
+    squares: Float[Array, "*r k"]
+    line_weight: Float[Array, "*r"]
+    rim_weight: Float[Array, "*r"]
 
 
 def shares(film: Array, lean: Array, pupil: Array, tangents: Pair, target: Pair) -> tuple[Pair, Pair]:
@@ -148,8 +148,8 @@ def fit_transfers(
         replace_fn=jax.lax.stop_gradient,
     )
     film, lean, pupil = jax.lax.stop_gradient((film, lean, pupil))
-    t, T = shares(film, lean, pupil, rays.tangents, rays.target)
-    place = jnp.stack(invariants(t, T), axis=1)
+    t, T = jax.vmap(lambda a, b: shares(film, lean, pupil, a, b))(rays.tangents, rays.target)
+    place = jnp.stack(jax.vmap(invariants)(t, T), axis=1)
     table = jax.vmap(lambda each: monomials(each, degrees[-1]))(place)
     # Columns of A and of B in turns, those of lower degrees first: then the first few columns are those of
     # the lower degrees, and one factorisation serves for all.

@@ -201,7 +201,7 @@ def _fits(
     scales = (1.0 / (last * lens.film_step), last * lean, 1.0 / reach)
     made, errors = [], []
     for transfer, slope, crossing, _ in fit_transfers(*scales, rays, degrees):
-        off = slope[:, None] + 1e-3 * disparities[:, None] * crossing[:, None]
+        off = slope[:, None] + 1e-3 * disparities[None, :, None] * crossing[:, None]
         lit = rays.line_weight == 1.0
         errors.append(
             camera.focal_px * jnp.max(jnp.where(lit, jnp.linalg.norm(off, axis=-1).max(axis=1), 0.0))

@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[1] / "focusjax"
 ALLOWED = {
     "optics": set(),
     "geometry": set(),
-    "lens": {"geometry", "optics", "_words"},
+    "lens": {"geometry", "optics", "_parallel", "_words"},
     "scene": {"geometry", "_words"},
     "focus": {"geometry", "lens", "_words"},
     "layers": {"geometry", "lens", "scene", "_counts", "_parallel"},

@@ -1,5 +1,6 @@
 """One question for every kind of solution: what keeps it from being better?"""
 
+from collections.abc import Sequence
 from typing import overload
 
 import numpy as np
@@ -17,13 +18,16 @@ from focusjax.focus._solve_surface import SurfaceSolution
 @overload
 def diagnose(solution: Solution) -> Diagnosis: ...
 @overload
-def diagnose(solution: SurfaceSolution) -> SurfaceDiagnosis: ...
+def diagnose(solution: SurfaceSolution, *, controls: Sequence[str] = ()) -> SurfaceDiagnosis: ...
 @overload
 def diagnose(
     solution: FramesSolution, *, counts: Bool[np.ndarray, "t m"] | None = None
 ) -> FramesDiagnosis: ...
 def diagnose(
-    solution: Solution | SurfaceSolution | FramesSolution, *, counts: Bool[np.ndarray, "t m"] | None = None
+    solution: Solution | SurfaceSolution | FramesSolution,
+    *,
+    counts: Bool[np.ndarray, "t m"] | None = None,
+    controls: Sequence[str] = (),
 ) -> Diagnosis | SurfaceDiagnosis | FramesDiagnosis:
     """What keeps a solution from being better: of one picture, of a focal surface, or of a shot.
 
@@ -34,9 +38,11 @@ def diagnose(
         solution: as `solve`, `solve_focal_surface` or `solve_frames` returned it, with known values.
         counts: of a shot, the frames in which each wish is to be judged; all in which it has weight when not
             given.
+        controls: of a focal surface, names of its control points, to call them by instead of numbers.
 
     Raises:
-        ArgumentError: what is no solution, or one from `solve_many`, which does not know its problem.
+        ArgumentError: what is no solution; the whole of what `solve_many` returned, of which `at` gives one
+            to diagnose; or names that are not as many as control points.
 
     Example:
         >>> import jax.numpy as jnp
@@ -52,10 +58,14 @@ def diagnose(
     """
     kinds = (Solution, SurfaceSolution, FramesSolution)
     require_kind(solution, kinds, "diagnose(solution)", "`solve` and its like return one", "solution")
-    if solution.asked is None:
-        raise ArgumentError("the solution is one of many; solve it by itself to diagnose it", "solution")
     if isinstance(solution, FramesSolution):
         return diagnose_frames(solution, counts)
     if isinstance(solution, SurfaceSolution):
-        return diagnose_surface(solution)
+        return diagnose_surface(solution, controls)
+    if np.ndim(solution.cost) > 0:
+        raise ArgumentError(
+            f"the solution is of {len(solution.cost)} problems; diagnose one of them, such as"
+            " `solution.at(0)`",
+            "solution",
+        )
     return diagnose_picture(solution)

@@ -1,6 +1,7 @@
 """What stands between wishes and the focal surface that meets them best."""
 
 import dataclasses
+from collections.abc import Sequence
 from functools import partial
 
 import jax.numpy as jnp
@@ -8,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from focusjax._words import listed
+from focusjax.focus._checks import ArgumentError
 from focusjax.focus._diagnose_picture import idle_sentences, missed_sentences, picture_verdict, weightiest
 from focusjax.focus._findings import (
     NOTABLE_PX,
@@ -54,10 +56,15 @@ class SurfaceDiagnosis:
     sentences: tuple[str, ...]
 
 
-def diagnose_surface(solution: SurfaceSolution) -> SurfaceDiagnosis:
+def diagnose_surface(solution: SurfaceSolution, controls: Sequence[str] = ()) -> SurfaceDiagnosis:
     """The diagnosis of a focal surface; see `diagnose`."""
     asked = solution.asked
     assert asked is not None
+    count = len(solution.surface.focus_disparity)
+    if len(controls) not in (0, count):
+        raise ArgumentError(
+            f"there are {len(controls)} names of control points; expected {count}, or none", "controls"
+        )
     table, verdict = solution.table(), picture_verdict(asked.points, np.asarray(solution.error))
     chosen = weightiest(asked.points, _MOST_WISHES)
     conflicts: tuple[Conflict, ...] = ()
@@ -87,8 +94,8 @@ def diagnose_surface(solution: SurfaceSolution) -> SurfaceDiagnosis:
             *missed_sentences(table, unreachable),
             *conflict_sentences(conflicts),
             *_smoothness_sentences(costs),
-            *_open_sentences(open_controls, float(asked.smoothness)),
-            *_beyond_sentences(beyond),
+            *_open_sentences(_told(open_controls, controls), float(asked.smoothness)),
+            *_beyond_sentences(_told(beyond, controls)),
             *idle_sentences(table),
         ),
     )
@@ -129,16 +136,22 @@ def _smoothness_sentences(costs: dict[str, float]) -> list[str]:
     return [f"Smoothness costs {what}: a smaller one lets the surface bend more."]
 
 
-def _open_sentences(controls: tuple[int, ...], smoothness: float) -> list[str]:
-    if not controls:
+def _told(numbers: tuple[int, ...], names: Sequence[str]) -> str:
+    """Some control points in words, by name where they have names; nothing for none of them."""
+    if not numbers:
+        return ""
+    which = [f'"{names[k]}"' if names else str(k) for k in numbers]
+    return f"control point{'s' * (len(which) > 1)} {listed(which)}{'' if names else ' (counted from 0)'}"
+
+
+def _open_sentences(which: str, smoothness: float) -> list[str]:
+    if not which:
         return []
-    which = f"control point{'' if len(controls) == 1 else 's'} {listed([str(k) for k in controls])}"
     settled = "smoothness alone settles" if smoothness > 0 else "the surface given settles"
-    return [f"The wishes leave {which} open (counted from 0), which {settled}."]
+    return [f"The wishes leave {which} open, which {settled}."]
 
 
-def _beyond_sentences(controls: tuple[int, ...]) -> list[str]:
-    if not controls:
+def _beyond_sentences(which: str) -> list[str]:
+    if not which:
         return []
-    which = f"control point{'' if len(controls) == 1 else 's'} {listed([str(k) for k in controls])}"
-    return [f"At {which} (counted from 0) the surface lies beyond infinity, to give a blur wished there."]
+    return [f"At {which} the surface lies beyond infinity, to give a blur wished there."]

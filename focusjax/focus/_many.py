@@ -56,8 +56,11 @@ def solve_many(
             f"the solver failed for {count} of {failed.size} problems, of which {int(failed.argmax())} is the"
             " first; `throw=False` and `Solution.result` say why"
         )
-    seen = dataclasses.replace(solutions.points, names=points.names, notes=points.notes)
-    return dataclasses.replace(solutions, points=seen)
+    seen, wished = (
+        dataclasses.replace(each, names=points.names, notes=points.notes)
+        for each in (solutions.points, asked.points)
+    )
+    return dataclasses.replace(solutions, points=seen, asked=dataclasses.replace(asked, points=wished))
 
 
 @eqx.filter_jit

@@ -6,12 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
+from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
+from focusjax.layers._stamps import SIZES, Stamps
 
 _BYTES = 200
 """Per sample that is kept, while layers are put together; measured over one to eight full layers."""
 _BYTES_OF_ROOM = 8
 """Per sample of the grid and layer, whether anything is kept there or not."""
+_BYTES_OF_FRAGMENT = 48
+"""Of each time that a triangle covers a sample, while layers are peeled; measured over twenty full panes."""
 _SHARE = 0.9
 """Of the memory that layers may take: the rest is for the system and for the scene."""
 _CONTAINER_LIMITS = (
@@ -33,6 +37,31 @@ def check_frame(grid: Grid) -> None:
     raise ValueError(
         f"a layer of {grid.columns} x {grid.rows} samples needs about {needed / 1e9:.3g} GB and this machine"
         f" has {memory / 1e9:.3g} GB; lower the supersampling or the picture's size"
+    )
+
+
+def check_fragments(triangles: ScreenTriangles, stamps: Stamps, grid: Grid) -> None:
+    """Refuse triangles that cover the samples so many times that all of it does not fit.
+
+    Raises:
+        ValueError: naming what they need.
+    """
+    memory = machine_memory()
+    room = np.repeat(np.square(SIZES), stamps.counts)
+    if memory is None or _BYTES_OF_FRAGMENT * float(room.sum()) <= _SHARE * memory:
+        return
+    # A triangle covers its area at most, and what of it there is on the grid.
+    corners = triangles.points[triangles.faces][..., :2].astype(float)
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+    there = np.bincount(stamps.triangle, weights=room, minlength=len(area))
+    count = float(np.minimum(area, there).sum())
+    if _BYTES_OF_FRAGMENT * count <= _SHARE * memory:
+        return
+    raise ValueError(
+        f"surfaces cover the {grid.columns} x {grid.rows} samples about {count / grid.size:.3g} times over,"
+        f" which needs about {_BYTES_OF_FRAGMENT * count / 1e9:.3g} GB, and this machine has"
+        f" {memory / 1e9:.3g} GB; lower the supersampling or the picture's size"
     )
 
 

@@ -9,7 +9,7 @@ from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._extent import Extent
 from focusjax.layers._frame import frame
 from focusjax.layers._grid import Grid
-from focusjax.layers._memory import check_frame
+from focusjax.layers._memory import check_fragments, check_frame
 from focusjax.layers._opacity import with_opacity
 from focusjax.layers._raster import Fragments, rasterise
 from focusjax.layers._stamps import Stamps, dice
@@ -29,8 +29,13 @@ class Rasterised:
 
 
 def rasterised(scene: Scene, camera: Camera, triangles: ScreenTriangles, grid: Grid) -> Rasterised:
-    """Everything that `triangles` of `scene` cover on `grid`."""
+    """Everything that `triangles` of `scene` cover on `grid`.
+
+    Raises:
+        ValueError: more than this machine's memory holds.
+    """
     stamps = dice(triangles, grid)
+    check_fragments(triangles, stamps, grid)
     covered = rasterise(stamps, grid)
     return Rasterised(triangles, grid, stamps, *with_opacity(scene, camera, triangles, grid, stamps, covered))
 

@@ -84,11 +84,7 @@ def find_silhouettes(
     own, beyond = _squares(grid, planes, joins, small_step)
     both = _Squares(*(np.concatenate(pair) for pair in zip(_fields(own), _fields(beyond), strict=True)))
     mask, centre = _covered_points(triangles, grid, both, 0.5 * small_step)
-    bits = np.unpackbits(mask.view(np.uint8).reshape(-1, 4), axis=1, bitorder="little").astype(np.float32)
-    count = bits.sum(axis=1)
-    towards = bits @ _OFFSETS.astype(np.float32)
-    line = line_code(towards, count / _POINTS)
-    number = len(own.cell)
+    count, number = np.bitwise_count(mask), len(own.cell)
     cut = np.flatnonzero((count[:number] > 0) & (count[:number] < _POINTS))
     kept = np.flatnonzero((count[number:] > 0) & ~centre[number:])
     source = beyond.source[kept]
@@ -96,14 +92,20 @@ def find_silhouettes(
     w, spread = beyond.disparity[kept], 0.5 * np.minimum(steep, small_step)
     return Silhouettes(
         cut=own.source[cut],
-        line=line[:number][cut],
+        line=_lines(mask[:number][cut]),
         cell=beyond.cell[kept],
         source=source,
         disparity=w,
         low=np.maximum(w - spread, 0),
         high=w + spread,
-        fringe_line=line[number:][kept],
+        fringe_line=_lines(mask[number:][kept]),
     )
+
+
+def _lines(mask: UInt[np.ndarray, " n"]) -> UInt[np.ndarray, " n"]:
+    """Codes of the lines that leave the points of each mask on one side."""
+    bits = np.unpackbits(mask.view(np.uint8).reshape(-1, 4), axis=1, bitorder="little").astype(np.float32)
+    return line_code(bits @ _OFFSETS.astype(np.float32), bits.mean(axis=1))
 
 
 def _fields(squares: _Squares) -> tuple[np.ndarray, ...]:

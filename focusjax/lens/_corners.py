@@ -3,8 +3,11 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
+from focusjax._parallel import CORES, in_parallel
 from focusjax.geometry import Camera
 from focusjax.lens._control_points import FocalSurface
 
@@ -34,7 +37,6 @@ def corner_weights(
     ]
 
 
-@eqx.filter_jit
 def at_corners(
     surface: FocalSurface, camera: Camera
 ) -> tuple[Float[Array, "rows columns"], Float[Array, "rows columns"]]:
@@ -42,18 +44,33 @@ def at_corners(
     width, height = camera.width + 1, camera.height + 1
     tall, wide = _TILE
     down, across = -(-height // tall), -(-width // wide)
+    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(surface))
+    # XLA works out tile after tile on one core of a CPU.
+    shares = 1 if traced or jax.default_backend() != "cpu" else CORES
+    some = np.array_split(np.arange(shares * -(-down * across // shares)), shares)
+    found = in_parallel(lambda numbers: _tiles(surface, jnp.asarray(numbers), across), some)
+
+    def joined(tiles: list[Float[Array, "tiles p"]]) -> Float[Array, "rows columns"]:
+        rows = jnp.concatenate(tiles)[: down * across].reshape(down, across, tall, wide).swapaxes(1, 2)
+        return rows.reshape(down * tall, across * wide)[:height, :width]
+
+    focus, scale = zip(*found, strict=True)
+    return joined(list(focus)), joined(list(scale))
+
+
+@eqx.filter_jit
+def _tiles(
+    surface: FocalSurface, numbers: Int[Array, " n"], across: int
+) -> tuple[Float[Array, "n p"], Float[Array, "n p"]]:
+    """Both at the places of some tiles, counted row by row, `across` to a row."""
+    tall, wide = _TILE
 
     def tile(number: Int[Array, ""]) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
         rows = number // across * tall + jnp.repeat(jnp.arange(tall), wide)
         columns = number % across * wide + jnp.tile(jnp.arange(wide), tall)
         return surface.at(jnp.stack([columns, rows]).astype(surface.xy.dtype))
 
-    def joined(tiles: Float[Array, "tiles p"]) -> Float[Array, "rows columns"]:
-        rows = tiles.reshape(down, across, tall, wide).swapaxes(1, 2)
-        return rows.reshape(down * tall, across * wide)[:height, :width]
-
-    focus, scale = (joined(tiles) for tiles in jax.lax.map(tile, jnp.arange(down * across)))
-    return focus, scale
+    return jax.lax.map(tile, numbers)
 
 
 def _cell(x: Float[Array, ""], count: int) -> tuple[Int[Array, ""], Float[Array, ""]]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Array, Float
 
-from focusjax.focus import Diagnosis, Result, Solution, SurfaceDiagnosis, SurfaceSolution, diagnose
+from focusjax.focus import Diagnosis, Result, SurfaceDiagnosis, SurfaceSolution, diagnose
 from focusjax.io import for_json
 from focusjax.job import Examined, Outcome, room_for_more
 from focusjax.lens import FocalSurfaceLens, as_tilt_shift
@@ -32,7 +32,7 @@ def summary(outcome: Outcome) -> dict[str, Any]:
             "lens": _lens(outcome),
             "wishes": _wishes(outcome),
             "solver": _solver(outcome),
-            "diagnosis": _diagnosis(outcome.solution),
+            "diagnosis": _diagnosis(outcome),
             "picture": _picture(outcome),
             "seconds": outcome.seconds | {"compile": sum(outcome.compile_seconds.values())},
             "compile_seconds": outcome.compile_seconds,
@@ -167,11 +167,15 @@ def _solver(outcome: Outcome) -> dict[str, Any] | None:
     }
 
 
-def _diagnosis(solution: Solution | SurfaceSolution | None) -> dict[str, Any] | None:
+def _diagnosis(outcome: Outcome) -> dict[str, Any] | None:
+    solution = outcome.solution
     if solution is None:
         return None
     if isinstance(solution, SurfaceSolution):
-        surface = diagnose(solution)
+        table = outcome.config.lens.focal_surface
+        assert table is not None
+        names = [point.name or point.object or f"{k}" for k, point in enumerate(table.points)]
+        surface = diagnose(solution, controls=names)
         return _stood_in_the_way(surface) | {
             "open_control_points": list(surface.open_controls),
             "smoothness_costs_px": surface.smoothness_costs,

@@ -12,9 +12,8 @@ what hides the part, so a few rays do. The mean does not depend on where the box
 that meet the part pass it.
 """
 
-import concurrent.futures
 import functools
-import itertools
+from typing import TypeAlias
 
 import equinox as eqx
 import jax
@@ -22,10 +21,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt
 
-from focusjax._parallel import CORES
 from focusjax.geometry import Camera, LensRay, film_offsets
 from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._colour import corners_at
+from focusjax.trace._devices import Workforce
 from focusjax.trace._highlights import Highlights, towards
 from focusjax.trace._radiances import TracedScene, first_met
 from focusjax.trace._samples import chances, spread_points, tile_edge
@@ -66,10 +65,12 @@ class Aimed:
         ends: tuple[Float[Array, " p"], Float[Array, " p"]],
         rays: int,
         seed: int,
+        workforce: Workforce,
     ) -> None:
         """Add to the wanted pixels what highlights bring, by `rays` for each part that a pixel may see.
 
-        `ends` are the least and largest disparity that the rays of each pixel can meet.
+        `ends` are the least and largest disparity that the rays of each pixel can meet. Of several processes
+        each adds its part.
         """
         mine = np.flatnonzero(wanted[self.pixels])
         if not len(mine):
@@ -79,18 +80,14 @@ class Aimed:
         size = min(size, max(1 << (len(mine) - 1).bit_length(), _FEWEST_RAYS // rays))
         blocks = [mine[k : k + size] for k in range(0, len(mine), size)]
 
-        def trace(block: Int[np.ndarray, " b"]) -> Float[np.ndarray, "b 3"]:
+        def trace(number: int, shared: _Shared) -> tuple[Int[np.ndarray, " b"], Float[np.ndarray, "b 3"]]:
+            block = blocks[number]
             whole = np.pad(block, (0, size - len(block)), mode="edge")
             pair = jnp.asarray(self.pixels[whole]), jnp.asarray(self.parts[whole])
-            means = _aimed_block(self._scene, self._lens, self.highlights, starts, *pair, *ends)
-            return np.asarray(means)[: len(block)]
+            return block, np.asarray(_aimed_block(*shared, *pair))[: len(block)]
 
-        workers = CORES if jax.default_backend() == "cpu" else 1
-        # One block first, so that its program is compiled once.
-        values = [trace(blocks[0])]
-        with concurrent.futures.ThreadPoolExecutor(workers) as pool:
-            values.extend(pool.map(trace, itertools.islice(blocks, 1, None)))
-        for block, value in zip(blocks, values, strict=True):
+        shared = self._scene, self._lens, self.highlights, starts, ends
+        for (block, value), _ in workforce.each(trace, len(blocks), shared):
             np.add.at(picture, self.pixels[block], value)
 
 
@@ -112,16 +109,20 @@ def _starts(pixel_filter: str, rays: int, seed: int, with_chances: bool, real: n
     )
 
 
+_Shared: TypeAlias = tuple[
+    TracedScene, AbstractLens, Highlights, Starts, tuple[Float[Array, " p"], Float[Array, " p"]]
+]
+
+
 @eqx.filter_jit
 def _aimed_block(
     scene: TracedScene,
     lens: AbstractLens,
     highlights: Highlights,
     starts: Starts,
+    ranges: tuple[Float[Array, " p"], Float[Array, " p"]],
     pixels: Int[Array, " q"],
     parts: Int[Array, " q"],
-    least: Float[Array, " p"],
-    largest: Float[Array, " p"],
 ) -> Float[Array, "q 3"]:
     """What each of some parts brings to a pixel."""
     camera = scene.camera
@@ -130,7 +131,7 @@ def _aimed_block(
     tile = row % edge * edge + column % edge
     film = jnp.stack([column, row], axis=-1)[:, None] + starts.offset[tile]
     chance = None if starts.chance is None else starts.chance[tile]
-    ends = least[pixels], largest[pixels]
+    ends = ranges[0][pixels], ranges[1][pixels]
 
     def seen(lens: AbstractLens) -> Float[Array, "q 3"]:
         over_rays = jax.vmap(functools.partial(_aim, camera, lens), in_axes=(0, 0, None, None, None))

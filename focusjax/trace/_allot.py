@@ -12,6 +12,8 @@ how far they stray there): a summed-area table of radiance and of its square ans
 mean is brighter than white, 1, the variance relative to it counts, as an eye or a film would have it.
 """
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -78,7 +80,7 @@ def contrast(
     grid, edge = layers.grid, layers.grid.supersampling
     rows, columns = grid.rows // edge, grid.columns // edge
     table = np.zeros((rows + 1, columns + 1, 4))
-    table[1:, 1:] = np.asarray(_moments(layers)).reshape(rows, edge, columns, edge, 4).mean(axis=(1, 3))
+    table[1:, 1:] = _moments(layers)
     np.cumsum(np.cumsum(table, axis=0, out=table), axis=1, out=table)
     table = table.reshape(-1, 4)
     low, high, uneven = (np.asarray(a) for a in _boxes(layers, lens, least, largest, pixel_filter))
@@ -98,7 +100,14 @@ def contrast(
 
 
 @eqx.filter_jit
-def _moments(layers: Layers) -> Float[Array, "h w 4"]:
+def _moments(layers: Layers) -> Float[Array, "rows columns 4"]:
+    """`_at_samples`, averaged over the square of samples of each pixel, of the margin as well."""
+    edge, whole = layers.grid.supersampling, _at_samples(layers)
+    apart = [whole[down::edge, across::edge] for down in range(edge) for across in range(edge)]
+    return functools.reduce(jnp.add, apart) / edge**2
+
+
+def _at_samples(layers: Layers) -> Float[Array, "h w 4"]:
     """Means of what a ray through each sample's centre brings: of the radiance, and of its square.
 
     It stops at a surface of which only a share is there with that chance.

@@ -3,8 +3,10 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int, UInt
 
+from focusjax._parallel import in_parallel
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers import Grid, Layers
 from focusjax.lens import AbstractLens
@@ -13,7 +15,7 @@ from focusjax.trace._march import first_hits
 from focusjax.trace._ranges import disparity_range
 from focusjax.trace._walk import Path, Volume, make_volume, path_of
 
-_PIXELS_AT_ONCE = 1 << 17
+_PIXELS_AT_ONCE = 1 << 16
 
 
 class TracedScene(eqx.Module):
@@ -40,18 +42,45 @@ def disparity_ranges(
     layers: Layers, lens: AbstractLens, pixel_filter: str = "box"
 ) -> tuple[Float[Array, " p"], Float[Array, " p"], Int[Array, " p"]]:
     """Least and largest disparity that rays of each pixel can meet, and layer count, row-major."""
-    camera = layers.camera
+    pixels = _some_pixels(layers.camera)
+    found = jax.lax.map(lambda some: _ranges_of(some, layers, lens, pixel_filter), pixels)
+    count = layers.camera.width * layers.camera.height
+    least, largest, depth = (a.reshape(-1)[:count] for a in found)
+    return least, largest, depth
 
-    def one(index: Int[Array, ""]) -> tuple[Array, Array, Array]:
-        film = jnp.stack([index % camera.width, index // camera.width]) + 0.5
-        return disparity_range(layers, lens, film, pixel_filter)
 
-    # Some at a time, to hold little at once; the last is repeated to fill them.
+def ranges_at_once(
+    layers: Layers, lens: AbstractLens, pixel_filter: str = "box"
+) -> tuple[Float[Array, " p"], Float[Array, " p"], Int[Array, " p"]]:
+    """`disparity_ranges` by all cores, of what JAX does not trace."""
+    pixels = _some_pixels(layers.camera)
+    found = in_parallel(lambda some: _ranges_of(jnp.asarray(some), layers, lens, pixel_filter), pixels)
+    count = layers.camera.width * layers.camera.height
+    least, largest, depth = (jnp.concatenate(a)[:count] for a in zip(*found, strict=True))
+    return least, largest, depth
+
+
+def _some_pixels(camera: Camera) -> Int[np.ndarray, "k n"]:
+    """Row-major numbers of all pixels, some at a time to hold little at once.
+
+    The last one is repeated to fill them.
+    """
     count = camera.width * camera.height
     size = min(count, _PIXELS_AT_ONCE)
-    some = jnp.minimum(jnp.arange(-(-count // size) * size), count - 1).reshape(-1, size)
-    least, largest, depth = (a.reshape(-1)[:count] for a in jax.lax.map(jax.vmap(one), some))
-    return least, largest, depth
+    return np.minimum(np.arange(-(-count // size) * size, dtype=np.int32), count - 1).reshape(-1, size)
+
+
+@eqx.filter_jit
+def _ranges_of(
+    pixels: Int[Array, " n"], layers: Layers, lens: AbstractLens, pixel_filter: str
+) -> tuple[Float[Array, " n"], Float[Array, " n"], Int[Array, " n"]]:
+    width = layers.camera.width
+
+    def one(index: Int[Array, ""]) -> tuple[Array, Array, Array]:
+        film = jnp.stack([index % width, index // width]) + 0.5
+        return disparity_range(layers, lens, film, pixel_filter)
+
+    return jax.vmap(one)(pixels)
 
 
 def first_met(

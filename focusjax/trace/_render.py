@@ -1,6 +1,6 @@
 """The picture."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +10,7 @@ from focusjax._counts import require_counts
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._allot import FEWEST
+from focusjax.trace._devices import Device
 from focusjax.trace._tracer import ready_tracer
 
 
@@ -21,6 +22,7 @@ def render(
     even: bool = False,
     pixel_filter: str | None = None,
     seed: int = 0,
+    devices: Sequence[Device] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Float[Array, "h w 3"]:
     """The picture that `lens` forms of `layers`: linear radiance, mean over the rays of each pixel.
@@ -36,14 +38,17 @@ def render(
         pixel_filter: "box", "tent" or "gaussian", how the light around a pixel's centre counts: its rays are
             spread with that density. The one that the layers were peeled for if not given.
         seed: chooses the rays; the same seed gives the same picture.
+        devices: what traces it, all devices of this process if not given. With `jax.devices()` the processes
+            of `jax.distributed`, of which each has the layers and calls this, share the work, and each gets
+            the whole picture.
         progress: called with the share done, 0 to 1, now and then.
 
     Raises:
-        ValueError: no rays, no such filter, or a lens or filter whose rays leave what the layers were peeled
-            for.
+        ValueError: no rays, no such filter, a lens or filter whose rays leave what the layers were peeled
+            for, or devices of some other processes only.
     """
     require_counts(rays=rays)
-    tracer, camera = ready_tracer(layers, lens, pixel_filter), layers.camera
+    tracer, camera = ready_tracer(layers, lens, pixel_filter, devices), layers.camera
     alike = even or rays < FEWEST
     counts = np.full(camera.width * camera.height, rays) if alike else tracer.counts(rays)
     means = tracer.means(counts, rays, seed, progress)

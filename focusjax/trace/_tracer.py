@@ -1,8 +1,8 @@
 """Rays of chosen pixels through prepared layers, vmapped, in blocks of bounded memory."""
 
-import concurrent.futures
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 import equinox as eqx
 import jax
@@ -10,16 +10,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from focusjax._parallel import CORES
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._aimed import Aimed
 from focusjax.trace._allot import FEWEST, allot, contrast, counts_for
 from focusjax.trace._blocks import Block, Blocks
+from focusjax.trace._devices import Device, Workforce
 from focusjax.trace._highlights import split_highlights
-from focusjax.trace._radiances import TracedScene, disparity_ranges, radiances, traced_scene
+from focusjax.trace._radiances import TracedScene, radiances, ranges_at_once, traced_scene
 from focusjax.trace._reach import check_reach
 from focusjax.trace._samples import RaySamples, ray_samples
+
+_Shared: TypeAlias = tuple[
+    TracedScene, AbstractLens, RaySamples, tuple[Float[Array, " p"], Float[Array, " p"]]
+]
 
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 23}
 
@@ -35,10 +39,17 @@ class Tracer:
         pixel_filter: what the film points of a pixel's rays are spread by.
     """
 
-    def __init__(self, layers: Layers, lens: AbstractLens, pixel_filter: str = "box") -> None:
+    def __init__(
+        self,
+        layers: Layers,
+        lens: AbstractLens,
+        pixel_filter: str = "box",
+        devices: Sequence[Device] | None = None,
+    ) -> None:
+        self._workforce = Workforce(devices)
         self.layers, highlights = split_highlights(layers, lens)
         self.lens, self.pixel_filter = lens, pixel_filter
-        self.least, self.largest, depth = disparity_ranges(layers, lens, pixel_filter)
+        self.least, self.largest, depth = ranges_at_once(layers, lens, pixel_filter)
         self._depth = np.asarray(depth)
         self._scene = traced_scene(self.layers)
         self._aimed = None if highlights is None else Aimed(highlights, self._scene, lens, pixel_filter)
@@ -79,38 +90,41 @@ class Tracer:
         at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together)
         blocks = Blocks(counts // together, self._depth, self.layers.count, camera.width, at_once)
         sums = np.zeros((len(counts), 3), dtype=self.least.dtype)
+        ends = self.least, self.largest
 
-        def trace(number: int) -> tuple[Block, np.ndarray]:
+        def trace(number: int, shared: _Shared) -> tuple[Block, np.ndarray]:
             block = blocks[number]
             # The rays of the smaller counts come before those of a pixel's own.
             first = jnp.asarray(counts[block.pixels] - fewest + together * block.part)
-            chosen = samples, jnp.asarray(block.pixels), first, self.least, self.largest
-            traced = trace_block(self._scene, self.lens, *chosen, together=together, depth=block.depth)
-            return block, np.asarray(traced)
+            scene, lens, samples, ends = shared
+            chosen = samples, jnp.asarray(block.pixels), first, *ends
+            return block, np.asarray(trace_block(scene, lens, *chosen, together=together, depth=block.depth))
 
-        # XLA runs one block on about one core, so a CPU is given a block per core at a time.
-        workers = CORES if jax.default_backend() == "cpu" else 1
-        with concurrent.futures.ThreadPoolExecutor(workers) as pool:
-            for done, (block, values) in enumerate(pool.map(trace, range(len(blocks))), start=1):
-                block.add_to(sums, values)
-                if progress is not None:
-                    progress(done / len(blocks))
+        shared = self._scene, self.lens, samples, ends
+        for (block, values), done in self._workforce.each(trace, len(blocks), shared):
+            block.add_to(sums, values)
+            if progress is not None:
+                progress(done)
         sums *= (together / np.maximum(counts, 1))[:, None].astype(sums.dtype)
         if self._aimed is not None:
-            ends = self.least, self.largest
-            self._aimed.add_to(sums, counts > 0, ends, self._aimed.rays(rays), seed)
-        return sums
+            self._aimed.add_to(sums, counts > 0, ends, self._aimed.rays(rays), seed, self._workforce)
+        return self._workforce.total(sums)
 
 
-def ready_tracer(layers: Layers, lens: AbstractLens, pixel_filter: str | None) -> Tracer:
+def ready_tracer(
+    layers: Layers,
+    lens: AbstractLens,
+    pixel_filter: str | None,
+    devices: Sequence[Device] | None = None,
+) -> Tracer:
     """The tracer of a lens and a filter (that of the layers if None), if the layers hold all of its rays.
 
     Raises:
-        ValueError: they do not, or there is no such filter.
+        ValueError: they do not, or there is no such filter; devices that cannot share the work.
     """
     chosen = layers.pixel_filter if pixel_filter is None else pixel_filter
     check_reach(layers, lens, chosen)
-    return Tracer(layers, lens, chosen)
+    return Tracer(layers, lens, chosen, devices)
 
 
 @eqx.filter_jit

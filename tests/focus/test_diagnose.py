@@ -113,10 +113,16 @@ def test_nothing_is_said_of_what_is_well(camera, lens):
     assert diagnose(solve(locate(wishes, camera), camera, lens, free=BOTH)).sentences == ()
 
 
-def test_one_of_many_is_refused(camera, lens):
-    many = solve_many(stacked([locate([at(0, 0, 2)], camera)] * 2), camera, lens)
-    with pytest.raises(ValueError, match="the solution is one of many"):
+def test_one_of_many_is_diagnosed_as_by_itself(camera, lens):
+    sets = [locate([at(0, 0, 2, name="near"), at(0, 0, z, name="far")], camera) for z in (2.0, 4.0)]
+    many = solve_many(stacked(sets), camera, lens)
+    with pytest.raises(ValueError, match=r"is of 2 problems; diagnose one of them, such as `solution"):
         diagnose(many)
+    alone, one = diagnose(solve(sets[1], camera, lens)), diagnose(many.at(1))
+    assert one.sentences == alone.sentences
+    assert [(c.first, c.second) for c in one.conflicts] == [("near", "far")]
+    # Observed: the same to the last digit.
+    assert one.conflicts[0].first_gains == pytest.approx(alone.conflicts[0].first_gains, abs=1e-9)
 
 
 def test_a_pull_of_one_side_alone_is_told_with_its_direction(camera, lens):

@@ -159,9 +159,14 @@ def test_diagnosis_of_conflicts_smoothness_and_open_controls():
     )
     assert any(line.startswith("Smoothness costs ") for line in said.sentences)
     alone = dataclasses.replace(points, weight=jnp.array([1.0, 0.0, 0.0, 0.0]))
-    few = diagnose(solve_focal_surface(alone, CAMERA, controls(), lens(), smoothness=0.0))
+    found = solve_focal_surface(alone, CAMERA, controls(), lens(), smoothness=0.0)
+    few = diagnose(found)
     # What one wish says is of the control beside it.
     assert few.open_controls == (1, 2, 3)
     assert few.sentences == (
-        "The wishes leave control points 1, 2 and 3 open (counted from 0), which the surface given settles.",
+        "The wishes leave control points 1, 2 and 3 (counted from 0) open, which the surface given settles.",
     )
+    named = diagnose(found, controls=["door", "lamp", "rug", "cat"]).sentences
+    assert named[0].startswith('The wishes leave control points "lamp", "rug" and "cat" open, which')
+    with pytest.raises(ValueError, match="there are 2 names of control points; expected 4, or none"):
+        diagnose(found, controls=["door", "lamp"])

@@ -57,6 +57,18 @@ def test_too_large_a_picture_for_any_layer(monkeypatch: pytest.MonkeyPatch):
         _memory.check_frame(Grid(100, 100, 2, 0))
 
 
+def test_surfaces_that_cover_all_many_times_over(monkeypatch: pytest.MonkeyPatch):
+    camera = front_camera()
+    grid = peel(panes(camera), camera, wide_lens(camera)).grid
+    monkeypatch.setattr("focusjax.layers._picture.rasterise", None)
+    monkeypatch.setattr(_memory, "machine_memory", lambda: 3.5 * 48 * grid.size / 0.9)
+    monkeypatch.setattr("focusjax.layers._picture.check_frame", lambda grid: None)
+    # Twice where two triangles of a pane meet, so a little over four times.
+    expected = r"samples about 4\.?\d* times over, which needs about .* lower the supersampling"
+    with pytest.raises(ValueError, match=expected):
+        peel(panes(camera), camera, wide_lens(camera))
+
+
 def test_a_system_that_does_not_tell_is_trusted(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("os.sysconf", lambda name: int("not told"))
     assert _memory.machine_memory() is None

@@ -5,6 +5,7 @@ from focusjax.config._build import build_lens as build_lens
 from focusjax.config._build import build_objects as build_objects
 from focusjax.config._build import build_scene as build_scene
 from focusjax.config._build_look import build_look as build_look
+from focusjax.config._build_real import build_real_lens as build_real_lens
 from focusjax.config._build_surface import build_control_points as build_control_points
 from focusjax.config._build_surface import build_focal_surface as build_focal_surface
 from focusjax.config._build_wishes import build_focus_points as build_focus_points

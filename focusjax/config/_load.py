@@ -51,6 +51,16 @@ class Config(Table):
                 )
         return self
 
+    @model_validator(mode="after")
+    def _real_lens_upright(self) -> "Config":
+        turned = [name for name in self.solve.free if name in ("tilt", "swing")]
+        if self.lens.prescription is not None and turned:
+            raise ValueError(
+                f"has lens.prescription, but solve.free has {turned[0]!r}; a real lens is not turned, so"
+                " leave one of them out"
+            )
+        return self
+
     @property
     def source(self) -> Path:
         """The file this config was read from; relative paths in it start at that file's folder."""

@@ -1,5 +1,6 @@
 """One run from a config to a picture."""
 
+from focusjax.job._glass import ThroughGlass as ThroughGlass
 from focusjax.job._picture import Examined as Examined
 from focusjax.job._picture import Picture as Picture
 from focusjax.job._picture import Progress as Progress

@@ -12,6 +12,11 @@ from focusjax.lens._base import Channel as Channel
 from focusjax.lens._base import in_colour as in_colour
 from focusjax.lens._control_points import FocalSurface as FocalSurface
 from focusjax.lens._control_points import focal_surface as focal_surface
+from focusjax.lens._fit_error import FitError as FitError
+from focusjax.lens._fitted import FittedLens as FittedLens
+from focusjax.lens._fitted import PoorFitError as PoorFitError
+from focusjax.lens._fitted import fitted_lens as fitted_lens
+from focusjax.lens._fitted import refitted as refitted
 from focusjax.lens._focal_surface import FocalSurfaceLens as FocalSurfaceLens
 from focusjax.lens._focal_surface import focal_surface_lens as focal_surface_lens
 from focusjax.lens._kernels import AbstractKernel as AbstractKernel
@@ -28,6 +33,8 @@ from focusjax.lens._prescription import PrescriptionLens as PrescriptionLens
 from focusjax.lens._prescription import at_wavelength as at_wavelength
 from focusjax.lens._prescription import focused_lens as focused_lens
 from focusjax.lens._prescription import prescription_lens as prescription_lens
+from focusjax.lens._refocused import moved_film as moved_film
+from focusjax.lens._refocused import refocused as refocused
 from focusjax.lens._scheimpflug import MAX_TILT as MAX_TILT
 from focusjax.lens._scheimpflug import Movements as Movements
 from focusjax.lens._scheimpflug import focal_plane_through as focal_plane_through

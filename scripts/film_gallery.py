@@ -49,7 +49,7 @@ def radiance(rays: int) -> jnp.ndarray:
 def main() -> None:
     options = arguments()
     image = radiance(options.rays)
-    signal = image * (GREY / fj.meter(image, "centre"))
+    signal = image * (GREY / fj.meter(image, fj.Zone((70, 60, 60, 70))))
     names = film_names()
     figure, axes = plt.subplots(
         len(names), len(STOPS) + 1, figsize=(9.6, 1.66 * len(names)), width_ratios=[1.5] * len(STOPS) + [1]

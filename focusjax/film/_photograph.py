@@ -2,11 +2,12 @@
 
 from typing import SupportsFloat
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
 
 from focusjax.film._film import AbstractFilm, Sensor
 from focusjax.film._settings import CameraSettings
@@ -95,10 +96,24 @@ def develop(
     """
     if balance is not None:
         _refuse_unless_positive(balance, "white balance", "a gain above 0 for red, green and blue")
-        signal = signal * balance.astype(signal.dtype).reshape(1, 1, 3)
     key = None if seed is None else jax.random.key(seed)
-    shown = film.develop(signal, iso=iso, pixel_size=float(sensor_width) / signal.shape[1], key=key)
-    return shown.astype(signal.dtype)
+    numbers = (jnp.asarray(each, dtype=signal.dtype) for each in (iso, float(sensor_width) / signal.shape[1]))
+    return _developed(signal, film, balance, *numbers, key)
+
+
+@eqx.filter_jit
+def _developed(
+    signal: Float[Array, "h w 3"],
+    film: AbstractFilm,
+    balance: Float[Array, "3"] | None,
+    iso: Float[Array, ""],
+    pixel_size: Float[Array, ""],
+    key: PRNGKeyArray | None,
+) -> Float[Array, "h w 3"]:
+    """The compiled part."""
+    if balance is not None:
+        signal = signal * balance.astype(signal.dtype).reshape(1, 1, 3)
+    return film.develop(signal, iso=iso, pixel_size=pixel_size, key=key).astype(signal.dtype)
 
 
 def signal_per_exposure(settings: CameraSettings, like: Float[Array, "..."]) -> Float[Array, ""]:

@@ -68,13 +68,14 @@ def test_twice_the_time_is_a_stop_everywhere_on_the_straight_part(name):
     places = {"negative": (-0.6, 0.9), "reversal": (-0.7, -0.35), "black_and_white": (-0.6, 0.5)}[name]
     logs = jnp.linspace(*places, 9)
     signal = jnp.broadcast_to(GREY * 10.0 ** logs[None, :, None], (1, 9, 3))
-    step = np.asarray(medium.density(2 * signal) - medium.density(signal))
+    density = eqx.filter_jit(lambda film, signal: film.density(signal))
+    step = np.asarray(density(medium, 2 * signal) - density(medium, signal))
     slope = {"negative": 0.6, "reversal": -1.7, "black_and_white": 0.62}[name]
     # Observed within 0.9 % (reversal), 0.3 % of a stop: what is left of toe and shoulder.
     np.testing.assert_allclose(step, np.full(step.shape, slope * np.log10(2)), rtol=0.015)
-    dark, bright = (jnp.full((1, 1, 3), GREY * 10.0**x) for x in (-2.5, 3.0))
-    assert abs(float((medium.density(2 * dark) - medium.density(dark))[0, 0, 0])) < 0.1 * abs(slope)
-    assert abs(float((medium.density(2 * bright) - medium.density(bright))[0, 0, 0])) < 0.05 * abs(slope)
+    ends = jnp.broadcast_to(GREY * 10.0 ** jnp.linspace(-2.5, 3.0, 9)[None, :, None], (1, 9, 3))
+    step = np.asarray(density(medium, 2 * ends) - density(medium, ends))[0, :, 0]
+    assert np.abs(step[[0, -1]]).max() < 0.05 * abs(slope)
 
 
 def test_a_sensor_is_straight_until_it_is_full():

@@ -1,12 +1,13 @@
 """Any lens with its focus set elsewhere."""
 
 import dataclasses
-from typing import TypeVar
+from typing import TypeVar, cast
 
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
 from focusjax.lens._base import AbstractLens
+from focusjax.lens._falloff import DarkenedLens
 from focusjax.lens._fitted import FittedLens, refitted, unfitted
 from focusjax.lens._prescription import (
     PrescriptionLens,
@@ -40,7 +41,7 @@ def moved_film(lens: AbstractLens, camera: Camera, focus_disparity: Float[Array,
         place = {name: getattr(middle, name) for name in ("film_place", "film_scale", "focus_disparity")}
         red, green, blue = (dataclasses.replace(unfitted(band), **place) for band in lens.bands)
         return SpectralLens(middle, (red, green, blue))
-    if isinstance(lens, AberratedLens | ChromaticLens | VignettedLens):
+    if isinstance(lens, AberratedLens | ChromaticLens | DarkenedLens | VignettedLens):
         return dataclasses.replace(lens, lens=moved_film(lens.lens, camera, focus_disparity))
     return refocused(lens, camera, focus_disparity)
 
@@ -67,7 +68,7 @@ def refocused(lens: _Lens, camera: Camera, focus_disparity: Float[Array, ""]) ->
     if isinstance(lens, TiltShiftLens):
         return dataclasses.replace(lens, plane=lens.plane.at[2].set(focus_disparity))
     if isinstance(lens, PrescriptionLens):
-        return focused_lens(
+        focused = focused_lens(
             lens.prescription,
             camera,
             focus_disparity,
@@ -75,11 +76,12 @@ def refocused(lens: _Lens, camera: Camera, focus_disparity: Float[Array, ""]) ->
             breathing=lens.breathing,
             falloff=lens.falloff,
         )
+        return cast(_Lens, focused)
     if isinstance(lens, FittedLens):
         return refitted(lens, refocused(lens.exact, camera, focus_disparity), camera)
     if isinstance(lens, SpectralLens):
         return _spectral(lens, camera, focus_disparity)
-    if isinstance(lens, AberratedLens | ChromaticLens | VignettedLens):
+    if isinstance(lens, AberratedLens | ChromaticLens | DarkenedLens | VignettedLens):
         return dataclasses.replace(lens, lens=refocused(lens.lens, camera, focus_disparity))
     raise ValueError(f"a {type(lens).__name__} has no one focus to set")
 

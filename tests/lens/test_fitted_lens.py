@@ -58,7 +58,7 @@ def test_rays_are_as_near_as_they_say(gauss):
     lit = (np.asarray(fitted.weight) > 0) & (np.asarray(exact.weight) > 0)
     for end, w in enumerate((0.0, 1.0 / NEAREST)):
         off = np.linalg.norm(np.asarray(fitted.a - exact.a + (fitted.b - exact.b) * w), axis=1)[lit]
-        # Over other rays than those that were looked at. Observed: 0.0126 of 0.0127 px, and 0.0019.
+        # Over other rays than those that were looked at. Observed: 0.0102 px of 0.0114, RMS 0.0021 of 0.0019.
         assert off.max() <= 1.3 * float(gauss.error.worst[end]) <= 1.3 * 0.05
         assert np.sqrt((off**2).mean()) == pytest.approx(float(gauss.error.rms[end]), rel=0.15)
 
@@ -66,12 +66,12 @@ def test_rays_are_as_near_as_they_say(gauss):
 def test_outlines_are_those_of_the_rims(gauss):
     fitted, exact = (np.asarray(rays.weight) for rays in both(gauss))
     assert len(gauss.rims) >= 3
-    # A fifth of all rays is cut off. Observed: none that goes wrong by more than the soft edge's slope.
+    # Observed: 9 % of all rays are cut off, and just the same ones.
     assert 0.05 < (exact == 0.0).mean() < 0.4
     open_ = exact.max()
     assert ((exact == 0.0) & (fitted > 0.02 * open_)).sum() == 0
     assert ((fitted == 0.0) & (exact > 0.02 * open_)).sum() == 0
-    # Observed: 6e-5.
+    # Observed: 7e-5.
     assert np.abs(fitted - exact).sum() / exact.sum() < 5e-4
     assert float(gauss.error.light) < 5e-4
 
@@ -86,6 +86,16 @@ def test_all_else_is_the_exact_lens(gauss):
         (gauss.footprint(CAMERA, film, w)[1], gauss.exact.footprint(CAMERA, film, w)[1]),
     ):
         assert float(one) == float(other)
+
+
+def test_disks_hold_its_rays(gauss):
+    """Those of the exact lens have room for the error."""
+    film, w = jnp.asarray(SAMPLES[:, :2]) * jnp.array([400.0, 300.0]), jnp.asarray(2.0)
+    centre, radius = eqx.filter_jit(jax.vmap(lambda point: gauss.footprint(CAMERA, point, w)))(film)
+    rays, _ = both(gauss)
+    away = np.linalg.norm(np.asarray(rays.a + rays.b * w - centre), axis=1) / np.asarray(radius)
+    # Observed: 0.92.
+    assert 0.8 < away[np.asarray(rays.weight) > 0].max() <= 1.0
 
 
 def test_horner_is_the_sum_of_terms():

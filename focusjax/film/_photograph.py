@@ -97,8 +97,9 @@ def develop(
     if balance is not None:
         _refuse_unless_positive(balance, "white balance", "a gain above 0 for red, green and blue")
     key = None if seed is None else jax.random.key(seed)
-    numbers = (jnp.asarray(each, dtype=signal.dtype) for each in (iso, float(sensor_width) / signal.shape[1]))
-    return _developed(signal, film, balance, *numbers, key)
+    speed = jnp.asarray(iso, dtype=signal.dtype)
+    pixel_size = jnp.asarray(float(sensor_width) / signal.shape[1], dtype=signal.dtype)
+    return _developed(signal, film, balance, speed, pixel_size, key)
 
 
 @eqx.filter_jit

@@ -8,8 +8,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Bool, Float
+from scipy.optimize import OptimizeResult, least_squares
 
 from focusjax.film._display import encode_srgb
 from focusjax.film._film import AbstractFilm, Sensor
@@ -69,7 +69,7 @@ def fit_settings(
         film: what developed it; a plain sensor if None.
         luminance: cd/m^2 of radiance 1.
         free: one of "f_number", "time" and "iso"; and "white_balance".
-        max_steps: of the fit.
+        max_steps: pictures that the fit may try.
 
     Raises:
         ValueError: other names, more than one or none of the three, pictures of two sizes, or a target that
@@ -97,15 +97,17 @@ def fit_settings(
     if not float(errors.max() - errors.min()) > 0.0:
         raise ValueError("the pictures tell nothing of the exposure: one is black, or full, everywhere")
     first = jnp.zeros(3 if balanced else 1, dtype=image.dtype).at[0].set(stops[jnp.argmin(errors)])
-    value, left, slopes, converged = _refined(first, known, max_steps)
-    count = max(left.size - value.size, 1)
-    covariance = np.linalg.pinv(np.asarray(slopes.T @ slopes)) * float(left @ left) / count
+    found = _refined(first, known, max_steps)
+    value = jnp.asarray(found.x, dtype=image.dtype)
+    # What is left varies by so much, if it is noise.
+    variance = 2.0 * found.cost / max(found.fun.size - found.x.size, 1)
+    covariance = np.linalg.pinv(found.jac.T @ found.jac) * variance
     return SettingsFit(
         settings=_exposed(start, powers, value[0]),
         balance=_gains(value),
-        rms=jnp.sqrt(jnp.mean(left**2)),
+        rms=jnp.asarray(np.sqrt(np.mean(found.fun**2)), dtype=image.dtype),
         stops_error=jnp.asarray(np.sqrt(covariance[0, 0]), dtype=image.dtype),
-        converged=converged,
+        converged=jnp.asarray(found.success),
     )
 
 
@@ -136,18 +138,34 @@ def _scan(stops: Float[Array, "n"], known: tuple) -> Float[Array, "n"]:
 
 
 @eqx.filter_jit
-def _refined(
-    first: Float[Array, " k"], known: tuple, max_steps: int
-) -> tuple[Float[Array, " k"], Float[Array, "n"], Float[Array, "n k"], Bool[Array, ""]]:
-    """The best value from a first one, what is left there, and its slopes."""
+def _left_and_slopes(
+    value: Float[Array, " k"], known: tuple
+) -> tuple[Float[Array, "n"], Float[Array, "n k"]]:
+    """What is left at a value, and how it changes."""
 
-    def left(value: Array, args: None) -> Array:
-        del args
-        return _residuals(value, known)
+    def left(value: Array) -> tuple[Array, Array]:
+        each = _residuals(value, known)
+        return each, each
 
-    tolerance = 1e-9 if first.dtype == jnp.float64 else 1e-5
-    method = optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance)
-    found = optx.least_squares(left, method, first, max_steps=max_steps, throw=False)
-    value = found.value
-    slopes = jax.jacfwd(lambda each: left(each, None))(value)
-    return value, left(value, None), slopes, found.result == optx.RESULTS.successful
+    slopes, now = jax.jacfwd(left, has_aux=True)(value)
+    return now, slopes
+
+
+def _refined(first: Float[Array, " k"], known: tuple, max_steps: int) -> OptimizeResult:
+    """The best value from a first one, by Levenberg and Marquardt's method on the host."""
+
+    def at(value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        left, slopes = _left_and_slopes(jnp.asarray(value, dtype=first.dtype), known)
+        return np.asarray(left, dtype=float), np.asarray(slopes, dtype=float)
+
+    tolerance = 1e-10 if first.dtype == jnp.float64 else 1e-6
+    return least_squares(
+        lambda value: at(value)[0],
+        np.asarray(first, dtype=float),
+        jac=lambda value: at(value)[1],  # type: ignore[arg-type]
+        method="lm",
+        xtol=tolerance,
+        ftol=tolerance,
+        gtol=tolerance,
+        max_nfev=max_steps,
+    )

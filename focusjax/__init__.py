@@ -38,6 +38,7 @@ from focusjax.focus import Sharp as Sharp
 from focusjax.focus import ShownAt as ShownAt
 from focusjax.focus import Solution as Solution
 from focusjax.focus import diagnose as diagnose
+from focusjax.focus import focus_by_rays as focus_by_rays
 from focusjax.focus import locate as locate
 from focusjax.focus import solve as solve
 from focusjax.focus import solve_focal_surface as solve_focal_surface
@@ -64,12 +65,14 @@ from focusjax.layers import peel as peel
 from focusjax.layers import prefilter as prefilter
 from focusjax.layers import umbra_saving as umbra_saving
 from focusjax.lens import Disk as Disk
+from focusjax.lens import FittedLens as FittedLens
 from focusjax.lens import FocalSurface as FocalSurface
 from focusjax.lens import FocalSurfaceLens as FocalSurfaceLens
 from focusjax.lens import PrescriptionLens as PrescriptionLens
 from focusjax.lens import ThinLens as ThinLens
 from focusjax.lens import TiltShiftLens as TiltShiftLens
 from focusjax.lens import depth_of_field_lens as depth_of_field_lens
+from focusjax.lens import fitted_lens as fitted_lens
 from focusjax.lens import focal_surface as focal_surface
 from focusjax.lens import focal_surface_lens as focal_surface_lens
 from focusjax.lens import polygon as polygon

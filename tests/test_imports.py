@@ -22,7 +22,7 @@ ALLOWED = {
     # Slow or simple twins share no code with what they are compared with.
     "baselines": {"geometry", "lens", "scene", "_counts", "_parallel"},
     "io": {"film"},
-    "config": {"geometry", "lens", "scene", "focus", "trace", "film", "_words"},
+    "config": {"geometry", "lens", "scene", "focus", "trace", "film", "optics", "_words"},
     "_counts": set(),
     "_words": set(),
     "_parallel": set(),

@@ -55,6 +55,16 @@ class Config(Table):
         return self
 
     @model_validator(mode="after")
+    def _real_lens_upright(self) -> "Config":
+        turned = [name for name in self.solve.free if name in ("tilt", "swing")]
+        if self.lens.prescription is not None and turned:
+            raise ValueError(
+                f"has lens.prescription, but solve.free has {turned[0]!r}; a real lens is not turned, so"
+                " leave one of them out"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _one_exposure(self) -> "Config":
         """Stops are counted once, and noise takes a speed."""
         if self.exposure is not None and "exposure" in self.render.model_fields_set:

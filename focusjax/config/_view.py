@@ -80,6 +80,32 @@ class LensTable(Look):
     focal_surface: FocalSurfaceTable | None = Field(
         default=None, description="a [lens.focal_surface] table with its points"
     )
+    prescription: str | None = Field(
+        default=None,
+        description="a real lens: a .dat, .zmx or .json file, or the name of one that comes along",
+    )
+    spectral: bool = Field(
+        default=False, description="true to trace red, green and blue through the glass of a prescription"
+    )
+    fit_px: NotNegative = Field(
+        default=0.05,
+        description="pixels by which polynomials for a prescription's rays may be off; 0 traces each exactly",
+    )
+
+    @model_validator(mode="after")
+    def _real_lens_alone(self) -> "LensTable":
+        if self.prescription is None:
+            idle = [key for key in ("spectral", "fit_px") if key in self.model_fields_set]
+            if idle:
+                raise ValueError(f"has {idle[0]}, which is about a prescription, and none; name one")
+            return self
+        others = ("aperture_radius_mm", "tilt_deg", "swing_deg", "focal_surface")
+        own = [key for key in others if getattr(self, key) != type(self).model_fields[key].default]
+        own += ["aperture"] if self.aperture != DiskTable(shape="disk") else []
+        own += self.look
+        if own:
+            raise ValueError(f"has {own[0]} and a prescription, which has a look of its own; leave one out")
+        return self
 
     @model_validator(mode="after")
     def _one_opening(self) -> "LensTable":

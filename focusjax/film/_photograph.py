@@ -98,8 +98,8 @@ def develop(
         _refuse_unless_positive(balance, "white balance", "a gain above 0 for red, green and blue")
     key = None if seed is None else jax.random.key(seed)
     speed = jnp.asarray(iso, dtype=signal.dtype)
-    size = jnp.asarray(float(sensor_width) / signal.shape[1], dtype=signal.dtype)
-    return _developed(signal, film, balance, speed, size, key)
+    pixel_size = jnp.asarray(float(sensor_width) / signal.shape[1], dtype=signal.dtype)
+    return _developed(signal, film, balance, speed, pixel_size, key)
 
 
 @eqx.filter_jit

@@ -1,5 +1,6 @@
 """One run from a config to a picture."""
 
+from focusjax.job._glass import ThroughGlass as ThroughGlass
 from focusjax.job._photograph import Development as Development
 from focusjax.job._photograph import Photograph as Photograph
 from focusjax.job._photograph import find_development as find_development

@@ -21,6 +21,11 @@ from focusjax.lens._falloff import TableFalloff as TableFalloff
 from focusjax.lens._falloff import cosine_falloff as cosine_falloff
 from focusjax.lens._falloff import illumination as illumination
 from focusjax.lens._falloff import table_falloff as table_falloff
+from focusjax.lens._fit_error import FitError as FitError
+from focusjax.lens._fitted import FittedLens as FittedLens
+from focusjax.lens._fitted import PoorFitError as PoorFitError
+from focusjax.lens._fitted import fitted_lens as fitted_lens
+from focusjax.lens._fitted import refitted as refitted
 from focusjax.lens._focal_surface import FocalSurfaceLens as FocalSurfaceLens
 from focusjax.lens._focal_surface import focal_surface_lens as focal_surface_lens
 from focusjax.lens._kernels import AbstractKernel as AbstractKernel
@@ -37,6 +42,8 @@ from focusjax.lens._prescription import PrescriptionLens as PrescriptionLens
 from focusjax.lens._prescription import at_wavelength as at_wavelength
 from focusjax.lens._prescription import focused_lens as focused_lens
 from focusjax.lens._prescription import prescription_lens as prescription_lens
+from focusjax.lens._refocused import moved_film as moved_film
+from focusjax.lens._refocused import refocused as refocused
 from focusjax.lens._scheimpflug import MAX_TILT as MAX_TILT
 from focusjax.lens._scheimpflug import Movements as Movements
 from focusjax.lens._scheimpflug import focal_plane_through as focal_plane_through

@@ -14,6 +14,7 @@ from focusjax.io import for_json
 from focusjax.job import Examined, Outcome, room_for_more, shutter
 from focusjax.lens import FocalSurfaceLens, as_tilt_shift
 from focusjax.report._depth_of_field import depth_of_field
+from focusjax.report._glass import glass_facts
 
 _LIBRARIES = ("focusjax", "jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy", "trimesh", "OpenEXR")
 _RESULTS = ("solved", "undetermined", "max_steps_reached", "not_finite")
@@ -63,6 +64,7 @@ def _lens(outcome: Outcome) -> dict[str, Any]:
         "f_number": float(lens.f_number(camera)),
         "aperture_radius_mm": 1000 * float(lens.aperture_radius),
         "focal_surface": _focal_surface(outcome),
+        "glass": glass_facts(outcome),
         "focal_length_mm": 1000 * float(camera.focal_length),
         "sensor_width_mm": 1000 * float(camera.sensor_width),
         "movements": movements(outcome),

@@ -39,7 +39,8 @@ def build_shot(config: Config) -> Shot:
     """Everything that `[shot]` and the tables it changes ask for, loaded and checked.
 
     Raises:
-        ConfigError: no `[shot]` table, a focal surface, an unknown name, or a value that does not fit.
+        ConfigError: no `[shot]` table, a focal surface, a real lens, an unknown name, or a value that does
+            not fit.
     """
     table = config.shot
     if table is None:
@@ -48,6 +49,11 @@ def build_shot(config: Config) -> Shot:
         raise ConfigError(
             f"{config.source}: there is a [shot] and a lens.focal_surface, which does not change over time;"
             " leave one of them out"
+        )
+    if config.lens.prescription is not None:
+        raise ConfigError(
+            f"{config.source}: there is a [shot] and a lens.prescription, which is for single pictures; leave"
+            " one of them out"
         )
     camera = build_camera(config)
     first = build_lens(config, camera, solved=True)

@@ -7,7 +7,15 @@ from rich.table import Table
 
 from focusjax import bench, job
 from focusjax.focus import Solution, SurfaceSolution, WishResult, diagnose
-from focusjax.report import angle, depth_of_field, f_number, metres, movements
+from focusjax.report import (
+    angle,
+    depth_of_field,
+    f_number,
+    glass_facts,
+    glass_sentences,
+    metres,
+    movements,
+)
 from focusjax.shot import SolvedShot
 
 
@@ -30,6 +38,20 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
         console.print(f"Rise {moved['rise_mm']:+.2f} mm, shift {moved['shift_mm']:+.2f} mm", highlight=False)
     if outcome.config.lens.focal_surface is not None:
         console.print("In the middle of the picture; a focal surface sets it from place to place.")
+    facts = glass_facts(outcome)
+    for sentence in glass_sentences(facts) if facts is not None else ():
+        console.print(sentence, highlight=False, markup=False)
+    taken = outcome.photograph
+    if taken is not None and taken.settings is not None:
+        settings = taken.settings
+        console.print(
+            f"{job.shutter(float(settings.time))} at ISO {float(settings.iso):.0f},"
+            f" EV {float(settings.exposure_value()):.1f};"
+            f" {100 * taken.white_share:.1f} % of the picture is white",
+            highlight=False,
+        )
+        if taken.sentence() is not None:
+            console.print(taken.sentence(), highlight=False)
     if outcome.solution is not None:
         console.print(_wishes(outcome.solution))
     if outcome.solution is not None:

@@ -61,6 +61,12 @@ class LensTable(Look):
     focus_distance_m: Annotated[float, Field(gt=0)] | None = Field(
         default=None, description="the focus distance in metres, for example 2.5, or inf"
     )
+    sharp_from_m: Positive | None = Field(
+        default=None, description="the nearest distance in metres to be sharp, instead of f_number and focus"
+    )
+    sharp_to_m: Annotated[float, Field(gt=0)] | None = Field(
+        default=None, description="the farthest distance in metres to be sharp, or inf"
+    )
     tilt_deg: Movement = Field(
         default=0.0, description="the lens's tilt in degrees, positive forwards (its axis down), up to 45"
     )
@@ -74,9 +80,37 @@ class LensTable(Look):
     focal_surface: FocalSurfaceTable | None = Field(
         default=None, description="a [lens.focal_surface] table with its points"
     )
+    prescription: str | None = Field(
+        default=None,
+        description="a real lens: a .dat, .zmx or .json file, or the name of one that comes along",
+    )
+    spectral: bool = Field(
+        default=False, description="true to trace red, green and blue through the glass of a prescription"
+    )
+    fit_px: NotNegative = Field(
+        default=0.05,
+        description="pixels by which polynomials for a prescription's rays may be off; 0 traces each exactly",
+    )
+
+    @model_validator(mode="after")
+    def _real_lens_alone(self) -> "LensTable":
+        if self.prescription is None:
+            idle = [key for key in ("spectral", "fit_px") if key in self.model_fields_set]
+            if idle:
+                raise ValueError(f"has {idle[0]}, which is about a prescription, and none; name one")
+            return self
+        others = ("aperture_radius_mm", "tilt_deg", "swing_deg", "focal_surface")
+        own = [key for key in others if getattr(self, key) != type(self).model_fields[key].default]
+        own += ["aperture"] if self.aperture != DiskTable(shape="disk") else []
+        own += self.look
+        if own:
+            raise ValueError(f"has {own[0]} and a prescription, which has a look of its own; leave one out")
+        return self
 
     @model_validator(mode="after")
     def _one_opening(self) -> "LensTable":
+        if self.sharp_from_m is not None or self.sharp_to_m is not None:
+            return self._one_depth()
         if (self.f_number is None) == (self.aperture_radius_mm is None):
             raise ValueError("needs exactly one of f_number and aperture_radius_mm")
         if self.focal_surface is not None and self.focus_distance_m is not None:
@@ -93,4 +127,28 @@ class LensTable(Look):
             raise ValueError(f"has {self.look[0]} and aperture_radius_mm = 0; open the aperture")
         if self.focus_distance_m is not None and math.isnan(self.focus_distance_m):
             raise ValueError("has focus_distance_m = nan; give metres, or inf")
+        return self
+
+    def _one_depth(self) -> "LensTable":
+        """A depth of field gives focus and f-number."""
+        if self.sharp_from_m is None or self.sharp_to_m is None:
+            raise ValueError("has one of sharp_from_m and sharp_to_m; give both")
+        if not self.sharp_from_m < self.sharp_to_m:
+            raise ValueError(
+                f"has sharp_from_m = {self.sharp_from_m:g}, which is not below sharp_to_m ="
+                f" {self.sharp_to_m:g}"
+            )
+        idle = (
+            "f_number",
+            "aperture_radius_mm",
+            "focus_distance_m",
+            "tilt_deg",
+            "swing_deg",
+            "focal_surface",
+        )
+        given = [key for key in idle if getattr(self, key)]
+        if given:
+            raise ValueError(
+                f"has sharp_from_m, which gives focus and f-number, and {given[0]}; leave one out"
+            )
         return self

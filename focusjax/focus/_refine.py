@@ -93,7 +93,7 @@ class _Forgiving(optx.AbstractSearch):
         return size, accept | (lost & (f_eval_info.as_min() - cost <= noise)), result, state
 
 
-def _forgiving(solver: Any) -> Any:
+def forgiving(solver: Any) -> Any:
     """The same Gauss-Newton solver with that search."""
     return eqx.tree_at(lambda each: each.search, solver, _Forgiving(solver.search))
 
@@ -165,14 +165,14 @@ def _by_optimistix(
     problem: Problem, basin: Basin, first: Float[Array, "k"], box: Box, max_steps: int
 ) -> Answer:
     return _on_face(
-        lambda tol: _forgiving(optx.LevenbergMarquardt(rtol=tol, atol=tol)),
+        lambda tol: forgiving(optx.LevenbergMarquardt(rtol=tol, atol=tol)),
         problem, basin, first, box, max_steps,
     )  # fmt: skip
 
 
 def _by_dogleg(problem: Problem, basin: Basin, first: Float[Array, "k"], box: Box, max_steps: int) -> Answer:
     return _on_face(
-        lambda tol: _forgiving(optx.Dogleg(rtol=tol, atol=tol)), problem, basin, first, box, max_steps
+        lambda tol: forgiving(optx.Dogleg(rtol=tol, atol=tol)), problem, basin, first, box, max_steps
     )
 
 

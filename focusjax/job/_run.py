@@ -35,6 +35,8 @@ from focusjax.focus import (
     solve_focal_surface,
 )
 from focusjax.geometry import Camera
+from focusjax.job._glass import ThroughGlass, through_glass
+from focusjax.job._photograph import Photograph, take_photograph
 from focusjax.job._picture import Picture, Progress, make_picture
 from focusjax.layers import Extent, disparity_map
 from focusjax.lens import (
@@ -56,12 +58,15 @@ class Outcome:
         config: what was asked for.
         camera: where from.
         lens: the lens that was solved for, or the config's own when nothing was, without its aberrations and
-            cat's eyes, which only the picture has.
+            cat's eyes, which only the picture has. Where there is a real lens, the thin one it stands for.
+        glass: the real lens, when the config has a prescription.
         points: the wishes in the picture, when there are any.
         solution: what the solve says, when there was one.
         disparity: first surface at every pixel centre in 1/m [h, w]; 0 on the background.
-        blur: signed circle-of-confusion diameter in pixels [h, w] of that surface.
+        blur: signed circle-of-confusion diameter in pixels [h, w] of that surface, by the real lens if there
+            is one.
         picture: what rendering made, when there was any.
+        photograph: what the camera made of it, when the config has an exposure or a film.
         seconds: wall-clock seconds per stage, without compiling.
         compile_seconds: seconds per stage that went into compiling.
     """
@@ -74,15 +79,15 @@ class Outcome:
     disparity: Float[np.ndarray, "h w"]
     blur: Float[np.ndarray, "h w"]
     picture: Picture | None
+    photograph: Photograph | None
     seconds: dict[str, float]
     compile_seconds: dict[str, float]
+    glass: ThroughGlass | None = None
 
     @property
     def middle_lens(self) -> ThinLens | TiltShiftLens:
         """The lens as the middle of the picture has it."""
-        if isinstance(self.lens, FocalSurfaceLens):
-            return self.lens.thin_lens_at(self.camera, self.camera.principal_point)
-        return self.lens
+        return _in_the_middle(self.lens, self.camera)
 
 
 def run(
@@ -143,10 +148,18 @@ def run(
                 points = _find(config, wishes, scene, camera, disparity)
                 solution = solve(points, camera, lens, **options)
             lens, points, camera = solution.lens, solution.points, solution.camera
-    picture = None
+    glass = None
+    if config.lens.prescription is not None:
+        with watch.stage("glass"):
+            glass = through_glass(config, camera, lens, points if solving else None, disparity, fit=rendering)
+    picture, photograph = None, None
     if rendering:
-        look = build_look(config, camera, lens)
+        look = build_look(config, camera, lens) if glass is None else glass.traced
         picture = make_picture(config.render, scene, camera, look, like, watch, tell)
+        if config.exposure is not None or config.film is not None:
+            with watch.stage("develop"):
+                middle = _in_the_middle(lens, camera)
+                photograph = take_photograph(config, camera, middle, picture.image, picture.pinhole)
     return Outcome(
         config=config,
         camera=camera,
@@ -154,11 +167,22 @@ def run(
         points=points,
         solution=solution,
         disparity=disparity,
-        blur=np.asarray(blur_map(lens, camera, jnp.asarray(disparity, dtype=float))),
+        blur=np.asarray(
+            blur_map(lens if glass is None else glass.exact, camera, jnp.asarray(disparity, dtype=float))
+        ),
         picture=picture,
+        photograph=photograph,
         seconds=watch.seconds,
         compile_seconds=watch.compile_seconds,
+        glass=glass,
     )
+
+
+def _in_the_middle(
+    lens: ThinLens | TiltShiftLens | FocalSurfaceLens, camera: Camera
+) -> ThinLens | TiltShiftLens:
+    """The lens as the middle of the picture has it."""
+    return lens.thin_lens_at(camera, camera.principal_point) if isinstance(lens, FocalSurfaceLens) else lens
 
 
 def _control_surface(

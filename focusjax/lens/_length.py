@@ -1,7 +1,10 @@
-"""Lengths whose derivative is 0, not undefined, where they are 0."""
+"""Vectors in numbers, and lengths whose derivative is 0, not undefined, where they are 0."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+
+Pair = tuple[Float[Array, ""], Float[Array, ""]]
+"""A vector as two numbers: vmapped, they are whole arrays, which XLA fuses into one pass."""
 
 
 def length(vector: Float[Array, "2"]) -> Float[Array, ""]:

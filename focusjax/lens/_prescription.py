@@ -30,7 +30,7 @@ from jaxtyping import Array, Float
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import Disk
 from focusjax.lens._base import AbstractLens
-from focusjax.lens._length import length
+from focusjax.lens._length import Pair, root
 from focusjax.lens._pupils import Pupils, find_pupils, from_film, openness
 from focusjax.lens._ray_bounds import STEEPEST, RayBounds, exit_line, find_bounds
 from focusjax.optics import (
@@ -68,7 +68,9 @@ class PrescriptionLens(AbstractLens):
         bounds: disks around the rays of film points.
         exposure: in mm^2, the product of the ellipse's half axes times the mean share of light over it, on
             the axis.
-        falloff: power of the cosine to the axis at the film that is in the weights: 4, or 0.
+        falloff: whether weights have the fourth power of the cosine to the axis at the film (static).
+        focus: how it was focused, "traced" or "paraxial" (static).
+        breathing: whether the film keeps its size at every focus (static).
     """
 
     prescription: Prescription
@@ -81,31 +83,44 @@ class PrescriptionLens(AbstractLens):
     pupils: Pupils
     bounds: RayBounds
     exposure: Float[Array, ""]
-    falloff: Float[Array, ""]
+    falloff: bool = eqx.field(static=True)
+    focus: str = eqx.field(static=True)
+    breathing: bool = eqx.field(static=True)
 
     def opening(self) -> Disk:
         return Disk()
 
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
-        upright = jnp.array([1.0, -1.0], dtype=film_point.dtype)
-        # Seen from the lens, the film is upside down.
-        tangents = -(film_point - camera.principal_point) / camera.focal_px * upright
-        radius, along = _polar(tangents)
+        aim = self.aim(camera, film_point, pupil_point)
+        return line_of(camera, film_point, aim, *self.passing(aim))
+
+    def aim(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> "Aim":
+        """How a ray starts at the film."""
+        # In numbers rather than vectors, which compilers keep in registers. Seen from the lens, the film is
+        # upside down.
+        x = (camera.principal_point[0] - film_point[0]) / camera.focal_px
+        y = (film_point[1] - camera.principal_point[1]) / camera.focal_px
+        radius, (along_x, along_y) = _polar(x, y)
         centre, radial, tangential = self._opening(radius / self.film_step)
-        across = pupil_point * upright
-        target = along * centre + tangential * across + (radial - tangential) * along * (along @ across)
-        film = self.film_scale * tangents
-        found, cosine = from_film(self.prescription, self.indices, self.film_place, film, target)
-        slope, crossing = exit_line(found.position, found.direction, self.entrance_pupil)
+        across_x, across_y = pupil_point[0], -pupil_point[1]
+        out = centre + (radial - tangential) * (along_x * across_x + along_y * across_y)
+        target_x, target_y = along_x * out + tangential * across_x, along_y * out + tangential * across_y
+        light = radial * tangential / self.exposure
+        if self.falloff:
+            step_x, step_y = target_x - self.film_scale * x, target_y - self.film_scale * y
+            square = self.film_place**2
+            light *= (square / (step_x * step_x + step_y * step_y + square)) ** 2
         last = self.pupils.centre.shape[0] - 1
-        lit = (slope @ slope < STEEPEST**2) & (radius <= last * self.film_step)
-        share = openness(found.clearance) * radial * tangential / self.exposure
-        share = jnp.where(lit, share * cosine**self.falloff, 0.0)
-        # Where there is no light, any ray will do: the pinhole's.
-        dark = share <= 0.0
-        a = camera.principal_point + camera.focal_px * slope * upright
-        b = camera.focal_px * 1e-3 * crossing * upright
-        return LensRay(a=jnp.where(dark, film_point, a), b=jnp.where(dark, 0.0, b), weight=share)
+        light = jnp.where(radius <= last * self.film_step, light, 0.0)
+        return Aim((x, y), (target_x, target_y), light)
+
+    def passing(self, aim: "Aim") -> tuple[Pair, Pair, Float[Array, ""]]:
+        """A ray's slopes [2] ahead of the lens, where [2] in mm it crosses the pupil, and its clearance."""
+        (x, y), scale = aim.tangents, self.film_scale
+        found, _ = from_film(
+            self.prescription, self.indices, self.film_place, (scale * x, scale * y), aim.target
+        )
+        return *exit_line(found.position, found.direction, self.entrance_pupil), found.clearance
 
     def blur(
         self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
@@ -121,10 +136,10 @@ class PrescriptionLens(AbstractLens):
         self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
     ) -> tuple[Float[Array, "2"], Float[Array, ""]]:
         seen = self._bounds_at(camera, film_point)
-        _, along = _polar(film_point - camera.principal_point)
+        _, along = self._off_axis(camera, film_point)
         middle = (seen.at_infinity + seen.crossing * disparity) * camera.focal_px
         radius = (seen.spot + seen.spread * jnp.abs(disparity - seen.focus)) * camera.focal_px
-        return camera.principal_point + middle * along, radius
+        return camera.principal_point + middle * jnp.stack(along), radius
 
     def reach(self, camera: Camera, disparity: Float[Array, ""]) -> Float[Array, ""]:
         seen = self.bounds
@@ -144,8 +159,18 @@ class PrescriptionLens(AbstractLens):
         del camera
         return first_order(self.prescription).f_number
 
+    def _off_axis(self, camera: Camera, film_point: Float[Array, "2"]) -> tuple[Float[Array, ""], Pair]:
+        """Tangent of a film point to the axis, and the direction away from there in the picture."""
+        x, y = (film_point[axis] - camera.principal_point[axis] for axis in range(2))
+        return _polar(x / camera.focal_px, y / camera.focal_px)
+
+    def pupil_magnification(self) -> Float[Array, ""]:
+        """Diameter of the exit pupil over that of the entrance pupil, at the line d."""
+        seen = first_order(self.prescription)
+        return seen.exit_pupil_radius / seen.entrance_pupil_radius
+
     def _bounds_at(self, camera: Camera, film_point: Float[Array, "2"]) -> RayBounds:
-        radius, _ = _polar((film_point - camera.principal_point) / camera.focal_px)
+        radius, _ = self._off_axis(camera, film_point)
         return self.bounds.at(radius / self.film_step)
 
     def _opening(self, place: Float[Array, ""]) -> tuple[Array, Array, Array]:
@@ -159,6 +184,39 @@ class PrescriptionLens(AbstractLens):
             for values in (pupils.centre, pupils.radial, pupils.tangential)
         )
         return centre, radial, tangential
+
+
+class Aim(eqx.Module):
+    """How a ray starts at the film of a real lens, upside down and y upwards as the lens sees it.
+
+    Attributes:
+        tangents: the film point, over s.
+        target: point of the last vertex plane in mm that the ray is aimed at.
+        light: weight of the ray if it passes; 0 beyond the film.
+    """
+
+    tangents: Pair
+    target: Pair
+    light: Float[Array, ""]
+
+
+def line_of(
+    camera: Camera,
+    film_point: Float[Array, "2"],
+    aim: Aim,
+    slope: Pair,
+    crossing: Pair,
+    clearance: Float[Array, ""],
+) -> LensRay:
+    """A ray ahead of a real lens as a line in image space; cut off, it is the pinhole's, without light."""
+    flat = slope[0] * slope[0] + slope[1] * slope[1] < STEEPEST**2
+    share = jnp.where(flat, openness(clearance) * aim.light, 0.0)
+    a, b = [], []
+    for axis, sign in enumerate((1.0, -1.0)):
+        ahead = camera.principal_point[axis] + sign * camera.focal_px * slope[axis]
+        a.append(jnp.where(share > 0.0, ahead, film_point[axis]))
+        b.append(jnp.where(share > 0.0, sign * 1e-3 * camera.focal_px * crossing[axis], 0.0))
+    return LensRay(a=jnp.stack(a), b=jnp.stack(b), weight=share)
 
 
 def prescription_lens(
@@ -231,6 +289,22 @@ def focused_lens(
     Differentiable in the prescription and the focus; only the ellipse that rays are spread over is taken as
     it is, since any that covers the opening gives the same picture.
     """
+    indices = prescription.indices(line())
+    film, scale = film_for(prescription, camera, focus_disparity, focus, breathing=breathing)
+    pupil = first_order(prescription).entrance_pupil
+    lens = _placed(prescription, indices, film, scale, pupil, _film_step(camera), falloff)
+    return dataclasses.replace(lens, focus_disparity=focus_disparity, focus=focus, breathing=breathing)
+
+
+def film_for(
+    prescription: Prescription,
+    camera: Camera,
+    focus_disparity: Float[Array, ""],
+    focus: str,
+    *,
+    breathing: bool,
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Distance in mm from the last vertex to the film, and the film's scale s; see `focused_lens`."""
     seen = first_order(prescription)
     indices = prescription.indices(line())
     disparity = focus_disparity * 1e-3
@@ -241,19 +315,26 @@ def focused_lens(
         film = best
     if breathing:
         scale = camera.focal_length * 1e3
-    power = jnp.asarray(4.0 if falloff else 0.0, dtype=film.dtype)
-    lens = _placed(prescription, indices, film, scale, seen.entrance_pupil, _film_step(camera), power)
-    return dataclasses.replace(lens, focus_disparity=focus_disparity)
+    return film, scale
 
 
 def at_wavelength(
     lens: PrescriptionLens, camera: Camera, wavelength: SupportsFloat | Float[Array, ""]
 ) -> PrescriptionLens:
     """The same lens with its film where it is, for light of another `wavelength` in nm."""
-    indices = lens.prescription.indices(jnp.asarray(wavelength, dtype=lens.indices.dtype))
+    return with_indices(
+        lens, camera, lens.prescription.indices(jnp.asarray(wavelength, dtype=lens.indices.dtype))
+    )
+
+
+def with_indices(
+    lens: PrescriptionLens, camera: Camera, indices: Float[Array, " n_plus_1"]
+) -> PrescriptionLens:
+    """The same lens with its film where it is, for light that is refracted by other `indices`."""
     place = (lens.film_place, lens.film_scale, lens.entrance_pupil, _film_step(camera))
     other = _placed(lens.prescription, indices, *place, lens.falloff)
-    return dataclasses.replace(other, focus_disparity=lens.focus_disparity, exposure=lens.exposure)
+    kept = {name: getattr(lens, name) for name in ("focus_disparity", "exposure", "focus", "breathing")}
+    return dataclasses.replace(other, **kept)
 
 
 def _film_step(camera: Camera) -> Float[Array, ""]:
@@ -272,7 +353,7 @@ def _placed(
     scale: Float[Array, ""],
     pupil: Float[Array, ""],
     step: Float[Array, ""],
-    falloff: Float[Array, ""],
+    falloff: bool,
 ) -> PrescriptionLens:
     """The lens with its film in place: find what film points see, and bound their rays."""
     radii = 0.5 * step * jnp.arange(2 * _RADII - 1, dtype=indices.dtype)
@@ -282,9 +363,9 @@ def _placed(
     rings = pupils.radial[0] * jnp.sqrt((jnp.arange(_RINGS, dtype=indices.dtype) + 0.5) / _RINGS)
 
     def light(ring: Array) -> Array:
-        middle = jnp.zeros(2, dtype=ring.dtype)
-        found, cosine = from_film(prescription, indices, film, middle, jnp.stack([ring, middle[0]]))
-        return openness(found.clearance) * cosine**falloff
+        zero = jnp.zeros_like(ring)
+        found, cosine = from_film(prescription, indices, film, (zero, zero), (ring, zero))
+        return openness(found.clearance) * (cosine**4 if falloff else 1.0)
 
     return PrescriptionLens(
         prescription=prescription,
@@ -298,6 +379,8 @@ def _placed(
         bounds=bounds,
         exposure=jnp.mean(jax.vmap(light)(rings)) * pupils.radial[0] * pupils.tangential[0],
         falloff=falloff,
+        focus="traced",
+        breathing=False,
     )
 
 
@@ -325,8 +408,8 @@ def _best_film(
     return -jnp.sum(weight * place * slope) / jnp.sum(weight * slope**2)
 
 
-def _polar(vector: Float[Array, "2"]) -> tuple[Float[Array, ""], Float[Array, "2"]]:
+def _polar(x: Float[Array, ""], y: Float[Array, ""]) -> tuple[Float[Array, ""], Pair]:
     """Length and direction; of the zero vector 0 and x, with derivative 0."""
-    size = length(vector)
-    x_axis = jnp.array([1.0, 0.0], dtype=vector.dtype)
-    return size, jnp.where(size > 0.0, vector / jnp.where(size > 0.0, size, 1.0), x_axis)
+    size = root(x * x + y * y)
+    inverse = 1.0 / jnp.where(size > 0.0, size, 1.0)
+    return size, (jnp.where(size > 0.0, x * inverse, 1.0), y * inverse)

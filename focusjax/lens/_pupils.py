@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from focusjax.lens._length import Pair
 from focusjax.optics import Prescription, RealRay, trace
 
 SOFTNESS = 0.02
@@ -49,15 +50,22 @@ def from_film(
     lens: Prescription,
     indices: Float[Array, " n_plus_1"],
     film_distance: Float[Array, ""],
-    film: Float[Array, "2"],
-    target: Float[Array, "2"],
+    film: Pair,
+    target: Pair,
 ) -> tuple[RealRay, Float[Array, ""]]:
     """The ray from a film point through a point of the last vertex plane (mm), and its cosine at the film."""
-    last = lens.vertices()[-1]
-    step = jnp.append(target - film, -film_distance)
-    length = jnp.sqrt(step @ step)
-    start = jnp.append(film, last + film_distance)
-    return trace(lens, indices, start, step / length, backward=True), film_distance / length
+    start, way = way_from_film(lens, film_distance, film, target)
+    return trace(lens, indices, start, way, backward=True), -way[2]
+
+
+def way_from_film(
+    lens: Prescription, film_distance: Float[Array, ""], film: Pair, target: Pair
+) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+    """A film point (mm from the first vertex) and the unit vector from there to a target, both [3]."""
+    x, y = target[0] - film[0], target[1] - film[1]
+    inverse = 1.0 / jnp.sqrt(x * x + y * y + film_distance * film_distance)
+    start = jnp.stack([film[0], film[1], lens.vertices()[-1] + film_distance])
+    return start, jnp.stack([x * inverse, y * inverse, -film_distance * inverse])
 
 
 def openness(clearance: Float[Array, ""]) -> Float[Array, ""]:
@@ -81,8 +89,7 @@ def find_pupils(
     reach = 1.5 * lens.semi_diameters[-1]
 
     def clearance(height: Array, x: Array, y: Array) -> Array:
-        film = jnp.stack([height, jnp.zeros_like(height)])
-        ray, _ = from_film(lens, indices, film_distance, film, jnp.stack([x, y]))
+        ray, _ = from_film(lens, indices, film_distance, (height, jnp.zeros_like(height)), (x, y))
         return ray.clearance
 
     def find(height: Array) -> tuple[Array, Array, Array]:

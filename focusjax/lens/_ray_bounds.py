@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from focusjax.lens._length import Pair
 from focusjax.lens._pupils import Pupils, from_film, openness, turns
 from focusjax.optics import Prescription
 
@@ -54,10 +55,11 @@ class RayBounds(eqx.Module):
 
 def exit_line(
     position: Float[Array, "3"], direction: Float[Array, "3"], pupil: Float[Array, ""]
-) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
-    """Slopes [2] of a ray that left backwards, and where [2] in mm it crosses the plane at `pupil`."""
-    slope = -direction[:2] / direction[2]
-    return slope, position[:2] - slope * (pupil - position[2])
+) -> tuple[Pair, Pair]:
+    """Slopes of a ray that left backwards, and where in mm it crosses the plane at `pupil`."""
+    inverse, beyond = -1.0 / direction[2], pupil - position[2]
+    x, y = direction[0] * inverse, direction[1] * inverse
+    return (x, y), (position[0] - x * beyond, position[1] - y * beyond)
 
 
 def find_bounds(
@@ -77,12 +79,13 @@ def find_bounds(
         rings = share * rim[None]
         x, y = inside + rings * jnp.cos(angles), rings * jnp.sin(angles)
         area = jnp.where(share < 1.0, rim[None] ** 2, 0.0)
-        film = jnp.stack([-film_scale * radius, jnp.zeros_like(radius)])
+        film = (-film_scale * radius, jnp.zeros_like(radius))
 
         def ray(x: Array, y: Array) -> tuple[Array, Array, Array]:
             # Film points are on the negative side here, so that they look to the positive one.
-            found, _ = from_film(lens, indices, film_distance, film, jnp.stack([-x, y]))
-            slope, crossing = exit_line(found.position, found.direction, entrance_pupil)
+            found, _ = from_film(lens, indices, film_distance, film, (-x, y))
+            line = exit_line(found.position, found.direction, entrance_pupil)
+            slope, crossing = (jnp.stack(pair) for pair in line)
             flat = slope @ slope < STEEPEST**2
             light = openness(found.clearance + 1e-3) * flat
             return slope, crossing * 1e-3, light

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import SupportsFloat
 
 from focusjax.geometry import Camera
-from focusjax.lens._base import Channel
+from focusjax.lens._base import AbstractLens, Channel
 from focusjax.lens._coloured import AbstractColouredLens
 from focusjax.lens._prescription import PrescriptionLens, at_wavelength
 from focusjax.optics import RGB_WAVELENGTHS
@@ -16,12 +16,12 @@ class SpectralLens(AbstractColouredLens):
     """A real lens that refracts red, green and blue light each by its own indices.
 
     Attributes:
-        lens: for the one wavelength that it was focused with.
+        lens: for the one wavelength that it was focused with, a `PrescriptionLens` or `FittedLens`.
         bands: the same lens for red, green and blue, its film in the same place.
     """
 
-    lens: PrescriptionLens
-    bands: tuple[PrescriptionLens, PrescriptionLens, PrescriptionLens]
+    lens: AbstractLens
+    bands: tuple[AbstractLens, AbstractLens, AbstractLens]
 
     def channels(self) -> tuple[Channel, ...]:
         return tuple(Channel(band, colour) for band, colour in zip(self.bands, _COLOURS, strict=True))

@@ -13,6 +13,7 @@ from focusjax.optics._glass import Sellmeier as Sellmeier
 from focusjax.optics._glass import abbe_number as abbe_number
 from focusjax.optics._glass import air as air
 from focusjax.optics._height_field import HeightField as HeightField
+from focusjax.optics._load import LENS_FILES as LENS_FILES
 from focusjax.optics._load import PRESETS as PRESETS
 from focusjax.optics._load import lens_preset as lens_preset
 from focusjax.optics._load import load_lens as load_lens

@@ -12,6 +12,8 @@ from focusjax.optics._read_zemax import read_zemax
 from focusjax.optics._rows import LensFileError
 
 _READERS = {".dat": read_pbrt, ".zmx": read_zemax, ".json": read_json}
+LENS_FILES = tuple(_READERS)
+"""Endings of files that `load_lens` reads."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -52,12 +52,7 @@ def trace(
     Returns:
         The ray as it leaves. Where surfaces cut it off it goes on as if they did not end.
     """
-    (x, y, z, u, v, w, clearance, alive), _ = _walk(lens, indices, position, direction, backward)
-    return RealRay(
-        position=jnp.stack([x, y, z]),
-        direction=jnp.stack([u, v, w]),
-        clearance=jnp.where(alive, clearance, BLOCKED),
-    )
+    return trace_path(lens, indices, position, direction, backward=backward)[0]
 
 
 def trace_path(
@@ -65,10 +60,17 @@ def trace_path(
     indices: Float[Array, " n_plus_1"],
     position: Float[Array, "3"],
     direction: Float[Array, "3"],
+    *,
+    backward: bool = False,
 ) -> tuple[RealRay, Float[Array, "n 3"]]:
-    """As `trace` from the scene's side, with the points where the ray meets each surface."""
-    _, points = _walk(lens, indices, position, direction, False)
-    return trace(lens, indices, position, direction), points
+    """As `trace`, with the points where the ray meets each surface, in the order of the surfaces."""
+    (x, y, z, u, v, w, clearance, alive), points = _walk(lens, indices, position, direction, backward)
+    ray = RealRay(
+        position=jnp.stack([x, y, z]),
+        direction=jnp.stack([u, v, w]),
+        clearance=jnp.where(alive, clearance, BLOCKED),
+    )
+    return ray, points[::-1] if backward else points
 
 
 def _walk(

@@ -2,11 +2,13 @@
 
 from focusjax.report._depth_of_field import DepthOfField as DepthOfField
 from focusjax.report._depth_of_field import depth_of_field as depth_of_field
-from focusjax.report._page import angle as angle
-from focusjax.report._page import f_number as f_number
-from focusjax.report._page import metres as metres
+from focusjax.report._glass import glass_facts as glass_facts
+from focusjax.report._glass import glass_sentences as glass_sentences
 from focusjax.report._save import FILES as FILES
 from focusjax.report._save import save_outcome as save_outcome
 from focusjax.report._summary import movements as movements
 from focusjax.report._summary import summary as summary
 from focusjax.report._summary import versions as versions
+from focusjax.report._words import angle as angle
+from focusjax.report._words import f_number as f_number
+from focusjax.report._words import metres as metres

@@ -5,6 +5,9 @@ from typing import Any
 
 import jinja2
 
+from focusjax.report._glass import glass_sentences
+from focusjax.report._words import angle, f_number, metres
+
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("focusjax.report", "."),
     autoescape=True,
@@ -19,12 +22,14 @@ _STAGES = {
     "solve_first": "solve, first time (with its compile)",
     "solve": "solve, once compiled",
     "solve_again": "solve in the moved frame",
+    "glass": "focus and fit the real lens",
     "peel": "peel layers",
     "examine_layers": "examine the layers",
     "plan": "plan rays",
     "render": "trace rays",
     "examine": "examine the picture",
     "pinhole": "sharp view",
+    "develop": "expose and develop",
     "compile": "compile the other stages",
 }
 
@@ -43,6 +48,7 @@ def page(title: str, facts: dict[str, Any], pictures: dict[str, str]) -> str:
         facts=facts,
         pictures=pictures,
         lens=facts["lens"],
+        glass=glass_sentences(facts["lens"]["glass"]) if facts["lens"]["glass"] else [],
         wishes=facts["wishes"],
         met=sum(wish["met"] for wish in facts["wishes"]),
         stages=[
@@ -57,31 +63,6 @@ def page(title: str, facts: dict[str, Any], pictures: dict[str, str]) -> str:
         pixels=_pixels,
         seconds=_seconds,
     )
-
-
-def metres(value: float | str) -> str:
-    """A distance as a photographer writes it; a plane that meets the view axis behind the lens says so."""
-    value = float(value)
-    if math.isinf(value):
-        return "∞"
-    if value < 0:
-        return f"{metres(-value)} behind the lens"
-    if value < 1:
-        return f"{100 * value:.3g} cm"
-    return f"{value:.2f} m" if value < 100 else f"{value:.0f} m"
-
-
-def f_number(value: float | str) -> str:
-    """An f-number as engraved on a lens."""
-    value = float(value)
-    if math.isinf(value):
-        return "pinhole"
-    return f"f/{value:.2f}" if value < 1 else f"f/{value:.1f}" if value < 10 else f"f/{value:.0f}"
-
-
-def angle(degrees: float) -> str:
-    """A tilt or swing with its sign."""
-    return f"{0.0 if abs(degrees) < 0.005 else degrees:+.2f}°"
 
 
 def _spread(name: str, error: float | str) -> str:

@@ -23,6 +23,7 @@ from focusjax.config import (
 )
 from focusjax.focus import FocusPoint
 from focusjax.geometry import Camera
+from focusjax.job import Development, find_development
 from focusjax.lens import ThinLens, TiltShiftLens
 from focusjax.scene import SceneObject, placement
 from focusjax.shot._camera import camera_path, pose_path
@@ -38,7 +39,8 @@ def build_shot(config: Config) -> Shot:
     """Everything that `[shot]` and the tables it changes ask for, loaded and checked.
 
     Raises:
-        ConfigError: no `[shot]` table, a focal surface, an unknown name, or a value that does not fit.
+        ConfigError: no `[shot]` table, a focal surface, a real lens, an unknown name, or a value that does
+            not fit.
     """
     table = config.shot
     if table is None:
@@ -47,6 +49,11 @@ def build_shot(config: Config) -> Shot:
         raise ConfigError(
             f"{config.source}: there is a [shot] and a lens.focal_surface, which does not change over time;"
             " leave one of them out"
+        )
+    if config.lens.prescription is not None:
+        raise ConfigError(
+            f"{config.source}: there is a [shot] and a lens.prescription, which is for single pictures; leave"
+            " one of them out"
         )
     camera = build_camera(config)
     first = build_lens(config, camera, solved=True)
@@ -89,7 +96,22 @@ def build_settings(config: Config) -> FrameSettings:
         seed=table.seed,
         exposure=table.exposure,
         bits=table.png_bits,
+        development=_development(config),
     )
+
+
+def _development(config: Config) -> Development | None:
+    """How frames are exposed and developed, all alike."""
+    development = find_development(config)
+    if development is None:
+        return None
+    if config.exposure is not None and config.exposure.free:
+        missing = " and ".join(f"exposure.{name}" for name in config.exposure.free)
+        raise ConfigError(
+            f"{config.source}: a shot is exposed alike in all its frames; give {missing}, instead of having"
+            " them chosen"
+        )
+    return development
 
 
 def _tell_keys_outside(config: Config, table: ShotTable) -> None:

@@ -1,0 +1,49 @@
+"""From `lens.prescription` to a real lens."""
+
+from pathlib import Path
+
+from focusjax.config._build import located
+from focusjax.config._errors import ConfigError
+from focusjax.config._load import Config
+from focusjax.geometry import Camera
+from focusjax.lens import PrescriptionLens, SpectralLens, ThinLens, prescription_lens, spectral_lens
+from focusjax.optics import LENS_FILES, LensFileError, Prescription, lens_preset, load_lens
+
+
+def build_real_lens(config: Config, camera: Camera, lens: ThinLens) -> PrescriptionLens | SpectralLens | None:
+    """The lens of `lens.prescription` with the focal length, focus and f-number of a thin one; None without.
+
+    Raises:
+        ConfigError: a file that cannot be read, no such lens, or one that cannot be opened or focused so.
+    """
+    table = config.lens
+    if table.prescription is None:
+        return None
+    try:
+        made = prescription_lens(
+            _prescription(config, table.prescription),
+            camera,
+            focus_distance=float(lens.focus_distance()),
+            f_number=float(lens.f_number(camera)),
+        )
+        return spectral_lens(made, camera) if table.spectral else made
+    except LensFileError as error:
+        raise ConfigError(f"{config.source}: lens.prescription: {error}") from error
+    except ValueError as error:
+        raise located(error, config) from error
+
+
+def _prescription(config: Config, name: str) -> Prescription:
+    """A lens file, beside the config if its path is relative, or one that comes along.
+
+    Raises:
+        LensFileError: a file that cannot be read.
+        ValueError: no file's name, and no lens that comes along.
+    """
+    if Path(name).suffix.lower() in LENS_FILES:
+        return load_lens(config.source.parent / name)
+    try:
+        return lens_preset(name)
+    except ValueError as error:
+        files = ", ".join(LENS_FILES)
+        raise ValueError(f"lens.prescription: {error} Or give a lens file ({files})") from error

@@ -1,0 +1,256 @@
+"""A real lens by polynomials instead of glass: quick, and with a known error."""
+
+import functools
+import math
+from typing import SupportsFloat, overload
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from focusjax.geometry import Camera, LensRay
+from focusjax.lens._aperture import Disk
+from focusjax.lens._base import AbstractLens
+from focusjax.lens._fit_error import FitError, fit_error
+from focusjax.lens._prescription import PrescriptionLens, line_of
+from focusjax.lens._pupils import SOFTNESS, way_from_film
+from focusjax.lens._ray_bounds import STEEPEST, exit_line
+from focusjax.lens._spectral import SpectralLens
+from focusjax.lens._transfer import TracedRays, Transfer, fit_transfers
+from focusjax.optics import BLOCKED, HeightField, trace_path
+
+_FILM_POINTS, _RINGS, _TURNS = 16, 9, 13
+_HIGHEST = 6
+_DEGREES = range(2, _HIGHEST + 1)
+_BESIDE = 0.03
+"""Clearance beyond a rim up to which rays count fully."""
+_LITTLE = 0.03
+"""How much rays farther out count."""
+
+
+class FittedLens(AbstractLens):
+    """A `PrescriptionLens` whose rays come from polynomials. `fitted_lens` makes one.
+
+    All but the rays is that lens's own. Where rims cut light off is found as there, from the distances to the
+    axis that rays have where the rims are, so that cat's eyes keep their edges.
+
+    Attributes:
+        exact: the lens that it stands for.
+        transfer: the polynomials.
+        rims: numbers of the surfaces whose rims cut light off (static).
+        error: how far its rays are from that lens's.
+    """
+
+    exact: PrescriptionLens
+    transfer: Transfer
+    rims: tuple[int, ...] = eqx.field(static=True)
+    error: FitError
+
+    def opening(self) -> Disk:
+        return self.exact.opening()
+
+    def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
+        aim = self.exact.aim(camera, film_point, pupil_point)
+        (x, y), crossing, clearance = self.transfer(aim.tangents, aim.target)
+        slope = (x - aim.tangents[0], y - aim.tangents[1])
+        return line_of(camera, film_point, aim, slope, crossing, clearance)
+
+    def blur(
+        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
+    ) -> Float[Array, ""]:
+        return self.exact.blur(camera, film_point, disparity)
+
+    def footprint(
+        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
+    ) -> tuple[Float[Array, "2"], Float[Array, ""]]:
+        return self.exact.footprint(camera, film_point, disparity)
+
+    def reach(self, camera: Camera, disparity: Float[Array, ""]) -> Float[Array, ""]:
+        return self.exact.reach(camera, disparity)
+
+    def parallax(self, camera: Camera) -> Float[Array, ""]:
+        return self.exact.parallax(camera)
+
+    def focus_distance(self) -> Float[Array, ""]:
+        """Distance in metres from the entrance pupil to the plane in focus; infinite when that is far."""
+        return self.exact.focus_distance()
+
+    def f_number(self, camera: Camera) -> Float[Array, ""]:
+        """Focal length over entrance pupil diameter, at the line d."""
+        return self.exact.f_number(camera)
+
+
+class PoorFitError(ValueError):
+    """No polynomials come near enough to a lens."""
+
+
+@overload
+def fitted_lens(
+    lens: PrescriptionLens,
+    camera: Camera,
+    *,
+    error_px: SupportsFloat = ...,
+    nearest: SupportsFloat = ...,
+    farthest: SupportsFloat = ...,
+) -> FittedLens: ...
+@overload
+def fitted_lens(
+    lens: SpectralLens,
+    camera: Camera,
+    *,
+    error_px: SupportsFloat = ...,
+    nearest: SupportsFloat = ...,
+    farthest: SupportsFloat = ...,
+) -> SpectralLens: ...
+def fitted_lens(
+    lens: PrescriptionLens | SpectralLens,
+    camera: Camera,
+    *,
+    error_px: SupportsFloat = 0.05,
+    nearest: SupportsFloat = 0.5,
+    farthest: SupportsFloat = math.inf,
+) -> FittedLens | SpectralLens:
+    """A real lens with polynomials for its rays, which are quicker to trace.
+
+    Of several degrees the lowest is taken whose error, over rays that were not fitted, is small enough.
+
+    Args:
+        lens: focused already. Of a `SpectralLens`, each colour is fitted.
+        camera: that it was made for.
+        error_px: by how much, in pixels, rays and outlines of the opening may be off at most, anywhere in the
+            frame.
+        nearest: metres to the nearest thing for which this holds. Errors grow as 1 over the distance.
+        farthest: metres to the farthest.
+
+    Raises:
+        PoorFitError: a lens whose rays no degree up to 6 comes near enough to.
+        ValueError: distances out of order, or an error that is not positive.
+
+    Example:
+        >>> from focusjax.geometry import look_at
+        >>> from focusjax.lens import prescription_lens
+        >>> from focusjax.optics import lens_preset
+        >>> camera = look_at((0, 0, 2), (0, 0, 0), width=60, height=40, focal_length=0.05)
+        >>> triplet = prescription_lens(lens_preset("cooke_triplet_50mm_f4"), camera, focus_distance=2.0)
+        >>> fitted = fitted_lens(triplet, camera)
+        >>> bool(fitted.error.largest() < 0.05)
+        True
+    """
+    wanted, near, far = float(error_px), float(nearest), float(farthest)
+    if not 0.0 < wanted < math.inf:
+        raise ValueError(f"the error allowed is {wanted} px; expected a positive number such as 0.05")
+    if not 0.0 < near < far:
+        raise ValueError(
+            f"the nearest distance is {near} m and the farthest {far} m; expected positive ones in order"
+        )
+    if isinstance(lens, SpectralLens):
+        fit = functools.partial(fitted_lens, camera=camera, error_px=wanted, nearest=near, farthest=far)
+        red, green, blue = (fit(unfitted(band)) for band in lens.bands)
+        return SpectralLens(fit(unfitted(lens.lens)), (red, green, blue))
+    name = lens.prescription.name
+    if any(isinstance(surface, HeightField) for surface in lens.prescription.surfaces):
+        raise PoorFitError(f"{name} is not the same all around its axis; trace it exactly")
+    disparities = jnp.asarray([1.0 / far, 1.0 / near], dtype=lens.indices.dtype)
+    rays = eqx.filter_jit(_traced)(lens, camera)
+    rims = _limiting_rims(rays)
+    found, rough = _fits(rays, lens, camera, disparities, rims, tuple(_DEGREES))
+    least = math.inf
+    for transfer, off in zip(found, np.asarray(rough), strict=True):
+        # Over other rays the error is hardly less than over those that were fitted.
+        if off > wanted and transfer.degree < _HIGHEST:
+            continue
+        error = fit_error(lens, transfer, camera, disparities)
+        if float(error.largest()) <= wanted:
+            return FittedLens(lens, transfer, rims, error)
+        least = min(least, float(error.largest()))
+    raise PoorFitError(
+        f"the best polynomials for {name} are off by {least:.2g} px, of {wanted:g} px allowed; allow more,"
+        " ask for things farther away, stop it down, or trace it exactly"
+    )
+
+
+def refitted(fitted: FittedLens, lens: PrescriptionLens, camera: Camera) -> FittedLens:
+    """Polynomials of the same degree and rims for a lens that has changed, unchecked.
+
+    For derivatives and compiled code: differentiable in all that `lens` is. Its `error` is the old one.
+    """
+    ends = fitted.error.disparities
+    rays = _traced(lens, camera)
+    (transfer,), _ = _fits(rays, lens, camera, ends, fitted.rims, (fitted.transfer.degree,))
+    return FittedLens(lens, transfer, fitted.rims, fitted.error)
+
+
+@eqx.filter_jit
+def _fits(
+    rays: TracedRays,
+    lens: PrescriptionLens,
+    camera: Camera,
+    disparities: Float[Array, "2"],
+    rims: tuple[int, ...],
+    degrees: tuple[int, ...],
+) -> tuple[list[Transfer], Float[Array, " d"]]:
+    """Polynomials of some degrees, and the largest error in pixels of each over the rays it is fitted to."""
+    rays = eqx.tree_at(lambda r: r.squares, rays, rays.squares[:, jnp.array(rims)])
+    last = lens.pupils.centre.shape[0] - 1
+    steps = jnp.arange(last + 1, dtype=lens.indices.dtype)
+    lean = jnp.sum(lens.pupils.centre * steps) / jnp.sum(steps**2)
+    beside = jnp.abs(lens.pupils.centre - lean * steps)
+    reach = jnp.max(jnp.hypot(beside + lens.pupils.radial, lens.pupils.tangential))
+    scales = (1.0 / (last * lens.film_step), last * lean, 1.0 / reach)
+    made, errors = [], []
+    for transfer, slope, crossing, _ in fit_transfers(*scales, rays, degrees):
+        off = slope[:, None] + 1e-3 * disparities[None, :, None] * crossing[:, None]
+        lit = rays.line_weight == 1.0
+        errors.append(
+            camera.focal_px * jnp.max(jnp.where(lit, jnp.linalg.norm(off, axis=-1).max(axis=1), 0.0))
+        )
+        made.append(transfer)
+    return made, jnp.stack(errors)
+
+
+def _limiting_rims(rays: TracedRays) -> tuple[int, ...]:
+    """Numbers of the surfaces whose rims cut any ray off, or nearly so."""
+    squares, counts = np.asarray(rays.squares), np.asarray(rays.rim_weight) > 0
+    largest = squares.max(axis=1, keepdims=True)
+    first = (squares == largest) & (largest > (1.0 - 2.0 * SOFTNESS) ** 2) & counts[:, None]
+    return tuple(int(number) for number in np.flatnonzero(first.any(axis=0)))
+
+
+def _traced(lens: PrescriptionLens, camera: Camera) -> TracedRays:
+    """Rays through the glass over film radii and the ellipses of each, and the squares at all surfaces."""
+    dtype = lens.indices.dtype
+    last = lens.pupils.centre.shape[0] - 1
+    radii = np.sin(0.5 * np.pi * np.linspace(0.0, 1.0, _FILM_POINTS)) * last
+    rings = np.append(np.sin(0.5 * np.pi * (np.arange(_RINGS - 1) + 0.5) / (_RINGS - 1)), 1.0)
+    turns = np.linspace(0.0, np.pi, _TURNS)
+    places, rings, turns = (a.ravel() for a in np.meshgrid(radii, rings, turns, indexing="ij"))
+    pupil = np.stack([rings * np.cos(turns), rings * np.sin(turns)], axis=1)
+
+    def one(place: Array, pupil: Array) -> TracedRays:
+        tangents = jnp.stack([place * lens.film_step, jnp.zeros_like(place)])
+        film_point = camera.principal_point - camera.focal_px * tangents
+        aim = lens.aim(camera, film_point, pupil)
+        x, y = aim.tangents
+        film = lens.film_scale * x, lens.film_scale * y
+        start, way = way_from_film(lens.prescription, lens.film_place, film, aim.target)
+        found, points = trace_path(lens.prescription, lens.indices, start, way, backward=True)
+        line = exit_line(found.position, found.direction, lens.entrance_pupil)
+        slope, crossing = (jnp.stack(pair) for pair in line)
+        squares = (points[:, 0] ** 2 + points[:, 1] ** 2) / lens.prescription.semi_diameters**2
+        there = (found.clearance > 0.5 * BLOCKED) & (slope @ slope < STEEPEST**2)
+        near = jnp.where(found.clearance > -_BESIDE, 1.0, _LITTLE)
+        rim = jnp.where(squares.max() < 1.5, 1.0, _LITTLE)
+        weights = [jnp.where(there, weight, 0.0) for weight in (near, rim)]
+        beyond = slope + jnp.stack([x, y])
+        return TracedRays(aim.tangents, aim.target, beyond, crossing, squares, *weights)
+
+    return jax.vmap(one)(jnp.asarray(places, dtype=dtype), jnp.asarray(pupil, dtype=dtype))
+
+
+def unfitted(lens: AbstractLens) -> PrescriptionLens:
+    """The lens whose rays are traced."""
+    exact = lens.exact if isinstance(lens, FittedLens) else lens
+    assert isinstance(exact, PrescriptionLens)
+    return exact

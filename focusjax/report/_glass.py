@@ -1,0 +1,56 @@
+"""What a run tells of the real lens that its picture was made with."""
+
+from typing import Any
+
+from focusjax.job import Outcome
+from focusjax.report._words import metres
+
+
+def glass_facts(outcome: Outcome) -> dict[str, Any] | None:
+    """The real lens in plain values; None where there is none. Errors are the largest of all colours."""
+    found = outcome.glass
+    if found is None:
+        return None
+    lens = found.middle
+    facts: dict[str, Any] = {
+        "name": lens.prescription.name,
+        "focus_distance_m": float(lens.focus_distance()),
+        "focused_by": "spots" if found.by_rays else "distance",
+        "f_number": float(lens.f_number(outcome.camera)),
+        "film_distance_mm": float(lens.film_place),
+        "spectral": outcome.config.lens.spectral,
+        "spots_px": found.spots,
+        "fit": None,
+        "poor_fit": found.poor_fit,
+    }
+    if found.errors:
+        facts["fit"] = {
+            "worst_px": max(float(error.worst.max()) for error in found.errors),
+            "rms_px": max(float(error.rms.max()) for error in found.errors),
+            "outline_px": max(float(error.outline.max()) for error in found.errors),
+            "light_misplaced": max(float(error.light) for error in found.errors),
+            "nearest_m": 1.0 / float(found.errors[0].disparities.max()),
+        }
+    return facts
+
+
+def glass_sentences(facts: dict[str, Any]) -> list[str]:
+    """What `glass_facts` says, for people."""
+    colours = ", each colour for itself" if facts["spectral"] else ""
+    how = " where what is wished sharp has the smallest spots" if facts["focused_by"] == "spots" else ""
+    sentences = [
+        f"Through the glass of {facts['name']}{colours}: focused at {metres(facts['focus_distance_m'])}{how},"
+        f" the film {facts['film_distance_mm']:.2f} mm behind it."
+    ]
+    if facts["spots_px"]:
+        sizes = ", ".join(f"{name} {size:.2f} px" for name, size in facts["spots_px"].items())
+        sentences.append(f"RMS diameters of spots: {sizes}.")
+    if facts["fit"] is not None:
+        fit = facts["fit"]
+        sentences.append(
+            f"Rays are by polynomials, {fit['worst_px']:.2g} px off at most, {fit['rms_px']:.2g} px RMS down"
+            f" to {metres(fit['nearest_m'])}, outlines {fit['outline_px']:.2g} px."
+        )
+    if facts["poor_fit"]:
+        sentences.append(f"Rays are traced exactly: {facts['poor_fit']}.")
+    return sentences

@@ -1,0 +1,175 @@
+"""How long real lenses take to trace beside thin ones, exactly and by polynomials, and how far these are off.
+
+One scene, one camera, rays enough: each lens peels once, then all are traced in turns, so that what else the
+machine does falls on all alike. The first round tells what compiling costs, the medians of those after it
+what tracing costs, over that of the thin lens of the same f-number. Run it on a quiet machine.
+
+    python scripts/bench_lenses.py --json result.json
+"""
+
+import argparse
+import dataclasses
+import json
+import statistics
+import time
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from _procedural import boulders, wall
+from rich.console import Console
+from rich.table import Table
+
+from focusjax.geometry import make_camera
+from focusjax.layers import peel
+from focusjax.lens import (
+    FittedLens,
+    PrescriptionLens,
+    ThinLens,
+    fitted_lens,
+    prescription_lens,
+    spectral_lens,
+    thin_lens,
+)
+from focusjax.metrics import psnr
+from focusjax.optics import find_glass, lens_preset, singlet
+from focusjax.scene import Scene, make_object, make_scene
+from focusjax.trace import render
+
+NEAREST = 0.8
+"""Metres: nothing in the scene is nearer."""
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--width", type=int, default=800)
+    parser.add_argument("--height", type=int, default=600)
+    parser.add_argument("--rays", type=int, default=64)
+    parser.add_argument("--focus", type=float, default=2.0, help="focus distance in metres")
+    parser.add_argument("--double-gauss", type=float, default=2.0, help="f-number")
+    parser.add_argument("--singlet", type=float, default=4.0, help="f-number")
+    parser.add_argument("--error", type=float, default=0.05, help="pixels that a fitted lens may be off")
+    parser.add_argument("--balls", type=int, default=60, help="of 5120 triangles each")
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--spectral", action="store_true", help="the double Gauss in colours, too")
+    parser.add_argument("--json", type=Path, help="file for the results")
+    return parser.parse_args()
+
+
+def scene_of(balls: int) -> Scene:
+    """Lumpy balls 1 to 6 m away before a wall at 7 m."""
+    mesh = boulders(balls)
+    colours = np.asarray(mesh.visual.vertex_colors)[:, :3] / 255.0
+    lumps = make_object("balls", mesh.vertices, mesh.faces, vertex_colours=colours)
+    objects = [dataclasses.replace(each, vertices=0.5 * each.vertices) for each in (lumps, wall())]
+    return make_scene(objects, unlit=True)
+
+
+def lenses_of(options: argparse.Namespace, camera) -> dict[str, tuple[object, str]]:
+    """By name, each with the name of the thin lens that it is compared with."""
+    gauss, single = options.double_gauss, options.singlet
+    length = float(camera.focal_length)
+
+    def thin(f_number: float) -> ThinLens:
+        return thin_lens(focus_distance=options.focus, focal_length=length, f_number=f_number)
+
+    def real(prescription, f_number: float) -> PrescriptionLens:
+        return prescription_lens(prescription, camera, focus_distance=options.focus, f_number=f_number)
+
+    def fitted(lens):
+        return fitted_lens(lens, camera, error_px=options.error, nearest=NEAREST)
+
+    simple = singlet(50.0, -50.0, thickness=5.0, semi_diameter=9.0, glass=find_glass("N-BK7"))
+    first, second = f"thin, f/{single:g}", f"thin, f/{gauss:g}"
+    exact, double = real(simple, single), real(lens_preset("gauss_jp62087922_f1.8_1987"), gauss)
+    found = {
+        first: (thin(single), first),
+        "singlet, exact": (exact, first),
+        "singlet, fitted": (fitted(exact), first),
+        second: (thin(gauss), second),
+        "double Gauss, exact": (double, second),
+        "double Gauss, fitted": (fitted(double), second),
+    }
+    if options.spectral:
+        coloured = spectral_lens(double, camera)
+        found["double Gauss, colours, exact"] = (coloured, second)
+        found["double Gauss, colours, fitted"] = (fitted(coloured), second)
+    return found
+
+
+def measure(options: argparse.Namespace) -> dict[str, dict[str, object]]:
+    """Results of each lens by name; seconds, pixels and decibels."""
+    camera = make_camera(np.eye(4), width=options.width, height=options.height, focal_length=0.05)
+    scene, results = scene_of(options.balls), {}
+    lenses = lenses_of(options, camera)
+    layers = {}
+    for name, (lens, _) in lenses.items():
+        start = time.perf_counter()
+        layers[name] = peel(scene, camera, lens, supersampling=1)
+        jax.block_until_ready(layers[name].cells)
+        results[name] = {"peel with compiling": time.perf_counter() - start, "layers": layers[name].count}
+    seconds, pictures = {name: [] for name in lenses}, {}
+    for _ in range(options.repeats + 1):
+        for name, (lens, _) in lenses.items():
+            start = time.perf_counter()
+            pictures[name] = np.asarray(render(layers[name], lens, rays=options.rays))
+            seconds[name].append(time.perf_counter() - start)
+    for name, (lens, thin) in lenses.items():
+        warm, row = statistics.median(seconds[name][1:]), results[name]
+        row["trace"], row["compile"] = warm, seconds[name][0] - warm
+        row["times the thin lens"] = warm / statistics.median(seconds[thin][1:])
+        exact = name.replace("fitted", "exact")
+        if exact != name:
+            row["dB from exact"] = psnr(jnp.asarray(pictures[name]), jnp.asarray(pictures[exact]))
+        if isinstance(lens, FittedLens):
+            error = lens.error
+            row |= {
+                "degree": lens.transfer.degree,
+                "rims": len(lens.rims),
+                "worst px": np.asarray(error.worst).tolist(),
+                "rms px": np.asarray(error.rms).tolist(),
+                "outline px": np.asarray(error.outline).tolist(),
+                "light misplaced": float(error.light),
+            }
+    return results
+
+
+def table(results: dict[str, dict]) -> Table:
+    out = Table(title="Lenses")
+    columns = (
+        "trace",
+        "times the thin lens",
+        "compile",
+        "layers",
+        "degree",
+        "worst px",
+        "rms px",
+        "outline px",
+    )
+    columns = (*columns, "light misplaced", "dB from exact")
+    for column in ("lens", *columns):
+        out.add_column(column, justify="left" if column == "lens" else "right")
+    for name, row in results.items():
+        out.add_row(name, *(shown(row.get(column, "")) for column in columns))
+    return out
+
+
+def shown(value: object) -> str:
+    if isinstance(value, list):
+        return ", ".join(f"{each:.3f}" for each in value)
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def main() -> None:
+    options = arguments()
+    results = measure(options)
+    Console().print(table(results))
+    if options.json is not None:
+        options.json.write_text(json.dumps(results, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

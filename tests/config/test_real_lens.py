@@ -1,0 +1,89 @@
+"""A real lens in a config: focused by the wishes, fitted, reported, and refused where it cannot be."""
+
+import json
+import math
+import shutil
+from importlib import resources
+
+import imageio.v3 as iio
+import pytest
+from boxes_config import write_boxes
+from typer.testing import CliRunner
+
+from focusjax.cli import app
+from focusjax.config import ConfigError, build_camera, build_lens, build_real_lens, load_config
+
+GAUSS = 'lens.prescription="gauss_jp62087922_f1.8_1987"'
+
+
+@pytest.fixture(scope="module")
+def boxes(tmp_path_factory):
+    return write_boxes(tmp_path_factory.mktemp("boxes"))
+
+
+def test_a_picture_through_glass(boxes, tmp_path):
+    options = ["--set", GAUSS, "--set", "solve.free=['focus']", "--out", str(tmp_path)]
+    result = CliRunner().invoke(app, ["run", str(boxes), *options])
+    assert result.exit_code in (0, 3), result.output
+    told = " ".join(result.output.split())
+    assert "Through the glass of gauss_jp62087922_f1.8_1987: focused at" in told
+    assert "RMS diameters of spots: box's front" in told
+    assert "Rays are by polynomials" in told
+    glass = json.loads((tmp_path / "report.json").read_text())["lens"]["glass"]
+    assert glass["focused_by"] == "spots"
+    # The front of the box is 1.75 m away and 13 degrees off the axis, where the field of the lens is curved:
+    # on the axis it is focused nearer. Observed: 1.649.
+    assert glass["focus_distance_m"] == pytest.approx(1.65, abs=0.02)
+    assert glass["f_number"] == pytest.approx(2.0)
+    assert 0 < glass["fit"]["worst_px"] <= 0.05
+    assert glass["poor_fit"] == ""
+    assert "Through the glass of" in (tmp_path / "report.html").read_text()
+    assert iio.imread(tmp_path / "image.png").std() > 10
+
+
+def test_a_file_beside_the_config_and_its_colours(boxes):
+    data = resources.files("focusjax.optics").joinpath("data/lenses/cooke_triplet_50mm_f4.json")
+    with resources.as_file(data) as path:
+        shutil.copy(path, boxes.with_name("mine.json"))
+    config = load_config(boxes, ['lens.prescription="mine.json"', "lens.f_number=5.6", "lens.spectral=true"])
+    camera = build_camera(config)
+    lens = build_real_lens(config, camera, build_lens(config, camera, solved=False))
+    assert len(lens.channels()) == 3
+    assert float(lens.lens.f_number(camera)) == pytest.approx(5.6)
+    assert float(lens.lens.focus_distance()) == pytest.approx(4.0)
+    assert build_real_lens(load_config(boxes), camera, build_lens(config, camera, solved=False)) is None
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["lens.spectral=true"], "lens has spectral, which is about a prescription, and none; name one"),
+        ([GAUSS, "lens.tilt_deg=3"], "lens has tilt_deg and a prescription, which has a look of its own"),
+        ([GAUSS, "lens.power_profile=[0, 0.1]"], "lens has power_profile and a prescription"),
+        ([GAUSS, 'lens.aperture={shape="polygon", blades=6}'], "lens has aperture and a prescription"),
+        ([GAUSS, "solve.free=['focus', 'tilt']"], "has lens.prescription, but solve.free has 'tilt'"),
+        ([GAUSS, "lens.fit_px=-1"], "lens.fit_px is -1; expected a number of at least 0"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(boxes, overrides, message):
+    with pytest.raises(ConfigError) as caught:
+        load_config(boxes, overrides)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (['lens.prescription="gauss"'], "lens.prescription: there is no lens 'gauss'; did you mean gauss_jp"),
+        (['lens.prescription="none.zmx"'], "lens.prescription: "),
+        ([GAUSS, "lens.f_number=1.2"], "opens to f/1.84 at most; f/1.2 is beyond that"),
+    ],
+)
+def test_lenses_that_are_not_there_are_refused(boxes, overrides, message):
+    config = load_config(boxes, overrides)
+    camera = build_camera(config)
+    thin = build_lens(config, camera, solved=True)
+    assert math.isfinite(float(thin.aperture_radius))
+    with pytest.raises(ConfigError) as caught:
+        build_real_lens(config, camera, thin)
+    assert message in str(caught.value)

@@ -83,7 +83,7 @@ def test_differences_of_the_converged_picture(number: int, step: float):
     truth = (ends[0] - ends[1]) / (2 * step)
     found = derivatives()[1][..., number]
     found, truth = blocks(found), blocks(truth)
-    # Within these bounds by focus and by opening; the noise of the differences is in them.
+    # Observed: 1.001 and 0.059 by focus, 1.031 and 0.150 by opening; the noise of the differences is in them.
     assert abs((found * truth).sum() / (truth * truth).sum() - 1.0) < 0.05
     assert np.linalg.norm(found - truth) < 0.25 * np.linalg.norm(truth)
 

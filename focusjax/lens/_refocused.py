@@ -1,7 +1,6 @@
 """Any lens with its focus set elsewhere."""
 
 import dataclasses
-from typing import TypeVar
 
 from jaxtyping import Array, Float
 
@@ -19,8 +18,6 @@ from focusjax.lens._thin import ThinLens
 from focusjax.lens._tilt_shift import TiltShiftLens
 from focusjax.lens._vignetted import VignettedLens
 from focusjax.lens.aberrations import AberratedLens, ChromaticLens
-
-_Lens = TypeVar("_Lens", bound=AbstractLens)
 
 
 def moved_film(lens: AbstractLens, camera: Camera, focus_disparity: Float[Array, ""]) -> AbstractLens:
@@ -45,7 +42,7 @@ def moved_film(lens: AbstractLens, camera: Camera, focus_disparity: Float[Array,
     return refocused(lens, camera, focus_disparity)
 
 
-def refocused(lens: _Lens, camera: Camera, focus_disparity: Float[Array, ""]) -> _Lens:
+def refocused(lens: AbstractLens, camera: Camera, focus_disparity: Float[Array, ""]) -> AbstractLens:
     """`lens` focused on the plane at `focus_disparity` (1/m), as one turns its focusing ring.
 
     The film of a real lens moves; a tilted plane in focus keeps its lean; what wraps a lens stays. For
@@ -76,7 +73,7 @@ def refocused(lens: _Lens, camera: Camera, focus_disparity: Float[Array, ""]) ->
             falloff=lens.falloff,
         )
     if isinstance(lens, FittedLens):
-        return refitted(lens, refocused(lens.exact, camera, focus_disparity), camera)
+        return refitted(lens, unfitted(refocused(lens.exact, camera, focus_disparity)), camera)
     if isinstance(lens, SpectralLens):
         return _spectral(lens, camera, focus_disparity)
     if isinstance(lens, AberratedLens | ChromaticLens | VignettedLens):
@@ -86,7 +83,7 @@ def refocused(lens: _Lens, camera: Camera, focus_disparity: Float[Array, ""]) ->
 
 def _spectral(lens: SpectralLens, camera: Camera, focus_disparity: Float[Array, ""]) -> SpectralLens:
     """Focused for the one wavelength, with the same film for all."""
-    middle = refocused(unfitted(lens.lens), camera, focus_disparity)
+    middle = unfitted(refocused(unfitted(lens.lens), camera, focus_disparity))
 
     def band(old: AbstractLens) -> AbstractLens:
         new = with_indices(middle, camera, unfitted(old).indices)

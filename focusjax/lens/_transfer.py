@@ -103,7 +103,7 @@ def invariants(t: Pair, T: Pair) -> tuple[Float[Array, ""], Float[Array, ""], Fl
     return 2.0 * (x * x + y * y) - 1.0, x * X + y * Y, 2.0 * (X * X + Y * Y) - 1.0
 
 
-def terms(degree: int) -> list[tuple[int, int, int]]:
+def terms(degree: int) -> list[tuple[int, ...]]:
     """Exponents of u, v and w in the order of coefficients: lower total degrees first."""
     powers = itertools.product(range(degree + 1), repeat=3)
     return sorted((each for each in powers if sum(each) <= degree), key=lambda each: (sum(each), each))

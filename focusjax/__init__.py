@@ -3,7 +3,21 @@
 The names a script needs are here; each package below holds the rest of its own.
 """
 
+from focusjax.film import CameraSettings as CameraSettings
+from focusjax.film import LongExposure as LongExposure
+from focusjax.film import Zone as Zone
+from focusjax.film import camera_settings as camera_settings
+from focusjax.film import choose_settings as choose_settings
+from focusjax.film import develop as develop
 from focusjax.film import expose as expose
+from focusjax.film import expose_frames as expose_frames
+from focusjax.film import film_preset as film_preset
+from focusjax.film import fit_settings as fit_settings
+from focusjax.film import luminance_of_light_value as luminance_of_light_value
+from focusjax.film import meter as meter
+from focusjax.film import photograph as photograph
+from focusjax.film import settings_through as settings_through
+from focusjax.film import start_exposure as start_exposure
 from focusjax.focus import AtInfinity as AtInfinity
 from focusjax.focus import AtLeast as AtLeast
 from focusjax.focus import AtMost as AtMost
@@ -57,6 +71,7 @@ from focusjax.lens import FocalSurfaceLens as FocalSurfaceLens
 from focusjax.lens import PrescriptionLens as PrescriptionLens
 from focusjax.lens import ThinLens as ThinLens
 from focusjax.lens import TiltShiftLens as TiltShiftLens
+from focusjax.lens import depth_of_field_lens as depth_of_field_lens
 from focusjax.lens import fitted_lens as fitted_lens
 from focusjax.lens import focal_surface as focal_surface
 from focusjax.lens import focal_surface_lens as focal_surface_lens

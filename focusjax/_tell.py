@@ -41,6 +41,17 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     facts = glass_facts(outcome)
     for sentence in glass_sentences(facts) if facts is not None else ():
         console.print(sentence, highlight=False, markup=False)
+    taken = outcome.photograph
+    if taken is not None and taken.settings is not None:
+        settings = taken.settings
+        console.print(
+            f"{job.shutter(float(settings.time))} at ISO {float(settings.iso):.0f},"
+            f" EV {float(settings.exposure_value()):.1f};"
+            f" {100 * taken.white_share:.1f} % of the picture is white",
+            highlight=False,
+        )
+        if taken.sentence() is not None:
+            console.print(taken.sentence(), highlight=False)
     if outcome.solution is not None:
         console.print(_wishes(outcome.solution))
     if outcome.solution is not None:

@@ -35,6 +35,7 @@ _STAGES = {
     "render": "Tracing rays",
     "examine": "Examining the picture",
     "pinhole": "Sharp view",
+    "develop": "Developing",
     "film": "Writing the film",
     "save": "Writing files",
 }

@@ -214,6 +214,19 @@ def test_the_example_chooses_an_aperture(capsys):
     assert "the sign keeps 0.99 of its own: readable" in shown
 
 
+def test_the_example_photographs_and_reads_the_print(capsys, monkeypatch, tmp_path):
+    path = ROOT / "examples" / "photograph.py"
+    monkeypatch.chdir(tmp_path)
+    exec(compile(path.read_text().replace('"configs/', f'"{ROOT}/configs/'), path.name, "exec"), {})
+    shown = capsys.readouterr().out
+    assert "1/60 s" in shown
+    assert "+0.0 stops off" in shown
+    chosen, found = (float(number) for number in re.findall(r"ISO ([0-9]+)", shown))
+    # Observed 6030 and 6031: what the grain leaves.
+    assert found == pytest.approx(chosen, rel=0.01)
+    assert iio.imread("photograph.png").shape == (72, 96, 3)
+
+
 def test_readme_shows_the_example_as_it_is():
     assert (ROOT / "examples" / "spot.py").read_text() in README
 

@@ -4,6 +4,10 @@ from focusjax.config._build import build_camera as build_camera
 from focusjax.config._build import build_lens as build_lens
 from focusjax.config._build import build_objects as build_objects
 from focusjax.config._build import build_scene as build_scene
+from focusjax.config._build_exposure import build_balance as build_balance
+from focusjax.config._build_exposure import build_choices as build_choices
+from focusjax.config._build_exposure import build_film as build_film
+from focusjax.config._build_exposure import build_zones as build_zones
 from focusjax.config._build_look import build_look as build_look
 from focusjax.config._build_real import build_real_lens as build_real_lens
 from focusjax.config._build_surface import build_control_points as build_control_points
@@ -12,6 +16,7 @@ from focusjax.config._build_wishes import build_focus_points as build_focus_poin
 from focusjax.config._build_wishes import build_solve_options as build_solve_options
 from focusjax.config._errors import ConfigError as ConfigError
 from focusjax.config._errors import sentence_for as sentence_for
+from focusjax.config._exposure import ExposureTable as ExposureTable
 from focusjax.config._load import Config as Config
 from focusjax.config._load import load_config as load_config
 from focusjax.config._load import read_toml as read_toml

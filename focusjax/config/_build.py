@@ -1,5 +1,6 @@
 """From the tables of a config to the library's own objects, units converted."""
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ from focusjax.geometry import Camera, look_at, make_camera
 from focusjax.lens import (
     ThinLens,
     TiltShiftLens,
+    depth_of_field_lens,
     thin_lens,
     tilt_shift_lens,
 )
@@ -115,6 +117,14 @@ def build_lens(config: Config, camera: Camera, *, solved: bool) -> ThinLens | Ti
     table = config.lens
     turned = {"tilt_deg": table.tilt_deg, "swing_deg": table.swing_deg}
     tilted = [f"lens.{key} is {value:g}" for key, value in turned.items() if value]
+    if table.sharp_from_m is not None:
+        assert table.sharp_to_m is not None
+        limits = config.solve.f_number_min, config.solve.f_number_max
+        try:
+            deep = depth_of_field_lens(camera, table.sharp_from_m, table.sharp_to_m, f_number_range=limits)
+            return dataclasses.replace(deep, aperture=build_aperture(config))
+        except ValueError as error:
+            raise located(error, config) from error
     if table.focus_distance_m is None and table.focal_surface is None and not solved:
         raise ConfigError(
             f"{config.source}: lens.focus_distance_m is missing; give it, or solve for it with `focusjax run`"

@@ -13,17 +13,21 @@ from focusjax.lens import (
     AbstractAberration,
     AbstractAperture,
     AbstractLens,
+    DarkenedLens,
     Disk,
     apodized,
     chromatic_lens,
+    cosine_falloff,
     field_curvature,
     focal_surface,
+    hooded_lens,
     mask,
     obstructed,
     polygon,
     power_profile,
     seidel,
     squeezed,
+    table_falloff,
     vignetted_lens,
 )
 from focusjax.scene import read_image
@@ -78,6 +82,17 @@ def build_look(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLe
         if table.cats_eyes is not None:
             eyes = table.cats_eyes
             made = vignetted_lens(made, camera, corner_shift=eyes.corner_shift, disk=eyes.disk)
+        if table.hood is not None:
+            radius, distance = table.hood.diameter_mm / 2000, table.hood.length_mm / 1000
+            made = hooded_lens(made, radius=radius, distance=distance)
+        if table.natural_falloff:
+            made = DarkenedLens(made, cosine_falloff())
+        if table.falloff is not None:
+            heights = [each / 1000 for each in table.falloff.heights_mm]
+            darker = table_falloff(
+                camera, heights, table.falloff.shares, extrapolate=table.falloff.extrapolate
+            )
+            made = DarkenedLens(made, darker)
     except ValueError as error:
         raise ConfigError(f"{config.source}: {error}") from error
     return made

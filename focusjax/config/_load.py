@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from pydantic import Field, PrivateAttr, Strict, ValidationError, model_validator
 
 from focusjax.config._errors import ConfigError, key_path, sentence_for
+from focusjax.config._exposure import ExposureTable, FilmTable
 from focusjax.config._render import RenderTable
 from focusjax.config._scene import SceneTable
 from focusjax.config._shot import ShotTable
@@ -29,6 +30,8 @@ class Config(Table):
     )
     solve: SolveTable = Field(default=SolveTable(), description="a [solve] table")
     render: RenderTable = Field(default=RenderTable(), description="a [render] table")
+    exposure: ExposureTable | None = Field(default=None, description="an [exposure] table")
+    film: FilmTable | None = Field(default=None, description="a [film] table")
     shot: ShotTable | None = Field(default=None, description="a [shot] table with the number of frames")
     _source: Path = PrivateAttr(Path())
 
@@ -59,6 +62,15 @@ class Config(Table):
                 f"has lens.prescription, but solve.free has {turned[0]!r}; a real lens is not turned, so"
                 " leave one of them out"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _one_exposure(self) -> "Config":
+        """Stops are counted once, and noise takes a speed."""
+        if self.exposure is not None and "exposure" in self.render.model_fields_set:
+            raise ValueError("has render.exposure and an [exposure] table; use exposure.compensation instead")
+        if self.exposure is None and self.film is not None and self.film.noise is not None:
+            raise ValueError("has film.noise without an [exposure], whose speed it depends on; give both")
         return self
 
     @property

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, Strict, model_validator
 
-from focusjax.config._values import Number, Positive, Table
+from focusjax.config._values import NotNegative, Number, Positive, Table
 
 Profile = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2)]
 OfColours = Annotated[tuple[Number, Number, Number], Strict(False)]
@@ -63,6 +63,29 @@ class CatsEyesTable(Table):
     disk: Positive = Field(default=1.1, description="the disk's radius in aperture radii, for example 1.1")
 
 
+class HoodTable(Table):
+    """`[lens.hood]`: the round mouth of a hood, or of another tube ahead of the lens."""
+
+    diameter_mm: Positive = Field(description="the diameter of the hood's mouth in mm, for example 60")
+    length_mm: Positive = Field(
+        description="how far in mm the mouth is from the lens's entrance pupil, for example 50"
+    )
+
+
+class FalloffTable(Table):
+    """`[lens.falloff]`: light towards the corners, as a table."""
+
+    heights_mm: Annotated[tuple[NotNegative, ...], Strict(False), Field(min_length=2)] = Field(
+        description="distances from the axis on the sensor in mm, from 0 on, for example [0, 10, 22]"
+    )
+    shares: Annotated[tuple[NotNegative, ...], Strict(False), Field(min_length=2)] = Field(
+        description="the shares of the axis's light there, for example [1, 0.9, 0.5]"
+    )
+    extrapolate: bool = Field(
+        default=False, description="true to go on beyond a table that does not reach the corners"
+    )
+
+
 class Look(Table):
     """Keys of `[lens]` that aim at no wish: they act on the picture, of whatever lens is solved for."""
 
@@ -76,8 +99,21 @@ class Look(Table):
         default=(), description="[[lens.field_curvature]] tables"
     )
     cats_eyes: CatsEyesTable | None = Field(default=None, description="a [lens.cats_eyes] table")
+    hood: HoodTable | None = Field(default=None, description="a [lens.hood] table")
+    natural_falloff: bool = Field(
+        default=False, description="true to let light fall off to the corners as cos^4"
+    )
+    falloff: FalloffTable | None = Field(default=None, description="a [lens.falloff] table")
 
     @property
     def look(self) -> list[str]:
         """The keys of these that are set."""
         return [key for key in Look.model_fields if getattr(self, key)]
+
+    @model_validator(mode="after")
+    def _one_falloff(self) -> "Look":
+        if self.natural_falloff and self.falloff is not None:
+            raise ValueError(
+                "has natural_falloff and a falloff table, which has it already; give one of them"
+            )
+        return self

@@ -61,6 +61,12 @@ class LensTable(Look):
     focus_distance_m: Annotated[float, Field(gt=0)] | None = Field(
         default=None, description="the focus distance in metres, for example 2.5, or inf"
     )
+    sharp_from_m: Positive | None = Field(
+        default=None, description="the nearest distance in metres to be sharp, instead of f_number and focus"
+    )
+    sharp_to_m: Annotated[float, Field(gt=0)] | None = Field(
+        default=None, description="the farthest distance in metres to be sharp, or inf"
+    )
     tilt_deg: Movement = Field(
         default=0.0, description="the lens's tilt in degrees, positive forwards (its axis down), up to 45"
     )
@@ -103,6 +109,8 @@ class LensTable(Look):
 
     @model_validator(mode="after")
     def _one_opening(self) -> "LensTable":
+        if self.sharp_from_m is not None or self.sharp_to_m is not None:
+            return self._one_depth()
         if (self.f_number is None) == (self.aperture_radius_mm is None):
             raise ValueError("needs exactly one of f_number and aperture_radius_mm")
         if self.focal_surface is not None and self.focus_distance_m is not None:
@@ -119,4 +127,28 @@ class LensTable(Look):
             raise ValueError(f"has {self.look[0]} and aperture_radius_mm = 0; open the aperture")
         if self.focus_distance_m is not None and math.isnan(self.focus_distance_m):
             raise ValueError("has focus_distance_m = nan; give metres, or inf")
+        return self
+
+    def _one_depth(self) -> "LensTable":
+        """A depth of field gives focus and f-number."""
+        if self.sharp_from_m is None or self.sharp_to_m is None:
+            raise ValueError("has one of sharp_from_m and sharp_to_m; give both")
+        if not self.sharp_from_m < self.sharp_to_m:
+            raise ValueError(
+                f"has sharp_from_m = {self.sharp_from_m:g}, which is not below sharp_to_m ="
+                f" {self.sharp_to_m:g}"
+            )
+        idle = (
+            "f_number",
+            "aperture_radius_mm",
+            "focus_distance_m",
+            "tilt_deg",
+            "swing_deg",
+            "focal_surface",
+        )
+        given = [key for key in idle if getattr(self, key)]
+        if given:
+            raise ValueError(
+                f"has sharp_from_m, which gives focus and f-number, and {given[0]}; leave one out"
+            )
         return self

@@ -45,16 +45,16 @@ def coarse_to_fine(
         exact: renderer of the last steps; that of the layers if None.
     """
     coarse = problem.of_rays(max(1, problem.rays // _SHARE))
-    few = min(max_steps, _AFTER_SEARCH) if searched else max_steps
+    few = jnp.array(min(max_steps, _AFTER_SEARCH) if searched else max_steps)
     rivals = [start for start, cost in starts if cost <= _RIVAL * starts[0][1]]
-    tried = (fit_level(coarse, start, jnp.array(0), most_steps=few) for start in rivals)
+    tried = (fit_level(coarse, start, jnp.array(0), few) for start in rivals)
     found = min(tried, key=lambda each: float(each.cost))
     levels = []
     for number, size in enumerate(SIZES):
         if number > 0:
             counted = by_size(weight, np.asarray(found.residual)) if robust else weight
             level = jnp.array(number)
-            found = fit_level(coarse.weighed(counted), found.variables, level, most_steps=few)
+            found = fit_level(coarse.weighed(counted), found.variables, level, few)
         error = rms(np.asarray(found.residual), weight)
         levels.append(Level(size, int(found.steps), error, bool(found.converged)))
     residual, settings = np.asarray(found.residual), np.asarray(found.settings)

@@ -144,11 +144,15 @@ class _Noise(eqx.Module):
 
 
 class _LevenbergMarquardt(optx.AbstractGaussNewton):
-    """Levenberg and Marquardt's method, which ends when the next step is small against standard errors."""
+    """Levenberg and Marquardt's method, which ends when the next step is small against standard errors.
+
+    It counts its own steps, so that one program serves any number of them.
+    """
 
     noise: _Noise
     search: _Steady
     small: Float[Array, ""]
+    most_steps: Int[Array, ""]
     rtol: float = _RELATIVE
     atol: float = _ABSOLUTE
     norm: Callable[[Any], Array] = optx.two_norm
@@ -168,12 +172,15 @@ class _LevenbergMarquardt(optx.AbstractGaussNewton):
         ridge = 1e-6 * jnp.trace(square) + jnp.finfo(square.dtype).tiny
         gain = 0.5 * pull @ jnp.linalg.solve(square + ridge * jnp.eye(y.shape[0], dtype=y.dtype), pull)
         small = (state.num_steps_since_acceptance == 0) & (gain <= self.small * self.noise.of_step(cost))
-        return done | (~state.first_step & small), result
+        done |= ~state.first_step & small
+        enough = state.num_steps >= self.most_steps
+        ended = optx.RESULTS.where(enough & ~done, optx.RESULTS.nonlinear_max_steps_reached, result)
+        return done | enough, ended
 
 
 @eqx.filter_jit
 def fit_level(
-    problem: Problem, start: Float[Array, " k"], level: Int[Array, ""], *, most_steps: int
+    problem: Problem, start: Float[Array, " k"], level: Int[Array, ""], most_steps: Int[Array, ""]
 ) -> Found:
     """The least squares fit over the blocks of one level, from `start`.
 
@@ -202,8 +209,9 @@ def fit_level(
     blocks = (problem.weight > 0).sum() / jnp.array(SIZES)[level] ** 2
     noise = _Noise(blocks.astype(scale.dtype), len(problem.variables.columns))
     search = _Steady(optx.ClassicalTrustRegion(high_cutoff=0.7), noise)
-    solver = _LevenbergMarquardt(noise=noise, search=search, small=jnp.array(_SMALL)[level])
-    solution = optx.least_squares(residuals, solver, start, has_aux=True, max_steps=most_steps, throw=False)
+    small = jnp.array(_SMALL)[level]
+    solver = _LevenbergMarquardt(noise=noise, search=search, small=small, most_steps=most_steps)
+    solution = optx.least_squares(residuals, solver, start, has_aux=True, max_steps=None, throw=False)
     settings, residual, slopes = solution.state.aux
     return Found(
         variables=solution.value,

@@ -1,6 +1,11 @@
 """One run from a config to a picture."""
 
 from focusjax.job._glass import ThroughGlass as ThroughGlass
+from focusjax.job._photograph import Development as Development
+from focusjax.job._photograph import Photograph as Photograph
+from focusjax.job._photograph import find_development as find_development
+from focusjax.job._photograph import shutter as shutter
+from focusjax.job._photograph import take_photograph as take_photograph
 from focusjax.job._picture import Examined as Examined
 from focusjax.job._picture import Picture as Picture
 from focusjax.job._picture import Progress as Progress

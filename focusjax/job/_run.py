@@ -36,6 +36,7 @@ from focusjax.focus import (
 )
 from focusjax.geometry import Camera
 from focusjax.job._glass import ThroughGlass, through_glass
+from focusjax.job._photograph import Photograph, take_photograph
 from focusjax.job._picture import Picture, Progress, make_picture
 from focusjax.layers import Extent, disparity_map
 from focusjax.lens import (
@@ -65,6 +66,7 @@ class Outcome:
         blur: signed circle-of-confusion diameter in pixels [h, w] of that surface, by the real lens if there
             is one.
         picture: what rendering made, when there was any.
+        photograph: what the camera made of it, when the config has an exposure or a film.
         seconds: wall-clock seconds per stage, without compiling.
         compile_seconds: seconds per stage that went into compiling.
     """
@@ -77,6 +79,7 @@ class Outcome:
     disparity: Float[np.ndarray, "h w"]
     blur: Float[np.ndarray, "h w"]
     picture: Picture | None
+    photograph: Photograph | None
     seconds: dict[str, float]
     compile_seconds: dict[str, float]
     glass: ThroughGlass | None = None
@@ -84,9 +87,7 @@ class Outcome:
     @property
     def middle_lens(self) -> ThinLens | TiltShiftLens:
         """The lens as the middle of the picture has it."""
-        if isinstance(self.lens, FocalSurfaceLens):
-            return self.lens.thin_lens_at(self.camera, self.camera.principal_point)
-        return self.lens
+        return _in_the_middle(self.lens, self.camera)
 
 
 def run(
@@ -151,10 +152,14 @@ def run(
     if config.lens.prescription is not None:
         with watch.stage("glass"):
             glass = through_glass(config, camera, lens, points if solving else None, disparity, fit=rendering)
-    picture = None
+    picture, photograph = None, None
     if rendering:
         look = build_look(config, camera, lens) if glass is None else glass.traced
         picture = make_picture(config.render, scene, camera, look, like, watch, tell)
+        if config.exposure is not None or config.film is not None:
+            with watch.stage("develop"):
+                middle = _in_the_middle(lens, camera)
+                photograph = take_photograph(config, camera, middle, picture.image, picture.pinhole)
     return Outcome(
         config=config,
         camera=camera,
@@ -166,10 +171,18 @@ def run(
             blur_map(lens if glass is None else glass.exact, camera, jnp.asarray(disparity, dtype=float))
         ),
         picture=picture,
+        photograph=photograph,
         seconds=watch.seconds,
         compile_seconds=watch.compile_seconds,
         glass=glass,
     )
+
+
+def _in_the_middle(
+    lens: ThinLens | TiltShiftLens | FocalSurfaceLens, camera: Camera
+) -> ThinLens | TiltShiftLens:
+    """The lens as the middle of the picture has it."""
+    return lens.thin_lens_at(camera, camera.principal_point) if isinstance(lens, FocalSurfaceLens) else lens
 
 
 def _control_surface(

@@ -12,6 +12,15 @@ from focusjax.lens._base import Channel as Channel
 from focusjax.lens._base import in_colour as in_colour
 from focusjax.lens._control_points import FocalSurface as FocalSurface
 from focusjax.lens._control_points import focal_surface as focal_surface
+from focusjax.lens._depth_of_field import DIAGONAL_SHARE as DIAGONAL_SHARE
+from focusjax.lens._depth_of_field import depth_of_field_lens as depth_of_field_lens
+from focusjax.lens._falloff import AbstractFalloff as AbstractFalloff
+from focusjax.lens._falloff import CosineFalloff as CosineFalloff
+from focusjax.lens._falloff import DarkenedLens as DarkenedLens
+from focusjax.lens._falloff import TableFalloff as TableFalloff
+from focusjax.lens._falloff import cosine_falloff as cosine_falloff
+from focusjax.lens._falloff import illumination as illumination
+from focusjax.lens._falloff import table_falloff as table_falloff
 from focusjax.lens._fit_error import FitError as FitError
 from focusjax.lens._fitted import FittedLens as FittedLens
 from focusjax.lens._fitted import PoorFitError as PoorFitError
@@ -54,7 +63,9 @@ from focusjax.lens._tilt_shift import as_tilt_shift as as_tilt_shift
 from focusjax.lens._tilt_shift import lens_for_plane as lens_for_plane
 from focusjax.lens._tilt_shift import tilt_shift_lens as tilt_shift_lens
 from focusjax.lens._vignetted import VignettedLens as VignettedLens
+from focusjax.lens._vignetted import hooded_lens as hooded_lens
 from focusjax.lens._vignetted import vignetted_lens as vignetted_lens
+from focusjax.lens._vignetted_like import vignetted_like as vignetted_like
 from focusjax.lens.aberrations import AberratedLens as AberratedLens
 from focusjax.lens.aberrations import AbstractAberration as AbstractAberration
 from focusjax.lens.aberrations import ChromaticLens as ChromaticLens

@@ -164,6 +164,11 @@ class PrescriptionLens(AbstractLens):
         x, y = (film_point[axis] - camera.principal_point[axis] for axis in range(2))
         return _polar(x / camera.focal_px, y / camera.focal_px)
 
+    def pupil_magnification(self) -> Float[Array, ""]:
+        """Diameter of the exit pupil over that of the entrance pupil, at the line d."""
+        seen = first_order(self.prescription)
+        return seen.exit_pupil_radius / seen.entrance_pupil_radius
+
     def _bounds_at(self, camera: Camera, film_point: Float[Array, "2"]) -> RayBounds:
         radius, _ = self._off_axis(camera, film_point)
         return self.bounds.at(radius / self.film_step)

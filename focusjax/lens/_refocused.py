@@ -1,11 +1,13 @@
 """Any lens with its focus set elsewhere."""
 
 import dataclasses
+from typing import TypeVar, cast
 
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
 from focusjax.lens._base import AbstractLens
+from focusjax.lens._falloff import DarkenedLens
 from focusjax.lens._fitted import FittedLens, refitted, unfitted
 from focusjax.lens._prescription import (
     PrescriptionLens,
@@ -18,6 +20,8 @@ from focusjax.lens._thin import ThinLens
 from focusjax.lens._tilt_shift import TiltShiftLens
 from focusjax.lens._vignetted import VignettedLens
 from focusjax.lens.aberrations import AberratedLens, ChromaticLens
+
+_Lens = TypeVar("_Lens", bound=AbstractLens)
 
 
 def moved_film(lens: AbstractLens, camera: Camera, focus_disparity: Float[Array, ""]) -> AbstractLens:
@@ -37,12 +41,12 @@ def moved_film(lens: AbstractLens, camera: Camera, focus_disparity: Float[Array,
         place = {name: getattr(middle, name) for name in ("film_place", "film_scale", "focus_disparity")}
         red, green, blue = (dataclasses.replace(unfitted(band), **place) for band in lens.bands)
         return SpectralLens(middle, (red, green, blue))
-    if isinstance(lens, AberratedLens | ChromaticLens | VignettedLens):
+    if isinstance(lens, AberratedLens | ChromaticLens | DarkenedLens | VignettedLens):
         return dataclasses.replace(lens, lens=moved_film(lens.lens, camera, focus_disparity))
     return refocused(lens, camera, focus_disparity)
 
 
-def refocused(lens: AbstractLens, camera: Camera, focus_disparity: Float[Array, ""]) -> AbstractLens:
+def refocused(lens: _Lens, camera: Camera, focus_disparity: Float[Array, ""]) -> _Lens:
     """`lens` focused on the plane at `focus_disparity` (1/m), as one turns its focusing ring.
 
     The film of a real lens moves; a tilted plane in focus keeps its lean; what wraps a lens stays. For
@@ -64,7 +68,7 @@ def refocused(lens: AbstractLens, camera: Camera, focus_disparity: Float[Array, 
     if isinstance(lens, TiltShiftLens):
         return dataclasses.replace(lens, plane=lens.plane.at[2].set(focus_disparity))
     if isinstance(lens, PrescriptionLens):
-        return focused_lens(
+        focused = focused_lens(
             lens.prescription,
             camera,
             focus_disparity,
@@ -72,18 +76,19 @@ def refocused(lens: AbstractLens, camera: Camera, focus_disparity: Float[Array, 
             breathing=lens.breathing,
             falloff=lens.falloff,
         )
+        return cast(_Lens, focused)
     if isinstance(lens, FittedLens):
-        return refitted(lens, unfitted(refocused(lens.exact, camera, focus_disparity)), camera)
+        return refitted(lens, refocused(lens.exact, camera, focus_disparity), camera)
     if isinstance(lens, SpectralLens):
         return _spectral(lens, camera, focus_disparity)
-    if isinstance(lens, AberratedLens | ChromaticLens | VignettedLens):
+    if isinstance(lens, AberratedLens | ChromaticLens | DarkenedLens | VignettedLens):
         return dataclasses.replace(lens, lens=refocused(lens.lens, camera, focus_disparity))
     raise ValueError(f"a {type(lens).__name__} has no one focus to set")
 
 
 def _spectral(lens: SpectralLens, camera: Camera, focus_disparity: Float[Array, ""]) -> SpectralLens:
     """Focused for the one wavelength, with the same film for all."""
-    middle = unfitted(refocused(unfitted(lens.lens), camera, focus_disparity))
+    middle = refocused(unfitted(lens.lens), camera, focus_disparity)
 
     def band(old: AbstractLens) -> AbstractLens:
         new = with_indices(middle, camera, unfitted(old).indices)

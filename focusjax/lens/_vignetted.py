@@ -92,3 +92,22 @@ def vignetted_lens(
         raise ValueError("a closed lens has no cat's eyes; open it, and stop it down afterwards")
     corner = jnp.hypot(0.5 * camera.width, 0.5 * camera.height) / camera.focal_px
     return VignettedLens(lens, float(disk) * radius, float(corner_shift) * radius / corner)
+
+
+def hooded_lens(lens: AbstractLens, *, radius: SupportsFloat, distance: SupportsFloat) -> VignettedLens:
+    """A lens behind the round mouth of a hood or another tube: mechanical vignetting (Kyaw 2013 section 4.4).
+
+    Args:
+        lens: the lens without it.
+        radius: of the mouth in metres.
+        distance: metres from the middle of the entrance pupil to the mouth.
+
+    Raises:
+        ValueError: a radius or a distance that is not positive.
+    """
+    for name, value in (("radius", radius), ("distance", distance)):
+        if not 0.0 < float(value) < float("inf"):
+            raise ValueError(f"the hood's {name} is {value} m; expected a positive length")
+    return VignettedLens(
+        lens, jnp.asarray(float(radius), dtype=float), jnp.asarray(float(distance), dtype=float)
+    )

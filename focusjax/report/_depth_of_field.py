@@ -4,10 +4,7 @@ import math
 from dataclasses import dataclass
 
 from focusjax.geometry import Camera
-from focusjax.lens import ThinLens, TiltShiftLens
-
-DIAGONAL_SHARE = 1 / 1500
-"""Customary circle of confusion: this share of the sensor's diagonal."""
+from focusjax.lens import DIAGONAL_SHARE, ThinLens, TiltShiftLens
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ _STAGES = {
     "render": "trace rays",
     "examine": "examine the picture",
     "pinhole": "sharp view",
+    "develop": "expose and develop",
     "compile": "compile the other stages",
 }
 

@@ -28,8 +28,12 @@ def save_outcome(folder: Path, outcome: Outcome) -> None:
     pictures = {}
     if outcome.picture is not None:
         image, pinhole = outcome.picture.image, outcome.picture.pinhole
-        save_png(folder / "image.png", image, exposure=render.exposure, bits=render.png_bits)
-        save_png(folder / "pinhole.png", pinhole, exposure=render.exposure)
+        shown, taken = outcome.photograph, (image, pinhole)
+        if shown is not None:
+            taken = (shown.image, shown.pinhole)
+        stops = render.exposure if shown is None else 0.0
+        save_png(folder / "image.png", taken[0], exposure=stops, bits=render.png_bits)
+        save_png(folder / "pinhole.png", taken[1], exposure=stops)
         with np.errstate(divide="ignore"):
             depth = 1.0 / outcome.disparity
         save_exr(folder / "image.exr", image, depth=depth, blur=outcome.blur)

@@ -5,12 +5,13 @@ import math
 import platform
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.focus import Diagnosis, Result, SurfaceDiagnosis, SurfaceSolution, diagnose
 from focusjax.io import for_json
-from focusjax.job import Examined, Outcome, room_for_more
+from focusjax.job import Examined, Outcome, room_for_more, shutter
 from focusjax.lens import FocalSurfaceLens, as_tilt_shift
 from focusjax.report._depth_of_field import depth_of_field
 from focusjax.report._glass import glass_facts
@@ -30,6 +31,7 @@ def summary(outcome: Outcome) -> dict[str, Any]:
             "config": outcome.config.model_dump(mode="python"),
             "versions": versions(),
             "lens": _lens(outcome),
+            "exposure": _exposure(outcome),
             "wishes": _wishes(outcome),
             "solver": _solver(outcome),
             "diagnosis": _diagnosis(outcome),
@@ -73,6 +75,31 @@ def _lens(outcome: Outcome) -> dict[str, Any]:
             "far_m": sharp.far,
             "hyperfocal_m": sharp.hyperfocal,
         },
+    }
+
+
+def _exposure(outcome: Outcome) -> dict[str, Any] | None:
+    """What was set on the camera, and how that went; None where nothing was exposed."""
+    taken = outcome.photograph
+    if taken is None or taken.settings is None:
+        return None
+    settings, chosen = taken.settings, taken.chosen
+    return {
+        "f_number": float(settings.f_number),
+        "effective_f_number": float(settings.effective_f_number()),
+        "magnification": float(settings.magnification),
+        "time_s": float(settings.time),
+        "shutter": shutter(float(settings.time)),
+        "iso": float(settings.iso),
+        "exposure_value": float(settings.exposure_value()),
+        "luminance_of_one_cd_m2": taken.luminance,
+        "lux_s_of_one": float(settings.exposure(jnp.ones(()))) * (taken.luminance or 0.0),
+        "chosen": list(outcome.config.exposure.free) if outcome.config.exposure else [],
+        "metered_radiance": taken.metered,
+        "stops_off": None if chosen is None else float(chosen.stops_off),
+        "limits": [] if chosen is None else list(chosen.limits),
+        "sentence": taken.sentence(),
+        "white_share": taken.white_share,
     }
 
 

@@ -23,6 +23,7 @@ from focusjax.config import (
 )
 from focusjax.focus import FocusPoint
 from focusjax.geometry import Camera
+from focusjax.job import Development, find_development
 from focusjax.lens import ThinLens, TiltShiftLens
 from focusjax.scene import SceneObject, placement
 from focusjax.shot._camera import camera_path, pose_path
@@ -95,7 +96,22 @@ def build_settings(config: Config) -> FrameSettings:
         seed=table.seed,
         exposure=table.exposure,
         bits=table.png_bits,
+        development=_development(config),
     )
+
+
+def _development(config: Config) -> Development | None:
+    """How frames are exposed and developed, all alike."""
+    development = find_development(config)
+    if development is None:
+        return None
+    if config.exposure is not None and config.exposure.free:
+        missing = " and ".join(f"exposure.{name}" for name in config.exposure.free)
+        raise ConfigError(
+            f"{config.source}: a shot is exposed alike in all its frames; give {missing}, instead of having"
+            " them chosen"
+        )
+    return development
 
 
 def _tell_keys_outside(config: Config, table: ShotTable) -> None:

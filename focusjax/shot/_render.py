@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
 from focusjax.io import save_exr, save_png
-from focusjax.job import blur_map, make_layers
+from focusjax.job import Development, blur_map, make_layers
 from focusjax.layers import Layers, disparity_map
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
@@ -45,6 +45,7 @@ class FrameSettings:
         seed: chooses the rays, the same ones in every frame, so that noise does not flicker.
         exposure: stops, for PNG files.
         bits: 8 or 16, of PNG files.
+        development: how PNG files are exposed and developed, instead of by `exposure`.
     """
 
     rays: int = 64
@@ -58,6 +59,7 @@ class FrameSettings:
     seed: int = 0
     exposure: float = 0.0
     bits: int = 8
+    development: Development | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -134,7 +136,7 @@ def render_frames(
         for kind, path in zip(kinds, files[-1], strict=True):
             unfinished = path.with_name(f".{path.name}")
             if kind == "png":
-                save_png(unfinished, image, exposure=settings.exposure, bits=settings.bits)
+                _save_png(unfinished, image, solved, number, settings)
             else:
                 _save_exr(unfinished, image, scene, camera, lens)
             os.replace(unfinished, path)
@@ -196,6 +198,18 @@ def _widest(solved: SolvedShot, wanted: Sequence[int], settings: FrameSettings) 
 @eqx.filter_jit
 def _reach(lens: AbstractLens, camera: Camera, depths: Float[Array, "2"]) -> Float[Array, ""]:
     return jnp.max(jax.vmap(lambda w: lens.reach(camera, w))(depths))
+
+
+def _save_png(
+    path: Path, image: np.ndarray, solved: SolvedShot, number: int, settings: FrameSettings
+) -> None:
+    development = settings.development
+    if development is None:
+        save_png(path, image, exposure=settings.exposure, bits=settings.bits)
+        return
+    camera, lens = solved.solution.at(number - 1)
+    shown = development.shown(jnp.asarray(image), camera, development.settings(camera, lens))
+    save_png(path, shown, bits=settings.bits)
 
 
 def _save_exr(path: Path, image: np.ndarray, scene: Scene, camera: Camera, lens: AbstractLens) -> None:

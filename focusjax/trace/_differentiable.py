@@ -12,12 +12,12 @@ from jaxtyping import Array, Float, Int
 
 from focusjax._counts import require_counts
 from focusjax.layers import Layers
-from focusjax.lens import AbstractLens
-from focusjax.trace._flux import Rays, Still, in_blocks, picture_flow
+from focusjax.lens import AbstractLens, in_colour
+from focusjax.trace._flux import Means, Rays, Still, in_blocks, picture_flow
 from focusjax.trace._radiances import disparity_ranges, traced_scene
 from focusjax.trace._reach import check_reach, out_of_reach
 from focusjax.trace._samples import ray_samples
-from focusjax.trace._tracer import trace_block
+from focusjax.trace._tracer import block_radiances
 
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
 
@@ -43,7 +43,7 @@ def render_differentiable(
         layers: peeled for this lens or for one whose rays go farther.
         lens: any lens.
         rays: rays per pixel of the picture.
-        derivative_rays: rays per border between pixels, per rim of the opening and per opening, of which
+        derivative_rays: rays per border between pixels and, up to `rays`, per rim of the opening, of which
             derivatives by the lens are made; half of `rays` if not given.
         seed: chooses the rays. The same seed gives the same picture and the same derivatives.
 
@@ -80,55 +80,80 @@ def _differentiable(
     fixed = jax.tree.map(jax.lax.stop_gradient, eqx.filter(layers, eqx.is_array))
     fixed = eqx.combine(fixed, layers)
     look = layers.samples.radiance, layers.background
-    return _picture(look, lens, fixed, picture=picture, derivative=derivative)
+    means = _means(look, lens, fixed, picture=picture, derivative=derivative)
+    return means.picture.reshape(layers.camera.height, layers.camera.width, 3)
 
 
 @eqx.filter_custom_jvp
-def _picture(
+def _means(
     look: tuple[Array, Array], lens: AbstractLens, layers: Layers, *, picture: Rays, derivative: Rays
-) -> Float[Array, "h w 3"]:
-    del derivative
-    return _traced(look, lens, layers, picture)
+) -> Means:
+    """The picture; of what else there is only derivatives are made, so that nothing moves it."""
+    return _traced(look, lens, layers, picture, _at_rim(picture, derivative))
 
 
-@_picture.def_jvp
-def _picture_jvp(primals: Any, tangents: Any, *, picture: Rays, derivative: Rays) -> tuple[Array, Array]:
+@_means.def_jvp
+def _means_jvp(primals: Any, tangents: Any, *, picture: Rays, derivative: Rays) -> tuple[Means, Means]:
     look, lens, layers = primals
     look_moves, lens_moves, _ = tangents
-    value = _picture(look, lens, layers, picture=picture, derivative=derivative)
-    change = jnp.zeros_like(value)
+    means = _means(look, lens, layers, picture=picture, derivative=derivative)
+    few = _at_rim(picture, derivative)
+    change = jnp.zeros_like(means.picture)
     if jax.tree.leaves(look_moves):
-        change += eqx.filter_jvp(lambda new: _traced(new, lens, layers, picture), (look,), (look_moves,))[1]
+
+        def seen(look: tuple[Array, Array]) -> Float[Array, "p 3"]:
+            return _traced(look, lens, layers, picture, few).picture
+
+        change += eqx.filter_jvp(seen, (look,), (look_moves,))[1]
     if jax.tree.leaves(lens_moves):
         least, largest, _ = disparity_ranges(layers, lens)
-        still = Still(traced_scene(layers), lens, least, largest, value.reshape(-1, 3), derivative)
-        change += eqx.filter_jvp(lambda new: picture_flow(still, new), (lens,), (lens_moves,))[1]
-    return value, change
+        film = ray_samples(lens, [picture.number], picture.seed).offset[:, :few]
+        still = Still(traced_scene(layers), lens, least, largest, means, picture, film, derivative)
+        flow = eqx.filter_jvp(lambda new: picture_flow(still, new), (lens,), (lens_moves,))[1]
+        change += flow.reshape(-1, 3)
+    return means, Means(change, jnp.zeros_like(means.radiance), jnp.zeros_like(means.beside))
 
 
-def _traced(
-    look: tuple[Array, Array], lens: AbstractLens, layers: Layers, rays: Rays
-) -> Float[Array, "h w 3"]:
-    """The picture of layers of a given radiance."""
+def _at_rim(picture: Rays, derivative: Rays) -> int:
+    """Rays through the rim of the opening for each pixel."""
+    return min(picture.number, derivative.number)
+
+
+def _traced(look: tuple[Array, Array], lens: AbstractLens, layers: Layers, rays: Rays, few: int) -> Means:
+    """What rays bring from layers of a given radiance, all of them and the first few."""
     camera = layers.camera
     least, largest, _ = disparity_ranges(layers, lens)
     samples = dataclasses.replace(layers.samples, radiance=look[0])
     scene = traced_scene(dataclasses.replace(layers, samples=samples, background=look[1]))
     starts = ray_samples(lens, [rays.number], rays.seed, with_chances=layers.samples.opacity is not None)
 
-    def block(pixels: Int[Array, " b"]) -> Float[Array, "b 3"]:
-        return trace_block(
-            scene,
-            lens,
-            starts,
-            pixels,
-            jnp.zeros_like(pixels),
-            least,
-            largest,
-            together=rays.number,
-            depth=layers.count,
-        )
+    def block(pixels: Int[Array, " b"]) -> Float[Array, "b 4 3"]:
+        first = jnp.zeros_like(pixels)
+
+        def seen(lens: AbstractLens) -> Float[Array, "b 4 3"]:
+            along, share = block_radiances(
+                scene,
+                lens,
+                starts,
+                pixels,
+                first,
+                least,
+                largest,
+                together=rays.number,
+                depth=layers.count,
+            )
+            # Each colour for itself, as in `trace_block`.
+            arrives = [share * along[..., k] for k in range(3)]
+            some = [part for value in (*arrives, share) for part in (value, value[:, :few])]
+            *brought, light, few_light = [part.mean(axis=1) for part in some]
+            of_all, of_few = (jnp.stack(brought[k::2], axis=-1) for k in (0, 1))
+            stood = [jnp.broadcast_to(a[:, None], of_all.shape) for a in (light, few_light)]
+            return jnp.stack([of_all, of_few, *stood], axis=1)
+
+        return in_colour(seen, lens)
 
     row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
-    means = in_blocks(block, column, row, max(1, rays.at_once // rays.number))
-    return means.reshape(camera.height, camera.width, 3)
+    found = in_blocks(block, column, row, max(1, rays.at_once // rays.number))
+    picture, of_few, light, few_light = (found[:, k] for k in range(4))
+    radiance = jnp.where(light > 0, picture / jnp.where(light > 0, light, 1.0), 0.0)
+    return Means(picture, radiance, of_few - radiance * few_light)

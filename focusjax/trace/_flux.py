@@ -1,13 +1,15 @@
 """How fast a picture changes as its lens moves: light that enters and leaves pixels and opening.
 
 The sum of `_motion`, with the integrals as means over traced rays: some through points of every border
-between two pixels, and some through the rim of the opening, each beside one from within the opening, on
-the way from its middle to there. Radiances are taken relative to that of the pixel, and where the rim
-brings what the opening brings nothing changes, so that noise is left only where the picture is about to
-change. What leaves a pixel enters its neighbour by the same rays, so that noise cancels over regions, too.
+between two pixels, some through the rim of the opening, and a few from within it, whose mean is the picture.
+Radiances are taken relative to that of the pixel, and where the rim brings what the opening brings nothing
+changes, so that noise is left only where the picture is about to change. What leaves a pixel enters its
+neighbour by the same rays, so that noise cancels over regions, too: what is left is that of the borders
+around one, whose rays are spread evenly along whole lines of borders.
 """
 
 import dataclasses
+import math
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -15,16 +17,29 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, UInt
 
 from focusjax.lens import AbstractLens, in_colour
-from focusjax.trace._motion import LEAST_PLACE, divergence, film_flow, gain, hole_flow, rim_flow
+from focusjax.trace._motion import (
+    LEAST_PLACE,
+    divergence,
+    film_flow,
+    gain,
+    hole_flow,
+    light,
+    rim_flow,
+    spreading,
+)
 from focusjax.trace._radiances import TracedScene, radiances
-from focusjax.trace._samples import chances, spread_points, tile_edge, z_order
+from focusjax.trace._samples import chances, line_points, spread_points, tile_edge, z_order
 
 _Values = TypeVar("_Values", Array, tuple[Array, Array])
+_WITHIN = 4
+"""Rays of a border or rim for each from within the opening, of which there are as many at least."""
 _ASIDE = 2.0**-8
 """Pixels beside a border at which the flow is taken: that of a lens may differ from pixel to pixel."""
+_MIDWAY = 0.5, 0.37
+"""A place of the opening that stands for all, on no corner of blades."""
 
 
 class Rays(eqx.Module):
@@ -41,6 +56,20 @@ class Rays(eqx.Module):
     at_once: int = eqx.field(static=True)
 
 
+class Means(eqx.Module):
+    """What the rays of a picture bring to its pixels, row-major.
+
+    Attributes:
+        picture: mean [p, 3] of what arrives.
+        radiance: the same [p, 3] relative to the light that they stand for; 0 where there is none.
+        beside: mean [p, 3] of what the first few bring beyond that radiance.
+    """
+
+    picture: Float[Array, "p 3"]
+    radiance: Float[Array, "p 3"]
+    beside: Float[Array, "p 3"]
+
+
 class Still(eqx.Module):
     """What is traced, none of which moves.
 
@@ -49,15 +78,19 @@ class Still(eqx.Module):
         lens: where they come from.
         least: least disparity [p] that the rays of each pixel can meet, row-major.
         largest: largest one [p].
-        picture: radiance [p, 3] of each pixel, by other rays; only what differs from it makes noise.
-        rays: which rays.
+        means: of the picture. Only what differs from its radiance makes noise.
+        picture: its rays, the first few of which share their film points with those through the rim.
+        film: these points [t, s, 2] in their pixel, for each of a tile.
+        rays: which rays derivatives are made of.
     """
 
     scene: TracedScene
     lens: AbstractLens
     least: Float[Array, " p"]
     largest: Float[Array, " p"]
-    picture: Float[Array, "p 3"]
+    means: Means
+    picture: Rays
+    film: Float[Array, "t s 2"]
     rays: Rays
 
     @property
@@ -65,14 +98,20 @@ class Still(eqx.Module):
         """Edge in pixels of the tile of ray starts."""
         return tile_edge(self.rays.number)
 
+    def chance(self, tile: Int[Array, " b"], edge: int, number: int) -> UInt[Array, "b s"] | None:
+        """What decides where so many rays of pixels at places of a tile stop, if anything has to."""
+        if self.scene.volume.opacity is None:
+            return None
+        return jnp.asarray(chances(edge, number, self.rays.seed))[tile]
+
     def along(
-        self, pixel: Int[Array, " b"], tile: Int[Array, " b"], film: Float[Array, "b s 2"], pupil: Array
+        self,
+        pixel: Int[Array, " b"],
+        film: Float[Array, "b s 2"],
+        pupil: Float[Array, "b s 2"],
+        chance: UInt[Array, "b s"] | None,
     ) -> Float[Array, "b s 3"]:
         """Radiances along rays whose film points lie in or on the borders of the given pixels."""
-        chance = None
-        if self.scene.volume.opacity is not None:
-            table = jnp.asarray(chances(self.tile, self.rays.number, self.rays.seed))
-            chance = jnp.tile(table[tile], (1, film.shape[1] // self.rays.number))
         ends = self.least[pixel], self.largest[pixel]
         return radiances(self.scene, self.lens, film, pupil, chance, *ends, depth=self.scene.volume.layers)[0]
 
@@ -82,14 +121,23 @@ def picture_flow(still: Still, moved: AbstractLens) -> Float[Array, "h w 3"]:
 
     `moved` is to be equal, so that this is 0, and to be differentiated by.
     """
+    evenly = _evenly(still, moved)
 
     def flow(lens: AbstractLens, moved: AbstractLens) -> Float[Array, "h w 3"]:
-        return _flow(dataclasses.replace(still, lens=lens), moved)
+        return _flow(dataclasses.replace(still, lens=lens), moved, evenly)
 
     return in_colour(flow, still.lens, moved)
 
 
-def _flow(still: Still, moved: AbstractLens) -> Float[Array, "h w 3"]:
+def _evenly(still: Still, moved: AbstractLens) -> Float[Array, " p"]:
+    """How fast rays move apart midway in each pixel and in the opening, by all colours."""
+    camera, place = still.scene.camera, jnp.asarray(_MIDWAY, dtype=still.least.dtype)
+    row, column = jnp.divmod(jnp.arange(camera.width * camera.height), camera.width)
+    middle = jnp.stack([column, row], axis=-1) + jnp.asarray(0.5, dtype=place.dtype)
+    return jax.vmap(lambda film: spreading(still.lens, moved, camera, film, place))(middle)
+
+
+def _flow(still: Still, moved: AbstractLens, evenly: Float[Array, " p"]) -> Float[Array, "h w 3"]:
     """As `picture_flow`, for lenses that treat all colours alike."""
     camera = still.scene.camera
     before, after = _through_borders(still, moved)
@@ -101,7 +149,8 @@ def _flow(still: Still, moved: AbstractLens) -> Float[Array, "h w 3"]:
 
     (right, bottom), (left, top) = grids(before), grids(after)
     film = right[:, 1:] - left[:, :-1] + bottom[1:] - top[:-1]
-    return film + _through_rim(still, moved).reshape(height, width, 3)
+    opening = _through_rim(still, moved) + _within_opening(still, moved, evenly)
+    return film + opening.reshape(height, width, 3)
 
 
 def in_blocks(
@@ -113,7 +162,8 @@ def in_blocks(
     reverse each block is worked out again instead of being remembered.
     """
     count = len(column)
-    size = min(size, count)
+    # All of one size, so that filling up the last one adds little.
+    size = -(-count // -(-count // size))
     order = np.argsort(z_order(column, row), kind="stable")
     blocks = order[np.minimum(np.arange(-(-count // size) * size), count - 1)].reshape(-1, size)
     values = jax.lax.map(jax.checkpoint(function), jnp.asarray(blocks))
@@ -134,7 +184,8 @@ def _through_borders(still: Still, moved: AbstractLens) -> tuple[Float[Array, "n
     )
     axis = np.repeat([0, 1], [len(row) for row in rows])
     row, column = np.concatenate(rows), np.concatenate(columns)
-    points = np.stack([spread_points(3, edge, rays.number, rays.seed + k).astype(real) for k in (1, 2)])
+    upright, level = (line_points(edge, rays.number, rays.seed + k).astype(real) for k in (1, 2))
+    points = np.stack([upright.swapaxes(0, 1), level]).reshape(2, edge**2, rays.number, 3)
     along = jnp.asarray(points[..., 0])
     places = jnp.asarray(np.maximum(points[..., 1:], LEAST_PLACE))
     sites = [jnp.asarray(a) for a in (column, row, axis)]
@@ -151,14 +202,15 @@ def _through_borders(still: Still, moved: AbstractLens) -> tuple[Float[Array, "n
         place, on_border = places[axis, tile], along[axis, tile]
         film = jnp.stack([column, row], axis=-1)[:, None] + (1.0 - normal)[:, None] * on_border[..., None]
         pupil = jax.vmap(jax.vmap(still.lens.opening().at))(place)
-        brought = still.along(after, tile, film, pupil)
+        brought = still.along(after, film, pupil, still.chance(tile, edge, rays.number))
 
         def crossing(side: float, pixel: Int[Array, " b"]) -> Float[Array, "b 3"]:
             def one(film: Array, place: Array, normal: Array) -> Array:
                 return film_flow(still.lens, moved, camera, film + side * normal, place) @ normal
 
             flow = jax.vmap(jax.vmap(one, in_axes=(0, 0, None)))(film, place, normal)
-            return jnp.einsum("bs,bsc->bc", flow, brought - still.picture[pixel][:, None]) / rays.number
+            differs = brought - still.means.radiance[pixel][:, None]
+            return jnp.einsum("bs,bsc->bc", flow, differs) / rays.number
 
         return crossing(-_ASIDE, before), crossing(_ASIDE, after)
 
@@ -166,31 +218,74 @@ def _through_borders(still: Still, moved: AbstractLens) -> tuple[Float[Array, "n
 
 
 def _through_rim(still: Still, moved: AbstractLens) -> Float[Array, "p 3"]:
-    """What each pixel gains at the rim of the opening and within it."""
-    camera, lens, rays, edge = still.scene.camera, still.lens, still.rays, still.tile
+    """What each pixel gains at the rim of the opening, and at that of a hole.
+
+    Where things are in focus, or the opening is small, rays of one film point bring much the same: there the
+    opening's mean is that of the picture's rays with the rim's own film points, and only their difference is
+    noise. Elsewhere the mean of all of the picture's rays is better.
+    """
+    camera, lens, means = still.scene.camera, still.lens, still.means
     row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
-    points = spread_points(4, edge, rays.number, rays.seed + 3).astype(still.least.dtype)
-    points = jnp.asarray(np.maximum(points, LEAST_PLACE))
+    number, edge = still.film.shape[1], math.isqrt(still.film.shape[0])
+    # A fifth dimension beside the four of the picture's rays, so that turns and film points spread together.
+    points = spread_points(5, edge, still.picture.number, still.rays.seed + 3)[:, :number, 4]
+    turns = jnp.asarray(points.astype(still.least.dtype))
     # Where the opening ends, and what flows out of it there.
     edges = [(1.0, rim_flow)] + ([] if lens.opening().hole() is None else [(0.0, hole_flow)])
+
+    def sharp(pixel: Int[Array, ""]) -> Float[Array, ""]:
+        film = jnp.stack([pixel % camera.width, pixel // camera.width]) + 0.5
+        ends = jnp.stack([still.least[pixel], still.largest[pixel]])
+        radius = jax.vmap(lambda w: lens.footprint(camera, film, w)[1])(ends).max()
+        return 1.0 / (1.0 + radius**2)
+
+    def block(pixel: Int[Array, " b"]) -> Float[Array, "b 3"]:
+        column, row = pixel % camera.width, pixel // camera.width
+        tile = row % edge * edge + column % edge
+        film, turn = jnp.stack([column, row], axis=-1)[:, None] + still.film[tile], turns[tile]
+        chance = still.chance(tile, edge, still.picture.number)
+        chance = None if chance is None else chance[:, :number]
+        mean = means.radiance[pixel] + jax.vmap(sharp)(pixel)[:, None] * means.beside[pixel]
+        total = jnp.zeros_like(mean)
+        for end, through in edges:
+            places = jnp.stack([jnp.full_like(turn, end), turn], axis=-1)
+            brought = still.along(pixel, film, jax.vmap(jax.vmap(lens.opening().at))(places), chance)
+            over = jax.vmap(jax.vmap(lambda p, t, through=through: through(lens, moved, camera, p, t)))
+            total += jnp.einsum("bs,bsc->bc", over(film, turn), brought - mean[:, None]) / number
+        return total
+
+    return in_blocks(block, column, row, max(1, still.rays.at_once // number))
+
+
+def _within_opening(still: Still, moved: AbstractLens, evenly: Float[Array, " p"]) -> Float[Array, "p 3"]:
+    """What each pixel gains where rays move apart or carry more light.
+
+    The picture is the mean of what rays bring, so that only a rate that differs from ray to ray needs rays of
+    its own, and few of them: what it differs by from the rate midway is not large.
+    """
+    camera, lens, edge = still.scene.camera, still.lens, still.tile
+    number = max(_WITHIN, still.rays.number // _WITHIN)
+    row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
+    points = spread_points(4, edge, number, still.rays.seed + 4).astype(still.least.dtype)
+    points = jnp.asarray(np.maximum(points, LEAST_PLACE))
 
     def block(pixel: Int[Array, " b"]) -> Float[Array, "b 3"]:
         column, row = pixel % camera.width, pixel // camera.width
         tile = row % edge * edge + column % edge
         film = jnp.stack([column, row], axis=-1)[:, None] + points[tile][..., :2]
-        within = points[tile][..., 2:]
-        places = jnp.concatenate([within, *(within.at[..., 0].set(s) for s, _ in edges)], axis=1)
-        pupil = jax.vmap(jax.vmap(lens.opening().at))(places)
-        films = jnp.concatenate([film] * (1 + len(edges)), axis=1)
-        brought = still.along(pixel, tile, films, pupil)
+        place = points[tile][..., 2:]
+        pupil = jax.vmap(jax.vmap(lens.opening().at))(place)
+        brought = still.along(pixel, film, pupil, still.chance(tile, edge, number))
+        own = still.means.radiance[pixel]
 
-        def over(function: Callable[..., Array], where: Array) -> Float[Array, "b s"]:
-            return jax.vmap(jax.vmap(lambda p, s: function(lens, moved, camera, p, s)))(film, where)
+        def over(function: Callable[..., Array]) -> Float[Array, "b s"]:
+            return jax.vmap(jax.vmap(lambda p, s: function(lens, moved, camera, p, s)))(film, place)
 
-        lost, gained = over(divergence, within), over(gain, within)
-        through = [over(flow, within[..., 1]) for _, flow in edges]
-        flow = jnp.concatenate([-lost, *through], axis=1)
-        changed = jnp.einsum("bs,bsc->bc", flow, brought - still.picture[pixel][:, None])
-        return (changed + jnp.einsum("bs,bsc->bc", gained, brought[:, : rays.number])) / rays.number
+        stands = jax.vmap(jax.vmap(lambda p, u: light(lens, camera, p, u)))(film, pupil)
+        gained = over(gain)
+        # Of what differs from the picture's radiance, its rays' light makes nothing on the average.
+        uneven = gained - over(divergence) + evenly[pixel][:, None] * stands
+        changed = jnp.einsum("bs,bsc->bc", uneven, brought - own[:, None]) / number
+        return changed + gained.mean(axis=1, keepdims=True) * own
 
-    return in_blocks(block, column, row, max(1, rays.at_once // ((1 + len(edges)) * rays.number)))
+    return in_blocks(block, column, row, max(1, still.rays.at_once // number))

@@ -22,6 +22,11 @@ radiances as they are. For a thin lens q(w) = p + f E u (w - w_f) the focal disp
 film, v = (-f E u, 0), so the picture changes by what enters and leaves its pixels; the aperture radius
 widens the opening, v = (0, u / E), and dI/dE = 2 / E (mean over the rim - mean over the opening).
 
+The divergence of v is how fast the density of rays changes along the flow, which takes derivatives in one
+direction instead of four:
+
+    div v = (d/dt - v . grad) log |det J|.
+
 Opening points are given by their place (s, t) in the unit square, which is uniform by area: u = sqrt(s) c(t)
 with c the rim, where there is no hole. A parameter that changes the shape of the opening moves u where (s, t)
 stays. A hole has a rim, too, at s = 0.
@@ -31,7 +36,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from focusjax.geometry import Camera, LensRay
+from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 
 LEAST_PLACE = 1e-6
@@ -42,7 +47,7 @@ def film_flow(
     lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
 ) -> Float[Array, "2"]:
     """W v_p [2] for the difference between two lenses, to first order in it."""
-    return _weighted(lens, moved, camera, film, place)[0]
+    return light(lens, camera, film, lens.opening().at(place)) * _flow(lens, moved, camera, film, place)[0]
 
 
 def rim_flow(
@@ -53,34 +58,21 @@ def rim_flow(
     With c(t) the outline, its outward element is n dl = (c'_y, -c'_x) dt and A = (c x c') / 2, less the
     hole's.
     """
-    return _flow_over(lens, moved, camera, film, jnp.stack([jnp.ones_like(turn), turn]))
+    return _edge_flow(lens, moved, camera, film, jnp.stack([jnp.ones_like(turn), turn]))
 
 
 def hole_flow(
     lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], turn: Float[Array, ""]
 ) -> Float[Array, ""]:
     """As `rim_flow`, along the edge of the hole, towards its middle."""
-    return -_flow_over(lens, moved, camera, film, jnp.stack([jnp.zeros_like(turn), turn]))
-
-
-def _flow_over(
-    lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
-) -> Float[Array, ""]:
-    outline, along = jax.jvp(lens.opening().rim, (place[1],), (jnp.ones_like(place[1]),))
-    hole = lens.opening().hole()
-    open_ = 1.0 if hole is None else 1.0 - hole**2
-    size = place[0] if hole is None else jnp.where(place[0] > 0.5, 1.0, hole)
-    _, across = _weighted(lens, moved, camera, film, place)
-    return 2.0 * size * _cross(across, along) / (open_ * _cross(outline, along))
+    return -_edge_flow(lens, moved, camera, film, jnp.stack([jnp.zeros_like(turn), turn]))
 
 
 def gain(
     lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
 ) -> Float[Array, ""]:
     """dW/dt, the difference between two lenses in the light that a ray stands for."""
-    after, before = (
-        _light(one, one.ray(camera, film, one.opening().at(place)), place) for one in (moved, lens)
-    )
+    after, before = (light(one, camera, film, one.opening().at(place)) for one in (moved, lens))
     return after - before
 
 
@@ -88,43 +80,95 @@ def divergence(
     lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
 ) -> Float[Array, ""]:
     """Div (W v), to first order in the difference between two lenses."""
-
-    def flow(film: Float[Array, "2"], place: Float[Array, "2"]) -> tuple[Array, Array]:
-        return _weighted(lens, moved, camera, film, place)
-
-    (by_film, _), (_, by_place) = jax.jacfwd(flow, argnums=(0, 1))(film, place)
-    places = jax.jacfwd(lens.opening().at)(place)
-    return jnp.trace(by_film) + jnp.trace(by_place @ _inverse(places))
+    upstream = _upstream(lens, moved, camera, film, place)
+    before = light(lens, camera, film, lens.opening().at(place))
+    along = gain(lens, moved, camera, film, place) - (light(moved, camera, *upstream) - before)
+    return along + before * spreading(lens, moved, camera, film, place)
 
 
-def _weighted(
+def spreading(
+    lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
+) -> Float[Array, ""]:
+    """Div v, to first order in the difference between two lenses: how fast rays move apart."""
+    before = _density(lens, camera, film, lens.opening().at(place))
+    after = _density(moved, camera, *_upstream(lens, moved, camera, film, place))
+    # A pinhole has no density, and moves no ray within its opening.
+    dense = before > 0
+    ratio = jnp.where(dense, after / jnp.where(dense, before, 1.0), 1.0)
+    return ratio * _area(moved, place[1]) / _area(lens, place[1]) - 1.0
+
+
+def _edge_flow(
+    lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
+) -> Float[Array, ""]:
+    outline, along = jax.jvp(lens.opening().rim, (place[1],), (jnp.ones_like(place[1]),))
+    hole = lens.opening().hole()
+    open_ = 1.0 if hole is None else 1.0 - hole**2
+    size = place[0] if hole is None else jnp.where(place[0] > 0.5, 1.0, hole)
+    across = _flow(lens, moved, camera, film, place)[1]
+    carried = light(lens, camera, film, lens.opening().at(place))
+    return 2.0 * size * carried * _cross(across, along) / (open_ * _cross(outline, along))
+
+
+def _flow(
     lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
 ) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
-    """W v_p and W v_u, by eliminating v_u from J v = dr.
+    """v_p and v_u, by eliminating v_u from J v = dr.
 
     A pinhole has rays of one b only. Their v_u is then 0: what the opening gains on one side as it opens, it
     gains on the other, too.
     """
     point = lens.opening().at(place)
+    still = lens.ray(camera, film, point)
+    other = moved.ray(camera, film, moved.opening().at(place))
+    (a_film, a_point), (b_film, b_point) = _jacobian(lens, camera, film, point)
+    back = _inverse(b_point)
+    by_b = a_point @ back
+    v_film = _inverse(a_film - by_b @ b_film) @ (other.a - still.a - by_b @ (other.b - still.b))
+    return v_film, back @ (other.b - still.b - b_film @ v_film)
+
+
+def _upstream(
+    lens: AbstractLens, moved: AbstractLens, camera: Camera, film: Float[Array, "2"], place: Float[Array, "2"]
+) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
+    """Film point and opening point from where the flow comes, as the place of the opening moves."""
+    v_film, v_point = _flow(lens, moved, camera, film, place)
+    return film - v_film, moved.opening().at(place) - v_point
+
+
+def light(
+    lens: AbstractLens, camera: Camera, film: Float[Array, "2"], point: Float[Array, "2"]
+) -> Float[Array, ""]:
+    """W of the ray through a point of the opening."""
+    return lens.ray(camera, film, point).weight * lens.opening().density(point)
+
+
+def _density(
+    lens: AbstractLens, camera: Camera, film: Float[Array, "2"], point: Float[Array, "2"]
+) -> Float[Array, ""]:
+    """|det J|."""
+    (a_film, a_point), (b_film, b_point) = _jacobian(lens, camera, film, point)
+    eliminated = a_film - a_point @ _inverse(b_point) @ b_film
+    return jnp.abs(_cross(*eliminated) * _cross(*b_point))
+
+
+def _area(lens: AbstractLens, turn: Float[Array, ""]) -> Float[Array, ""]:
+    """Twice the opening's, which is alike for all turns."""
+    outline, along = jax.jvp(lens.opening().rim, (turn,), (jnp.ones_like(turn),))
+    hole = lens.opening().hole()
+    return _cross(outline, along) * (1.0 if hole is None else 1.0 - hole**2)
+
+
+def _jacobian(
+    lens: AbstractLens, camera: Camera, film: Float[Array, "2"], point: Float[Array, "2"]
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Of a and of b, by film point and by opening point, each [2, 2]."""
 
     def ray(film: Float[Array, "2"], point: Float[Array, "2"]) -> tuple[Array, Array]:
         ray = lens.ray(camera, film, point)
         return ray.a, ray.b
 
-    still = lens.ray(camera, film, point)
-    other = moved.ray(camera, film, moved.opening().at(place))
-    (a_film, a_point), (b_film, b_point) = jax.jacfwd(ray, argnums=(0, 1))(film, point)
-    back = _inverse(b_point)
-    by_b = a_point @ back
-    v_film = _inverse(a_film - by_b @ b_film) @ (other.a - still.a - by_b @ (other.b - still.b))
-    v_point = back @ (other.b - still.b - b_film @ v_film)
-    light = _light(lens, still, place)
-    return light * v_film, light * v_point
-
-
-def _light(lens: AbstractLens, ray: LensRay, place: Float[Array, "2"]) -> Float[Array, ""]:
-    """W of a ray through a place of the opening."""
-    return ray.weight * lens.opening().density(lens.opening().at(place))
+    return jax.jacfwd(ray, argnums=(0, 1))(film, point)
 
 
 def _inverse(matrix: Float[Array, "2 2"]) -> Float[Array, "2 2"]:

@@ -105,6 +105,22 @@ def spread_points(dimensions: int, edge: int, rays: int, seed: int) -> Float[np.
     return points.reshape(edge**2, rays, dimensions)[_places(edge)]
 
 
+@functools.lru_cache(maxsize=12)
+def line_points(edge: int, rays: int, seed: int) -> Float[np.ndarray, "k j s 3"]:
+    """Points of the unit cube for `edge` lines of as many unit intervals each, some for every interval.
+
+    Those of a line are spread evenly over all of it, and so are those of each part: the first coordinate
+    advances from each to the next by the line's length over their number, on the average.
+    """
+    length = edge**2 * rays
+    sequence = qmc.Sobol(3, scramble=True, rng=np.random.default_rng(seed))
+    points = sequence.random_base2(max(length - 1, 0).bit_length())[:length].reshape(edge, edge * rays, 3)
+    points = np.take_along_axis(points, np.argsort(points[..., :1], axis=1), axis=1)
+    strata = edge * rays
+    points[..., 0] = (points[..., 0] * strata % 1.0 + np.arange(strata) % rays) / rays
+    return np.minimum(points.reshape(edge, edge, rays, 3), 1.0 - 2.0**-24).astype(np.float32)
+
+
 def chances(edge: int, rays: int, seed: int) -> UInt[np.ndarray, "t s"]:
     """32 bits [t, s] that lie evenly for the rays of each pixel of a tile."""
     leap = next(k for k in range(round(_GOLDEN * rays), 2 * rays + 2) if math.gcd(k, rays) == 1)

@@ -141,15 +141,32 @@ def trace_block(
     depth: int,
 ) -> Float[Array, "p 3"]:
     """Mean radiance of `together` rays of each of some `pixels`, those from `first` on."""
-    width = scene.camera.width
-    column, row = pixels % width, pixels // width
-    offsets, pupil, chance = jax.vmap(samples.of_pixel, in_axes=(0, 0, 0, None))(column, row, first, together)
-    film = jnp.stack([column, row], axis=-1).astype(offsets.dtype)[:, None] + offsets
-    ends = least[pixels], largest[pixels]
 
     def seen(lens: AbstractLens) -> Float[Array, "p 3"]:
-        along, share = radiances(scene, lens, film, pupil, chance, *ends, depth=depth)
+        along, share = block_radiances(
+            scene, lens, samples, pixels, first, least, largest, together=together, depth=depth
+        )
         # Each colour for itself: of large blocks XLA for CPU takes one for all in the product of all three.
         return jnp.stack([(share * along[..., k]).mean(axis=1) for k in range(3)], axis=-1)
 
     return in_colour(seen, lens)
+
+
+def block_radiances(
+    scene: TracedScene,
+    lens: AbstractLens,
+    samples: RaySamples,
+    pixels: Int[Array, " p"],
+    first: Int[Array, " p"],
+    least: Float[Array, " n"],
+    largest: Float[Array, " n"],
+    *,
+    together: int,
+    depth: int,
+) -> tuple[Float[Array, "p s 3"], Float[Array, "p s"]]:
+    """The radiance along each ray of `trace_block`, and the share of it that arrives, by one lens's light."""
+    width = scene.camera.width
+    column, row = pixels % width, pixels // width
+    offsets, pupil, chance = jax.vmap(samples.of_pixel, in_axes=(0, 0, 0, None))(column, row, first, together)
+    film = jnp.stack([column, row], axis=-1).astype(offsets.dtype)[:, None] + offsets
+    return radiances(scene, lens, film, pupil, chance, least[pixels], largest[pixels], depth=depth)

@@ -157,6 +157,22 @@ def test_frames_that_are_there_are_kept(filmed, config_file):
     assert iio.imread(first).mean() > iio.imread(lost).mean() + 20
 
 
+def test_frames_are_exposed_and_developed_alike(filmed, config_file, tmp_path):
+    taken = ["exposure.luminance_cd_m2=20", "exposure.time=1/60", "film.preset=black_and_white"]
+    options = ["--frames", "1", "--out", str(tmp_path), *(part for key in taken for part in ("--set", key))]
+    result = CliRunner().invoke(app, ["shot", str(config_file), *options])
+    assert result.exit_code == 2
+    assert "give exposure.iso, instead of having them chosen" in " ".join(result.output.split())
+    result = CliRunner().invoke(app, ["shot", str(config_file), *options, "--set", "exposure.iso=100"])
+    assert result.exit_code in (0, 3), result.output
+    names = [folder / "frames" / "frame_0001" for folder in (filmed[0], tmp_path)]
+    coloured, grey = (iio.imread(name.with_suffix(".png")).astype(int) for name in names)
+    assert np.ptp(grey, axis=-1).max() <= 1 < np.ptp(coloured, axis=-1).max()
+    assert grey.std() > 10
+    before, after = (load_exr(name.with_suffix(".exr"))["G"] for name in names)
+    np.testing.assert_array_equal(before, after)
+
+
 # imageio's reader leaves the pipes to its ffmpeg for the garbage collector to close.
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
 def test_a_film_is_of_even_size_and_shows_the_frames(tmp_path):

@@ -1,0 +1,74 @@
+"""The lens that has a range of distances in focus."""
+
+import math
+from typing import SupportsFloat
+
+from focusjax.geometry import Camera
+from focusjax.lens._thin import ThinLens, thin_lens
+
+DIAGONAL_SHARE = 1 / 1500
+"""Customary circle of confusion: this share of the sensor's diagonal."""
+
+
+def depth_of_field_lens(
+    camera: Camera,
+    near: SupportsFloat,
+    far: SupportsFloat,
+    *,
+    circle_px: SupportsFloat | None = None,
+    f_number_range: tuple[SupportsFloat, SupportsFloat] = (1.0, 32.0),
+) -> ThinLens:
+    """The widest lens that blurs nothing between two distances by more than a circle of confusion.
+
+    Blur is 2 f E |w_f - w|, so that the focus is the mean of the two disparities, and E is
+    c / (f (w_n - w_f)). Where the lens would have to be wider than it opens, more is sharp than that.
+
+    Args:
+        camera: the pinhole that frames the picture.
+        near: distance in metres along the view axis.
+        far: distance in metres, beyond `near`; may be infinite.
+        circle_px: largest diameter of the blur in pixels; that of the customary circle, the diagonal / 1500,
+            if None.
+        f_number_range: smallest and largest f-number of the lens.
+
+    Raises:
+        ValueError: distances out of order, a circle or a range that is none, or a range of distances for
+            which the lens does not stop down enough, with the depth it has.
+
+    Example:
+        >>> from focusjax.geometry import look_at
+        >>> camera = look_at((0, 0, 5), (0, 0, 0), width=640, height=480, focal_length=0.05)
+        >>> lens = depth_of_field_lens(camera, 2.0, 4.0)
+        >>> round(float(lens.focus_distance()), 3), round(float(lens.f_number(camera)), 1)
+        (2.667, 10.4)
+    """
+    first, last = float(near), float(far)
+    if not 0.0 < first < last:
+        raise ValueError(
+            f"the range to be sharp is from {first:g} to {last:g} m; expected the nearer end first, above 0"
+        )
+    circle = (
+        math.hypot(camera.width, camera.height) * DIAGONAL_SHARE if circle_px is None else float(circle_px)
+    )
+    if not 0.0 < circle < math.inf:
+        raise ValueError(f"the circle of confusion is {circle:g} px; expected above 0, such as 1")
+    widest, narrowest = (float(each) for each in f_number_range)
+    if not 0.0 < widest < narrowest:
+        raise ValueError(
+            f"the f-numbers are {widest:g} to {narrowest:g}; expected the smaller one first, above 0"
+        )
+    span = 1.0 / first - 1.0 / last
+    number = float(camera.focal_length * camera.focal_px) * span / (2.0 * circle)
+    if number > narrowest:
+        half = narrowest * circle / float(camera.focal_length * camera.focal_px)
+        middle = 0.5 * (1.0 / first + 1.0 / last)
+        ends = 1.0 / (middle + half), 1.0 / (middle - half) if middle > half else math.inf
+        raise ValueError(
+            f"sharp from {first:g} to {last:g} m takes f/{number:.3g}, and the lens stops down to"
+            f" f/{narrowest:g}, for {ends[0]:.3g} to {ends[1]:.3g} m; ask for less, or allow a larger circle"
+        )
+    return thin_lens(
+        focus_distance=2.0 / (1.0 / first + 1.0 / last),
+        focal_length=float(camera.focal_length),
+        f_number=max(number, widest),
+    )

@@ -1,0 +1,202 @@
+"""Light that falls off towards the corners, whatever point of the opening it comes through."""
+
+import abc
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, SupportsFloat
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from focusjax.geometry import Camera, LensRay
+from focusjax.lens._aperture import AbstractAperture
+from focusjax.lens._base import AbstractLens, Channel
+from focusjax.lens._length import length
+
+
+class AbstractFalloff(eqx.Module):
+    """The share of the axis's light that a film point gets."""
+
+    @abc.abstractmethod
+    def share(self, camera: Camera, film_point: Float[Array, "2"]) -> Float[Array, ""]:
+        """At a film point in pixels: 1 on the axis."""
+
+
+class CosineFalloff(AbstractFalloff):
+    """Natural vignetting, the cosine of the angle to the axis to the fourth power (Kyaw 2013 eq. 4.14).
+
+    Attributes:
+        power: 4, as of a lens whose pupils look the same from everywhere; below it for many wide lenses.
+    """
+
+    power: Float[Array, ""]
+
+    def share(self, camera: Camera, film_point: Float[Array, "2"]) -> Float[Array, ""]:
+        tangents = (film_point - camera.principal_point) / camera.focal_px
+        return (1.0 + tangents @ tangents) ** (-0.5 * self.power)
+
+
+class TableFalloff(AbstractFalloff):
+    """Shares measured at heights on the film, with straight lines between. `table_falloff` makes one.
+
+    Attributes:
+        heights: [k] metres from the axis, the first 0.
+        shares: [k] of the light on the axis.
+    """
+
+    heights: Float[Array, " k"]
+    shares: Float[Array, " k"]
+
+    def share(self, camera: Camera, film_point: Float[Array, "2"]) -> Float[Array, ""]:
+        pixel = camera.sensor_width / camera.width
+        height = length(film_point - camera.principal_point) * pixel
+        number = jnp.searchsorted(self.heights, jax.lax.stop_gradient(height)) - 1
+        number = jnp.clip(number, 0, len(self.heights) - 2)
+        slope = (self.shares[number + 1] - self.shares[number]) / (
+            self.heights[number + 1] - self.heights[number]
+        )
+        # The last line goes on beyond the table, but never below darkness.
+        return jnp.maximum(self.shares[number] + slope * (height - self.heights[number]), 0.0)
+
+
+class DarkenedLens(AbstractLens):
+    """A lens with light that falls off towards the corners. Blur and its shape stay as they are.
+
+    Rays of a film point are weighted by its share. The axis is the camera's, also of a tilted lens. Lenses
+    made of real glass have their falloff by themselves.
+
+    Attributes:
+        lens: the lens without it.
+        falloff: how much light there is where.
+    """
+
+    lens: AbstractLens
+    falloff: AbstractFalloff
+
+    def opening(self) -> AbstractAperture:
+        return self.lens.opening()
+
+    def channels(self) -> tuple[Channel, ...]:
+        return tuple(
+            Channel(dataclasses.replace(self, lens=each.lens), each.colour) for each in self.lens.channels()
+        )
+
+    def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
+        ray = self.lens.ray(camera, film_point, pupil_point)
+        return dataclasses.replace(ray, weight=ray.weight * self.falloff.share(camera, film_point))
+
+    def blur(
+        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
+    ) -> Float[Array, ""]:
+        return self.lens.blur(camera, film_point, disparity)
+
+    def footprint(
+        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
+    ) -> tuple[Float[Array, "2"], Float[Array, ""]]:
+        return self.lens.footprint(camera, film_point, disparity)
+
+    def reach(self, camera: Camera, disparity: Float[Array, ""]) -> Float[Array, ""]:
+        return self.lens.reach(camera, disparity)
+
+    def parallax(self, camera: Camera) -> Float[Array, ""]:
+        return self.lens.parallax(camera)
+
+
+def cosine_falloff(power: SupportsFloat = 4.0) -> CosineFalloff:
+    """A `CosineFalloff` with a checked power.
+
+    Raises:
+        ValueError: a power below 0, or one that is not finite.
+    """
+    if not 0.0 <= float(power) < float("inf"):
+        raise ValueError(f"the power of the cosine is {float(power):g}; expected 0 or more, such as 4")
+    return CosineFalloff(jnp.asarray(float(power), dtype=float))
+
+
+def table_falloff(
+    camera: Camera,
+    heights: ArrayLike | Sequence[float],
+    shares: ArrayLike | Sequence[float],
+    *,
+    extrapolate: bool = False,
+) -> TableFalloff:
+    """A `TableFalloff` with checked values.
+
+    Args:
+        camera: whose frame the table has to cover.
+        heights: metres on the film from the axis, rising from 0.
+        shares: of the light on the axis, from 1.
+        extrapolate: let the table's last line go on to the corner that it does not reach.
+
+    Raises:
+        ValueError: numbers that do not match, heights that do not rise from 0, shares below 0, or a table
+            that ends before the picture does, unless it is to be extrapolated.
+    """
+    places, values = np.asarray(heights, dtype=float), np.asarray(shares, dtype=float)
+    if places.ndim != 1 or places.shape != values.shape or len(places) < 2:
+        raise ValueError(
+            f"a falloff table has {places.shape} heights and {values.shape} shares; expected two or"
+            " more, as many of both"
+        )
+    if not np.isfinite(places).all() or places[0] != 0 or not (np.diff(places) > 0).all():
+        raise ValueError(f"a falloff table has heights {places.tolist()} m; expected rising ones from 0 on")
+    if not np.isfinite(values).all() or (values < 0).any() or not values[0] > 0:
+        raise ValueError(
+            f"a falloff table has shares {values.tolist()}; expected 0 or more, and 1 on the axis"
+        )
+    corner = corner_height(camera)
+    if places[-1] < corner * (1.0 - 1e-6) and not extrapolate:
+        raise ValueError(
+            f"the falloff table reaches {1e3 * places[-1]:.2f} mm from the axis, and the picture's farthest"
+            f" corner is {1e3 * corner:.2f} mm away; add the {1e3 * (corner - places[-1]):.2f} mm that are"
+            " missing, or ask for extrapolation"
+        )
+    return TableFalloff(jnp.asarray(places, dtype=float), jnp.asarray(values / values[0], dtype=float))
+
+
+def corner_height(camera: Camera) -> float:
+    """Metres on the film from the axis to the picture's farthest corner."""
+    middle = np.asarray(camera.principal_point, dtype=float)
+    farthest = np.maximum(middle, np.array([camera.width, camera.height]) - middle)
+    return float(np.hypot(*farthest) * float(camera.sensor_width) / camera.width)
+
+
+def illumination(
+    lens: AbstractLens, camera: Camera, film_points: Float[Array, "n 2"], *, side: int = 64
+) -> Float[Array, "n"]:
+    """The light that each film point gets of a uniform scene of radiance 1: the mean weight of its rays.
+
+    1 where nothing is lost. A lens that treats colours differently is taken at a colour between them.
+
+    Args:
+        lens: any lens.
+        camera: the camera it stands in.
+        film_points: places in the picture, in pixels.
+        side: the square root of the number of rays, which lie on a grid over the opening.
+
+    Example:
+        >>> from focusjax.geometry import look_at
+        >>> from focusjax.lens import thin_lens
+        >>> camera = look_at((0, 0, 2), (0, 0, 0), width=36, height=24, focal_length=0.018)
+        >>> lens = DarkenedLens(thin_lens(focus_distance=2, aperture_radius=0.01), cosine_falloff())
+        >>> round(float(illumination(lens, camera, jnp.array([[36.0, 12.0]]))[0]), 6)
+        0.25
+    """
+    return _illumination(lens, camera, film_points, side)
+
+
+@eqx.filter_jit
+def _illumination(
+    lens: AbstractLens, camera: Camera, film_points: Float[Array, "n 2"], side: int
+) -> Float[Array, "n"]:
+    along = (jnp.arange(side, dtype=film_points.dtype) + 0.5) / side
+    grid = jnp.stack(jnp.meshgrid(along, along), axis=-1).reshape(-1, 2)
+    pupil = jax.vmap(lens.pupil_point)(grid)
+
+    def one(film_point: Any) -> Float[Array, ""]:
+        return jnp.mean(jax.vmap(lambda point: lens.ray(camera, film_point, point).weight)(pupil))
+
+    return jax.lax.map(one, film_points)

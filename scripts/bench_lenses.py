@@ -24,6 +24,7 @@ from rich.table import Table
 from focusjax.geometry import make_camera
 from focusjax.layers import peel
 from focusjax.lens import (
+    AbstractLens,
     FittedLens,
     PrescriptionLens,
     ThinLens,
@@ -62,13 +63,14 @@ def arguments() -> argparse.Namespace:
 def scene_of(balls: int) -> Scene:
     """Lumpy balls 1 to 6 m away before a wall at 7 m."""
     mesh = boulders(balls)
-    colours = np.asarray(mesh.visual.vertex_colors)[:, :3] / 255.0
+    painted = mesh.visual.vertex_colors  # pyright: ignore[reportAttributeAccessIssue, reportOptionalMemberAccess]
+    colours = np.asarray(painted)[:, :3] / 255.0
     lumps = make_object("balls", mesh.vertices, mesh.faces, vertex_colours=colours)
     objects = [dataclasses.replace(each, vertices=0.5 * each.vertices) for each in (lumps, wall())]
     return make_scene(objects, unlit=True)
 
 
-def lenses_of(options: argparse.Namespace, camera) -> dict[str, tuple[object, str]]:
+def lenses_of(options: argparse.Namespace, camera) -> dict[str, tuple[AbstractLens, str]]:
     """By name, each with the name of the thin lens that it is compared with."""
     gauss, single = options.double_gauss, options.singlet
     length = float(camera.focal_length)
@@ -85,7 +87,7 @@ def lenses_of(options: argparse.Namespace, camera) -> dict[str, tuple[object, st
     simple = singlet(50.0, -50.0, thickness=5.0, semi_diameter=9.0, glass=find_glass("N-BK7"))
     first, second = f"thin, f/{single:g}", f"thin, f/{gauss:g}"
     exact, double = real(simple, single), real(lens_preset("gauss_jp62087922_f1.8_1987"), gauss)
-    found = {
+    found: dict[str, tuple[AbstractLens, str]] = {
         first: (thin(single), first),
         "singlet, exact": (exact, first),
         "singlet, fitted": (fitted(exact), first),
@@ -103,7 +105,7 @@ def lenses_of(options: argparse.Namespace, camera) -> dict[str, tuple[object, st
 def measure(options: argparse.Namespace) -> dict[str, dict[str, object]]:
     """Results of each lens by name; seconds, pixels and decibels."""
     camera = make_camera(np.eye(4), width=options.width, height=options.height, focal_length=0.05)
-    scene, results = scene_of(options.balls), {}
+    scene, results = scene_of(options.balls), dict[str, dict[str, object]]()
     lenses = lenses_of(options, camera)
     layers = {}
     for name, (lens, _) in lenses.items():

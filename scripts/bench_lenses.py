@@ -5,6 +5,10 @@ machine does falls on all alike. The first round tells what compiling costs, the
 what tracing costs, over that of the thin lens of the same f-number. Run it on a quiet machine.
 
     python scripts/bench_lenses.py --json result.json
+
+With `--fits` it only tells how far polynomials for lenses that come along are off, wide open.
+
+    python scripts/bench_lenses.py --fits
 """
 
 import argparse
@@ -26,6 +30,7 @@ from focusjax.layers import peel
 from focusjax.lens import (
     AbstractLens,
     FittedLens,
+    PoorFitError,
     PrescriptionLens,
     ThinLens,
     fitted_lens,
@@ -40,6 +45,14 @@ from focusjax.trace import render
 
 NEAREST = 0.8
 """Metres: nothing in the scene is nearer."""
+
+FITTED = (
+    ("gauss_jp62087922_f1.8_1987", 0.05, 1.0),
+    ("planar_us583336_f4.5_1897", 0.05, 2.0),
+    ("cooke_triplet_50mm_f4", 0.05, 2.0),
+    ("retrofocus_35mm_f2", 0.024, 0.6),
+)
+"""Presets, with focal length and focus distance in metres."""
 
 
 def arguments() -> argparse.Namespace:
@@ -56,8 +69,38 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--balls", type=int, default=60, help="of 5120 triangles each")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--spectral", action="store_true", help="the double Gauss in colours, too")
+    parser.add_argument(
+        "--fits", action="store_true", help="tell the errors of polynomials, and trace nothing"
+    )
     parser.add_argument("--json", type=Path, help="file for the results")
     return parser.parse_args()
+
+
+def fits(options: argparse.Namespace) -> dict[str, dict[str, object]]:
+    """Errors of the polynomials for each of `FITTED`, from 0.5 m to infinity."""
+    results: dict[str, dict[str, object]] = {}
+    for name, length, focus in FITTED:
+        camera = make_camera(np.eye(4), width=options.width, height=options.height, focal_length=length)
+        lens = prescription_lens(lens_preset(name), camera, focus_distance=focus)
+        try:
+            fitted = fitted_lens(lens, camera, error_px=options.error, nearest=0.5)
+        except PoorFitError as error:
+            results[name] = {"dB from exact": str(error)}
+            continue
+        results[name] = errors_of(fitted)
+    return results
+
+
+def errors_of(lens: FittedLens) -> dict[str, object]:
+    error = lens.error
+    return {
+        "degree": lens.transfer.degree,
+        "rims": len(lens.rims),
+        "worst px": np.asarray(error.worst).tolist(),
+        "rms px": np.asarray(error.rms).tolist(),
+        "outline px": np.asarray(error.outline).tolist(),
+        "light misplaced": float(error.light),
+    }
 
 
 def scene_of(balls: int) -> Scene:
@@ -127,15 +170,7 @@ def measure(options: argparse.Namespace) -> dict[str, dict[str, object]]:
         if exact != name:
             row["dB from exact"] = psnr(jnp.asarray(pictures[name]), jnp.asarray(pictures[exact]))
         if isinstance(lens, FittedLens):
-            error = lens.error
-            row |= {
-                "degree": lens.transfer.degree,
-                "rims": len(lens.rims),
-                "worst px": np.asarray(error.worst).tolist(),
-                "rms px": np.asarray(error.rms).tolist(),
-                "outline px": np.asarray(error.outline).tolist(),
-                "light misplaced": float(error.light),
-            }
+            row |= errors_of(lens)
     return results
 
 
@@ -167,7 +202,7 @@ def shown(value: object) -> str:
 
 def main() -> None:
     options = arguments()
-    results = measure(options)
+    results = fits(options) if options.fits else measure(options)
     Console().print(table(results))
     if options.json is not None:
         options.json.write_text(json.dumps(results, indent=1) + "\n")

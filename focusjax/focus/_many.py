@@ -56,13 +56,21 @@ def solve_many(
             f"the solver failed for {count} of {failed.size} problems, of which {int(failed.argmax())} is the"
             " first; `throw=False` and `Solution.result` say why"
         )
+    assert solutions.asked is not None
     seen, wished = (
         dataclasses.replace(each, names=points.names, notes=points.notes)
-        for each in (solutions.points, asked.points)
+        for each in (solutions.points, solutions.asked.points)
     )
-    return dataclasses.replace(solutions, points=seen, asked=dataclasses.replace(asked, points=wished))
+    return dataclasses.replace(
+        solutions, points=seen, asked=dataclasses.replace(solutions.asked, points=wished)
+    )
 
 
 @eqx.filter_jit
 def _solve_all(asked: Asked) -> tuple[Solution, Bool[Array, "p"]]:
-    return jax.vmap(lambda points: solved(dataclasses.replace(asked, points=points)))(asked.points)
+    def one(points: ImagePoints) -> tuple[Solution, Bool[Array, ""]]:
+        problem = dataclasses.replace(asked, points=points)
+        solution, failed = solved(problem)
+        return dataclasses.replace(solution, asked=problem), failed
+
+    return jax.vmap(one)(asked.points)

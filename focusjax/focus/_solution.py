@@ -1,7 +1,6 @@
 """What a solve found: the lens, how well each wish is met, and what stood in the way."""
 
 import dataclasses
-from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -17,8 +16,6 @@ from focusjax.focus._parameters import PARAMETERS
 from focusjax.focus._priors import Numbers
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens
-
-T = TypeVar("T")
 
 _RELATIONS = {EQUAL: "equal", AT_MOST: "at most", AT_LEAST: "at least", SAME: "same"}
 SHOWN_AT, IN_FRAME = "shown at", "in frame"
@@ -141,7 +138,7 @@ class Solution(eqx.Module):
         open: for every free parameter, whether the wishes leave it open, alone or together with others, so
             that it stayed as near to the start as it could.
         free: what was solved for, in the order of `PARAMETERS` (static).
-        asked: the problem, or of `solve_many` all of them, which differ in their points.
+        asked: the problem.
     """
 
     lens: ThinLens | TiltShiftLens
@@ -168,9 +165,7 @@ class Solution(eqx.Module):
             raise ArgumentError(
                 f"there are {len(self.cost)} solutions, and no number {index} (counted from 0)", "index"
             )
-        own = dataclasses.replace(self, asked=None)
-        asked = self.asked and dataclasses.replace(self.asked, points=_one(self.asked.points, index))
-        return dataclasses.replace(_one(own, index), asked=asked)
+        return jax.tree.map(lambda leaf: one_row(leaf, index), self)
 
     def _alone(self, what: str) -> None:
         """Refuses to say of many problems what only one has."""
@@ -264,10 +259,6 @@ def _framing(
     place = np.where(points.quantity[rows] == ACROSS, *points.xy[rows].T)
     room = np.where(points.relation[rows] == AT_LEAST, 1.0, -1.0) * (place - points.target[rows])
     return IN_FRAME, margin, margin + float(room.min()), -float(short)
-
-
-def _one(tree: T, index: int) -> T:
-    return jax.tree.map(lambda leaf: one_row(leaf, index), tree)
 
 
 def one_row(leaf: Array, index: int) -> Array:

@@ -90,7 +90,7 @@ def test_all_else_is_the_exact_lens(gauss):
 
 def test_disks_hold_its_rays(gauss):
     """Those of the exact lens have room for the error."""
-    film, w = jnp.asarray(SAMPLES[:, :2]) * jnp.array([400.0, 300.0]), jnp.asarray(2.0)
+    film, w = jnp.asarray(SAMPLES[:, :2] * np.array([400.0, 300.0])), jnp.asarray(2.0)
     centre, radius = eqx.filter_jit(jax.vmap(lambda point: gauss.footprint(CAMERA, point, w)))(film)
     rays, _ = both(gauss)
     away = np.linalg.norm(np.asarray(rays.a + rays.b * w - centre), axis=1) / np.asarray(radius)

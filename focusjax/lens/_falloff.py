@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from focusjax.geometry import Camera, LensRay
-from focusjax.lens._aperture import AbstractAperture
-from focusjax.lens._base import AbstractLens, Channel
+from focusjax.lens._base import AbstractLens
+from focusjax.lens._dimmed import AbstractDimmedLens
 from focusjax.lens._length import length
 
 
@@ -62,7 +62,7 @@ class TableFalloff(AbstractFalloff):
         return jnp.maximum(self.shares[number] + slope * (height - self.heights[number]), 0.0)
 
 
-class DarkenedLens(AbstractLens):
+class DarkenedLens(AbstractDimmedLens):
     """A lens with light that falls off towards the corners. Blur and its shape stay as they are.
 
     Rays of a film point are weighted by its share. The axis is the camera's, also of a tilted lens. Lenses
@@ -76,33 +76,9 @@ class DarkenedLens(AbstractLens):
     lens: AbstractLens
     falloff: AbstractFalloff
 
-    def opening(self) -> AbstractAperture:
-        return self.lens.opening()
-
-    def channels(self) -> tuple[Channel, ...]:
-        return tuple(
-            Channel(dataclasses.replace(self, lens=each.lens), each.colour) for each in self.lens.channels()
-        )
-
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         ray = self.lens.ray(camera, film_point, pupil_point)
         return dataclasses.replace(ray, weight=ray.weight * self.falloff.share(camera, film_point))
-
-    def blur(
-        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
-    ) -> Float[Array, ""]:
-        return self.lens.blur(camera, film_point, disparity)
-
-    def footprint(
-        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
-    ) -> tuple[Float[Array, "2"], Float[Array, ""]]:
-        return self.lens.footprint(camera, film_point, disparity)
-
-    def reach(self, camera: Camera, disparity: Float[Array, ""]) -> Float[Array, ""]:
-        return self.lens.reach(camera, disparity)
-
-    def parallax(self, camera: Camera) -> Float[Array, ""]:
-        return self.lens.parallax(camera)
 
 
 def cosine_falloff(power: SupportsFloat = 4.0) -> CosineFalloff:

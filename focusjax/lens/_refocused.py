@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
 from focusjax.lens._base import AbstractLens
-from focusjax.lens._falloff import DarkenedLens
+from focusjax.lens._dimmed import AbstractDimmedLens
 from focusjax.lens._fitted import FittedLens, refitted, unfitted
 from focusjax.lens._prescription import (
     PrescriptionLens,
@@ -18,7 +18,6 @@ from focusjax.lens._prescription import (
 from focusjax.lens._spectral import SpectralLens
 from focusjax.lens._thin import ThinLens
 from focusjax.lens._tilt_shift import TiltShiftLens
-from focusjax.lens._vignetted import VignettedLens
 from focusjax.lens.aberrations import AberratedLens, ChromaticLens
 
 _Lens = TypeVar("_Lens", bound=AbstractLens)
@@ -41,7 +40,7 @@ def moved_film(lens: AbstractLens, camera: Camera, focus_disparity: Float[Array,
         place = {name: getattr(middle, name) for name in ("film_place", "film_scale", "focus_disparity")}
         red, green, blue = (dataclasses.replace(unfitted(band), **place) for band in lens.bands)
         return SpectralLens(middle, (red, green, blue))
-    if isinstance(lens, AberratedLens | ChromaticLens | DarkenedLens | VignettedLens):
+    if isinstance(lens, AberratedLens | ChromaticLens | AbstractDimmedLens):
         return dataclasses.replace(lens, lens=moved_film(lens.lens, camera, focus_disparity))
     return refocused(lens, camera, focus_disparity)
 
@@ -81,7 +80,7 @@ def refocused(lens: _Lens, camera: Camera, focus_disparity: Float[Array, ""]) ->
         return refitted(lens, refocused(lens.exact, camera, focus_disparity), camera)
     if isinstance(lens, SpectralLens):
         return _spectral(lens, camera, focus_disparity)
-    if isinstance(lens, AberratedLens | ChromaticLens | DarkenedLens | VignettedLens):
+    if isinstance(lens, AberratedLens | ChromaticLens | AbstractDimmedLens):
         return dataclasses.replace(lens, lens=refocused(lens.lens, camera, focus_disparity))
     raise ValueError(f"a {type(lens).__name__} has no one focus to set")
 

@@ -7,14 +7,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera, LensRay
-from focusjax.lens._aperture import AbstractAperture
-from focusjax.lens._base import AbstractLens, Channel
+from focusjax.lens._base import AbstractLens
+from focusjax.lens._dimmed import AbstractDimmedLens
 
 _SOFTNESS = 0.05
 """Width of the disk's edge, a share of its radius, so that pictures change smoothly with it."""
 
 
-class VignettedLens(AbstractLens):
+class VignettedLens(AbstractDimmedLens):
     """A lens in a tube: rays also have to pass a disk on its axis.
 
     From a film point off the axis, disk and opening look shifted against each other. What both let through is
@@ -35,14 +35,6 @@ class VignettedLens(AbstractLens):
     disk_radius: Float[Array, ""]
     disk_distance: Float[Array, ""]
 
-    def opening(self) -> AbstractAperture:
-        return self.lens.opening()
-
-    def channels(self) -> tuple[Channel, ...]:
-        return tuple(
-            Channel(dataclasses.replace(self, lens=each.lens), each.colour) for each in self.lens.channels()
-        )
-
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         ray = self.lens.ray(camera, film_point, pupil_point)
         passes = (ray.b + self.disk_distance * (ray.a - camera.principal_point)) / camera.focal_px
@@ -50,22 +42,6 @@ class VignettedLens(AbstractLens):
         beyond = (passes @ passes / self.disk_radius**2 - 1.0) / (2.0 * _SOFTNESS)
         t = jnp.clip(0.5 - beyond, 0.0, 1.0)
         return dataclasses.replace(ray, weight=ray.weight * t * t * (3.0 - 2.0 * t))
-
-    def blur(
-        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
-    ) -> Float[Array, ""]:
-        return self.lens.blur(camera, film_point, disparity)
-
-    def footprint(
-        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
-    ) -> tuple[Float[Array, "2"], Float[Array, ""]]:
-        return self.lens.footprint(camera, film_point, disparity)
-
-    def reach(self, camera: Camera, disparity: Float[Array, ""]) -> Float[Array, ""]:
-        return self.lens.reach(camera, disparity)
-
-    def parallax(self, camera: Camera) -> Float[Array, ""]:
-        return self.lens.parallax(camera)
 
 
 def vignetted_lens(

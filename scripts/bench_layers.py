@@ -96,7 +96,8 @@ def staged_peel(
     parallax = float(lens.parallax(camera)) * supersampling
     chosen, complete = peel_fragments(picture.fragments, grid, parallax, most)
     lap("peel")
-    layers = assemble(scene, camera, lens, picture, chosen, max_layers=most, complete=complete)
+    counts = [len(some) for some in chosen]
+    layers = assemble(scene, camera, lens, picture.held(chosen), counts, max_layers=most, complete=complete)
     jax.block_until_ready(layers)
     lap("assemble")
     return layers, seconds

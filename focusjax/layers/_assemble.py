@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Int
+from jaxtyping import Array
 
 from focusjax.geometry import Camera
-from focusjax.layers._attributes import surface_samples
+from focusjax.layers._attributes import SurfaceSamples, surface_samples
 from focusjax.layers._cells import WHOLE, in_steps, pack_cells
 from focusjax.layers._extent import Extent
 from focusjax.layers._gloss import GlossSamples
@@ -21,7 +21,7 @@ from focusjax.layers._places import make_places
 from focusjax.layers._pyramid import RangePyramid, build_ranges
 from focusjax.layers._shading import ShadedSamples, background, shaded
 from focusjax.layers._silhouettes import Silhouettes, find_silhouettes
-from focusjax.layers._store import on_device, scattered
+from focusjax.layers._store import on_device, return_freed, scattered
 from focusjax.lens import AbstractLens
 from focusjax.scene import Gloss, Scene
 
@@ -32,8 +32,8 @@ def assemble(
     scene: Scene,
     camera: Camera,
     lens: AbstractLens,
-    picture: Rasterised,
-    chosen: Sequence[Int[np.ndarray, " _"]],
+    held: Rasterised,
+    counts: Sequence[int],
     *,
     max_layers: int,
     complete: bool,
@@ -41,17 +41,15 @@ def assemble(
     view_dependent: bool = False,
     pixel_filter: str = "box",
 ) -> Layers:
-    """Layers of the fragments `chosen` for each, in the order of their samples."""
+    """Layers of the fragments in `held`: `counts` for each layer, in the order of their samples."""
     gloss = scene.gloss() if view_dependent else None
-    triangles, grid, fragments = picture.triangles, picture.grid, picture.fragments
+    triangles, grid, fragments = held.triangles, held.grid, held.fragments
     parallax = float(lens.parallax(camera)) * grid.supersampling
-    fragment = np.concatenate([np.zeros(0, dtype=np.intp), *chosen])
-    sample = fragments.sample[fragment]
-    layer = np.repeat(np.arange(len(chosen)), [len(some) for some in chosen])
-    surface = surface_samples(picture.stamps, triangles, sample, fragments.stamp[fragment], grid)
+    surface = surface_samples(held.stamps, triangles, fragments.sample, fragments.stamp, grid)
     real = np.zeros(0, dtype=jnp.zeros(()).dtype).dtype
-    disparity = fragments.disparity[fragment].astype(real)
-    opacity = None if picture.opacity is None else picture.opacity[fragment].astype(real)
+    disparity = fragments.disparity.astype(real, copy=False)
+    opacity = None if held.opacity is None else held.opacity.astype(real, copy=False)
+    return_freed()
 
     # Shading and the geometry need nothing of each other: while one compiles or waits, the other works.
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
@@ -64,30 +62,27 @@ def assemble(
             extent_m,
             gloss_apart=gloss is not None,
         )
-        shape = (max(1, len(chosen)), grid.rows, grid.columns)
-        slopes = surface.slope_x.astype(real), surface.slope_y.astype(real)
-        planes = Planes(shape, layer * grid.size + sample, disparity, *slopes)
-        joins = join(planes, parallax)
-        fringe = find_silhouettes(triangles, grid, planes, joins, parallax)
-        outline = _with_fringe(planes, grid.size, joins, fringe, max_layers)
+        outline = _outlined(held, counts, surface, parallax, max_layers, real)
         count = max(outline.layers, 1 if like is None else min(like.count, max_layers))
         cells, scale, ranges = _walked(outline, count, grid, real)
         places, number = make_places(count * grid.size, outline.index)
         far = background(scene, camera, grid)
         look = shading.result()
+        face = surface.face
+        del surface
 
     room = max(_room(len(number)), 0 if like is None else like.room)
-    slots = _Slots(number, fringe.source[outline.added], room)
+    slots = _Slots(number, outline.source, room)
     return Layers(
         cells=on_device(cells),
         places=places,
         samples=Samples(
-            disparity=slots.stored(disparity, fringe.disparity[outline.added]),
+            disparity=slots.stored(disparity, outline.disparity),
             radiance=slots.stored(look.radiance),
-            triangle=slots.stored_where_held(surface.face, -1),
-            links=slots.stored_where_held(joins.links, 0),
+            triangle=slots.stored_where_held(face, -1),
+            links=slots.stored_where_held(outline.links, 0),
             opacity=None if opacity is None else slots.stored(opacity),
-            gloss=_gloss_samples(slots, scene, gloss, look, surface.face),
+            gloss=_gloss_samples(slots, scene, gloss, look, face),
         ),
         background=far,
         ranges=ranges,
@@ -167,19 +162,45 @@ class _Outline:
 
     Attributes:
         layers: number of layers that they take.
-        added: which of the fringe samples found room.
         index: flat index [n] of all.
         low: least disparity [n] that each spans.
         high: largest disparity [n].
         line: code [n] of what bounds the surface.
+        links: which neighbours continue the surface, of the samples held.
+        source: which of the samples held each fringe sample continues.
+        disparity: 1/m of the fringe samples.
     """
 
     layers: int
-    added: np.ndarray
     index: np.ndarray
     low: np.ndarray
     high: np.ndarray
     line: np.ndarray
+    links: np.ndarray
+    source: np.ndarray
+    disparity: np.ndarray
+
+
+def _outlined(
+    held: Rasterised,
+    counts: Sequence[int],
+    surface: SurfaceSamples,
+    parallax: float,
+    max_layers: int,
+    real: np.dtype,
+) -> _Outline:
+    """How samples continue one another, and where surfaces end."""
+    grid, fragments = held.grid, held.fragments
+    planes = Planes(
+        (max(1, len(counts)), grid.rows, grid.columns),
+        np.repeat(np.arange(len(counts)) * grid.size, counts) + fragments.sample,
+        *(a.astype(real, copy=False) for a in (fragments.disparity, surface.slope_x, surface.slope_y)),
+    )
+    joins = join(planes, parallax)
+    return_freed()
+    fringe = find_silhouettes(held.triangles, grid, planes, joins, parallax)
+    return_freed()
+    return _with_fringe(planes, grid.size, joins, fringe, max_layers)
 
 
 def _with_fringe(planes: Planes, size: int, joins: Joins, fringe: Silhouettes, max_layers: int) -> _Outline:
@@ -196,9 +217,11 @@ def _with_fringe(planes: Planes, size: int, joins: Joins, fringe: Silhouettes, m
     whole[fringe.cut] = fringe.line
     return _Outline(
         layers=max(planes.shape[0], int(layer[room].max(initial=0)) + 1),
-        added=added,
         index=np.concatenate([planes.held, layer[room] * size + cell[room]]),
         low=np.concatenate([joins.low, fringe.low[added]]),
         high=np.concatenate([joins.high, fringe.high[added]]),
         line=np.concatenate([whole, fringe.fringe_line[added]]),
+        links=joins.links,
+        source=fringe.source[added],
+        disparity=fringe.disparity[added],
     )

@@ -11,6 +11,7 @@ from focusjax.layers._layers import Layers, extent_like
 from focusjax.layers._memory import check_layers
 from focusjax.layers._peel import peel_fragments
 from focusjax.layers._picture import rasterised, rasterised_for
+from focusjax.layers._store import return_freed
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
 
@@ -76,13 +77,17 @@ def peel(
     chosen, complete = peel_fragments(
         picture.fragments, picture.grid, parallax, max_layers, umbra=umbra, opacity=picture.opacity
     )
-    check_layers(picture.grid, [len(some) for some in chosen], "max_layers")
+    counts = [len(some) for some in chosen]
+    check_layers(picture.grid, counts, "max_layers")
+    picture = picture.held(chosen)
+    del chosen
+    return_freed()
     return assemble(
         scene,
         camera,
         lens,
         picture,
-        chosen,
+        counts,
         max_layers=max_layers,
         complete=complete,
         like=like,

@@ -1,8 +1,10 @@
 """What a scene covers on the grid that its layers need: the common start of peeling and of cutting slabs."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Int
 
 from focusjax.geometry import Camera
 from focusjax.layers._clip import ScreenTriangles
@@ -26,6 +28,12 @@ class Rasterised:
     stamps: Stamps
     fragments: Fragments
     opacity: np.ndarray | None
+
+    def held(self, chosen: Sequence[Int[np.ndarray, " _"]]) -> "Rasterised":
+        """The same with the fragments `chosen` for each layer alone, one layer after the other."""
+        index = np.concatenate([np.zeros(0, dtype=np.intp), *chosen])
+        opacity = None if self.opacity is None else self.opacity[index]
+        return dataclasses.replace(self, fragments=self.fragments.take(index), opacity=opacity)
 
 
 def rasterised(scene: Scene, camera: Camera, triangles: ScreenTriangles, grid: Grid) -> Rasterised:

@@ -62,8 +62,10 @@ def _cover(
     return inside, jnp.clip(w, bounds[:, :1], bounds[:, 1:])
 
 
-def rasterise(stamps: Stamps, grid: Grid, *, reach: float = 0.0) -> Fragments:
-    """All fragments of `stamps`, diced for the same `reach`, on `grid`."""
+def rasterise(
+    stamps: Stamps, grid: Grid, *, reach: float = 0.0, wanted: Bool[np.ndarray, " samples"] | None = None
+) -> Fragments:
+    """All fragments of `stamps`, diced for the same `reach`, on `grid`, or at its `wanted` samples alone."""
     columns, rows = stamps.origin.T.copy()
 
     def block(work: tuple[int, slice]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -82,7 +84,11 @@ def rasterise(stamps: Stamps, grid: Grid, *, reach: float = 0.0) -> Fragments:
         if size > 1:
             on_grid = np.flatnonzero((column < grid.columns) & (row < grid.rows))
             column, row, values, stamp = column[on_grid], row[on_grid], values[on_grid], stamp[on_grid]
-        return row * np.int32(grid.columns) + column, values, stamp
+        sample = row * np.int32(grid.columns) + column
+        if wanted is not None:
+            kept = np.flatnonzero(np.take(wanted, sample))
+            sample, values, stamp = sample[kept], values[kept], stamp[kept]
+        return sample, values, stamp
 
     work, start = [], 0
     for size, count in zip(SIZES, stamps.counts, strict=True):

@@ -147,13 +147,13 @@ def _covered_points(
     low, high = squares.low[order] - tolerance, squares.high[order] + tolerance
     count = np.bincount(squares.cell, minlength=grid.size).astype(np.int32)
     first = np.cumsum(count, dtype=np.int32) - count
-    stamps = dice(triangles.take(_touching(triangles, grid, count > 0)), grid, reach=0.5)
-    fragments = rasterise(stamps, grid, reach=0.5)
-    near = np.flatnonzero(count[fragments.sample])
-    cell = fragments.sample[near]
+    wanted = count > 0
+    stamps = dice(triangles.take(_touching(triangles, grid, wanted)), grid, reach=0.5)
+    fragments = rasterise(stamps, grid, reach=0.5, wanted=wanted)
+    cell = fragments.sample
     # Every fragment beside every surface of its square.
     times = count[cell]
-    fragment = np.repeat(near, times)
+    fragment = np.repeat(np.arange(len(cell)), times)
     within = np.arange(len(fragment)) - np.repeat(np.cumsum(times) - times, times)
     square = np.repeat(first[cell], times) + within
     w = fragments.disparity[fragment]

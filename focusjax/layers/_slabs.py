@@ -99,13 +99,14 @@ def decompose(
         picture.fragments, grid, parallax * grid.supersampling, bounds, opacity=picture.opacity
     )
     limit = "count" if blur_step is None else "the number of slabs by a larger blur_step"
-    check_layers(grid, [len(some) for some in chosen], limit)
+    counts = [len(some) for some in chosen]
+    check_layers(grid, counts, limit)
     return assemble(
         scene,
         camera,
         lens,
-        picture,
-        chosen,
+        picture.held(chosen),
+        counts,
         max_layers=len(bounds) - 1,
         complete=complete,
         like=extent,

@@ -1,6 +1,9 @@
 """Large arrays of which little is written: untouched pages of memory cost neither time nor room."""
 
+import ctypes
+import functools
 import math
+from collections.abc import Callable
 
 import jax
 import numpy as np
@@ -34,3 +37,21 @@ def scattered(shape: tuple[int, ...], index: np.ndarray, samples: np.ndarray) ->
 def on_device(array: np.ndarray) -> Array:
     """The array for compiled programs; it must not be written to any more."""
     return jax.device_put(array)
+
+
+def return_freed() -> None:
+    """Gives memory that was freed back to the system, where the C library can (glibc).
+
+    Arrays of some megabytes that come and go leave holes that no larger one fits into: without this, a
+    third of what a process holds at most is holes. It takes milliseconds, so it is for between large steps.
+    """
+    _trim()(0)
+
+
+@functools.cache
+def _trim() -> Callable[[int], object]:
+    """What gives memory back: malloc_trim of glibc, or nothing."""
+    try:
+        return ctypes.CDLL(None).malloc_trim
+    except (OSError, AttributeError, TypeError):
+        return bool

@@ -129,7 +129,7 @@ def _wishes(solution: Solution | SurfaceSolution) -> Table:
 def _wished(row: WishResult) -> str:
     """A wish in a few words."""
     if row.relation == "same":
-        return "as another"
+        return f"as blurred as {row.partner}"
     if row.relation == "shown at":
         return "at its place"
     if row.relation == "in frame":

@@ -14,7 +14,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 from focusjax._words import kind_of
 from focusjax.focus._bounds import Limits
 from focusjax.focus._checks import ArgumentError, require, require_kind
-from focusjax.focus._image_points import ImagePoints, padded, room_for, stacked, together
+from focusjax.focus._image_points import ImagePoints, anonymous, padded, room_for, stacked, together
 from focusjax.focus._priors import Numbers
 from focusjax.focus._refuse import require_lens, require_points
 from focusjax.focus._solution import Plan
@@ -123,7 +123,7 @@ def frames_asked(
     alike = stacked([padded(each, rows) for each in points])
     sided = not isinstance(alike.signed, Tracer) and bool(np.asarray(alike.signed).all())
     return FramesAsked(
-        points=dataclasses.replace(alike, names=(), notes=()),
+        points=anonymous(alike),
         camera=jax.tree.map(together, *cameras),
         lens=jax.tree.map(together, *lenses),
         limits=jax.tree.map(together, *(each.limits for each in frames)),

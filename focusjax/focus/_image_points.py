@@ -40,6 +40,7 @@ class ImagePoints(eqx.Module):
             None when there are no such rows.
         notes: for every wish what limits its weight, such as "hidden", or nothing (static).
         quantity: `BLUR`, `ACROSS` or `DOWN` per row; all are `BLUR` when None.
+        partners: for every wish the name of the point whose blur is to be had, or nothing (static).
     """
 
     xy: Float[Array, "*p n 2"]
@@ -54,6 +55,17 @@ class ImagePoints(eqx.Module):
     reference: Float[Array, "*p n 3"] | None = None
     notes: tuple[str, ...] = eqx.field(static=True, default=())
     quantity: Int[Array, "*p n"] | None = None
+    partners: tuple[str, ...] = eqx.field(static=True, default=())
+
+
+def anonymous(points: ImagePoints) -> ImagePoints:
+    """The points without words, which are static: other words would compile a solver again."""
+    return dataclasses.replace(points, names=(), notes=(), partners=())
+
+
+def named_like(points: ImagePoints, named: ImagePoints) -> ImagePoints:
+    """The points with the words of others."""
+    return dataclasses.replace(points, names=named.names, notes=named.notes, partners=named.partners)
 
 
 def blurs(points: ImagePoints, camera: Camera, lens: AbstractLens) -> Float[Array, "n"]:
@@ -160,6 +172,7 @@ def stacked(problems: Sequence[ImagePoints]) -> ImagePoints:
             padded(with_relations(each, related=related, referring=referring, placing=placing), size),
             names=problems[0].names,
             notes=(),
+            partners=problems[0].partners,
         )
         for each in problems
     ]

@@ -100,6 +100,7 @@ def locate(
         relation=jnp.asarray(np.array(relations)[wish]) if any(relations) else None,
         reference=None if reference is None else jnp.asarray(reference, dtype=float),
         notes=tuple(_note(place, share) for place, share in zip(places, shares, strict=True)),
+        partners=tuple(point.wish.other if isinstance(point.wish, SameBlur) else "" for point in points),
     )
     return with_framing(found, [point.wish for point in points], camera)
 

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from focusjax.focus._image_points import ImagePoints
+from focusjax.focus._image_points import ImagePoints, anonymous, named_like
 from focusjax.focus._refuse import require_points
 from focusjax.focus._solution import Asked, Solution
 from focusjax.focus._solve import prepared, solved
@@ -47,8 +47,7 @@ def solve_many(
     """
     usage = "solve_many(points, camera, lens)"
     require_points(points, usage, axes=2)
-    anonymous = dataclasses.replace(points, names=(), notes=())
-    asked = prepared(anonymous, camera, lens, usage=usage, axes=2, **options)
+    asked = prepared(anonymous(points), camera, lens, usage=usage, axes=2, **options)
     solutions, failed = _solve_all(asked)
     if throw and bool(jnp.any(failed)):
         count = int(failed.sum())
@@ -57,10 +56,7 @@ def solve_many(
             " first; `throw=False` and `Solution.result` say why"
         )
     assert solutions.asked is not None
-    seen, wished = (
-        dataclasses.replace(each, names=points.names, notes=points.notes)
-        for each in (solutions.points, solutions.asked.points)
-    )
+    seen, wished = (named_like(each, points) for each in (solutions.points, solutions.asked.points))
     return dataclasses.replace(
         solutions, points=seen, asked=dataclasses.replace(solutions.asked, points=wished)
     )

@@ -56,6 +56,7 @@ class WishResult:
         xy: image position in pixels.
         distance: depth in metres along the view axis; infinite on the background.
         samples: number of points that carry the wish.
+        partner: name of the point whose blur is wished, where the relation is "same".
     """
 
     name: str
@@ -71,6 +72,7 @@ class WishResult:
     xy: tuple[float, float]
     distance: float
     samples: int
+    partner: str = ""
 
     @property
     def counts(self) -> bool:
@@ -239,6 +241,7 @@ def wish_table(
                 xy=(float(points.xy[worst, 0]), float(points.xy[worst, 1])),
                 distance=1.0 / disparity if disparity > 0 else float("inf"),
                 samples=len(rows),
+                partner=points.partners[index] if points.partners else "",
             )
         )
     return tuple(lines)

@@ -14,7 +14,7 @@ from jaxtyping import Array, ArrayLike, Bool
 from focusjax.focus._bounds import Box, Range, make_limits, refuse_idle
 from focusjax.focus._checks import ArgumentError
 from focusjax.focus._global import find_optimum
-from focusjax.focus._image_points import ImagePoints, blurs, errors, padded, room_for
+from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, named_like, padded, room_for
 from focusjax.focus._objective import make_objective
 from focusjax.focus._parameters import (
     FOCUS,
@@ -136,11 +136,11 @@ def solve_asked(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
     """The solution of one checked problem, and whether the solver failed."""
     points = asked.points
     count = points.disparity.shape[0]
-    padded_ = dataclasses.replace(padded(points, room_for(count)), names=(), notes=())
+    padded_ = anonymous(padded(points, room_for(count)))
     solution, failed = _solve(dataclasses.replace(asked, points=padded_))
     if set(asked.plan.free) & set(FRAMING):
         seen = jax.tree.map(lambda leaf: first_rows(leaf, count), solution.points)
-        points = dataclasses.replace(seen, names=points.names, notes=points.notes)
+        points = named_like(seen, points)
     solution = dataclasses.replace(
         solution,
         points=points,

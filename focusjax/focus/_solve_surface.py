@@ -11,7 +11,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from focusjax.focus._checks import ArgumentError, require, require_kind
-from focusjax.focus._image_points import EQUAL, ImagePoints, blurs, errors, root_weight
+from focusjax.focus._image_points import EQUAL, ImagePoints, anonymous, blurs, errors, root_weight
 from focusjax.focus._refuse import checked_points, opened, require_points
 from focusjax.focus._solution import WishResult, wish_table
 from focusjax.geometry import Camera
@@ -142,9 +142,7 @@ def solve_focal_surface(
 
 def solve_surface_asked(asked: SurfaceAsked) -> SurfaceSolution:
     """The solution of a checked problem."""
-    # Names are static: without them, other names do not compile the solver again.
-    anonymous = dataclasses.replace(asked.points, names=(), notes=())
-    solution = _solve(anonymous, asked.camera, asked.surface, asked.lens, asked.smoothness)
+    solution = _solve(anonymous(asked.points), asked.camera, asked.surface, asked.lens, asked.smoothness)
     return dataclasses.replace(solution, points=asked.points, asked=asked)
 
 

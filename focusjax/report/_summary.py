@@ -152,6 +152,7 @@ def _wishes(outcome: Outcome) -> list[dict[str, Any]]:
             "name": row.name,
             "sharp": row.relation == "equal" and row.wished == 0,
             "relation": row.relation,
+            "same_as": row.partner or None,
             "wished_px": row.wished,
             "signed": row.signed,
             "got_px": row.got,

@@ -148,7 +148,9 @@ def test_only_the_worst_conflicts_are_put_into_words():
 
 def test_points_whose_blur_is_to_be_had_are_at_a_distance_too(camera, lens):
     wishes = [at(0, 0, 2, name="near", weight=0.0), at(0.1, 0, 4, SameBlur("near"), name="far")]
-    found = diagnose(solve(locate(wishes, camera), camera, lens, free=BOTH))
+    solution = solve(locate(wishes, camera), camera, lens, free=BOTH)
+    assert [row.partner for row in solution.table()] == ["", "near"]
+    found = diagnose(solution)
     # Half-way in disparity both are blurred alike, through any opening.
     assert found.sentences == (
         "The wishes leave the f-number open; it stays as near as it can to where it was.",

@@ -1,30 +1,16 @@
 """The exposure and film tables of a config, in a photographer's units."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, Strict, model_validator
+from pydantic import Field, Strict, model_validator
 
 from focusjax._words import did_you_mean
-from focusjax.config._values import NotNegative, Number, Positive, Table
+from focusjax.config._values import NotNegative, Number, Positive, Table, Time
 from focusjax.film import film_names, luminance_of_light_value
 
 Speed = Annotated[float, Field(ge=1, le=1e7)]
 Pixel = Annotated[int, Field(ge=0)]
 Extent = Annotated[int, Field(ge=1)]
-
-
-def _seconds(value: Any) -> Any:
-    """Seconds from text such as 1/60, which is how shutters are engraved; other values as they are."""
-    if not isinstance(value, str):
-        return value
-    over, slash, under = value.partition("/")
-    try:
-        return float(over) / (float(under) if slash else 1.0)
-    except (ValueError, ZeroDivisionError):
-        raise ValueError(f'is "{value}"; expected seconds, such as "1/60" or 0.5') from None
-
-
-Time = Annotated[Positive, BeforeValidator(_seconds)]
 
 
 class ZoneTable(Table):

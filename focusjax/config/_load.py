@@ -1,5 +1,6 @@
 """Reading a config: TOML, then overrides, then validation."""
 
+import math
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +13,7 @@ from focusjax.config._exposure import ExposureTable, FilmTable
 from focusjax.config._render import RenderTable
 from focusjax.config._scene import SceneTable
 from focusjax.config._shot import ShotTable
+from focusjax.config._shutter import ShutterTable
 from focusjax.config._solve import SolveTable
 from focusjax.config._values import Table
 from focusjax.config._view import CameraTable, LensTable
@@ -33,7 +35,23 @@ class Config(Table):
     exposure: ExposureTable | None = Field(default=None, description="an [exposure] table")
     film: FilmTable | None = Field(default=None, description="a [film] table")
     shot: ShotTable | None = Field(default=None, description="a [shot] table with the number of frames")
+    shutter: ShutterTable | None = Field(default=None, description="a [shutter] table, of a [shot]")
     _source: Path = PrivateAttr(Path())
+
+    @model_validator(mode="before")
+    @classmethod
+    def _exposed_while_the_shutter_is_open(cls, values: Any) -> Any:
+        """The time of an `[exposure]` that has none is the shutter's."""
+        if not isinstance(values, dict):
+            return values
+        shutter, exposure, shot = (values.get(key) for key in ("shutter", "exposure", "shot"))
+        if not (isinstance(shutter, dict) and isinstance(exposure, dict)) or "time" in exposure:
+            return values
+        time, angle = shutter.get("time"), shutter.get("angle_deg")
+        if time is None and isinstance(angle, int | float):
+            fps = shot.get("fps", 24.0) if isinstance(shot, dict) else None
+            time = angle / 360.0 / fps if isinstance(fps, int | float) and fps > 0 else None
+        return values if time is None else {**values, "exposure": {**exposure, "time": time}}
 
     @model_validator(mode="after")
     def _focal_surface_alone(self) -> "Config":
@@ -72,6 +90,38 @@ class Config(Table):
         if self.exposure is None and self.film is not None and self.film.noise is not None:
             raise ValueError("has film.noise without an [exposure], whose speed it depends on; give both")
         return self
+
+    @model_validator(mode="after")
+    def _one_shutter(self) -> "Config":
+        """What moves is said by a shot, and how long light falls on it once."""
+        table = self.shutter
+        if table is None:
+            return self
+        if self.shot is None:
+            raise ValueError("has a [shutter] but no [shot], which says what moves; leave the [shutter] out")
+        seconds, exposed = self.shutter_seconds, None if self.exposure is None else self.exposure.time
+        if seconds is None:
+            raise ValueError(
+                "has a [shutter] of no time; give it a time or an angle_deg, or [exposure] a time"
+            )
+        if exposed is not None and not math.isclose(exposed, seconds, rel_tol=1e-6):
+            raise ValueError(
+                f"has exposure.time = {exposed:g} s and a [shutter] open for {seconds:g} s; leave one of the"
+                " two out"
+            )
+        return self
+
+    @property
+    def shutter_seconds(self) -> float | None:
+        """The time of the shutter in seconds; None without a `[shutter]`, or without a time."""
+        table = self.shutter
+        if table is None or self.shot is None:
+            return None
+        if table.time is not None:
+            return table.time
+        if table.angle_deg is not None:
+            return table.angle_deg / 360.0 / self.shot.fps
+        return None if self.exposure is None else self.exposure.time
 
     @property
     def source(self) -> Path:

@@ -1,8 +1,8 @@
 """The kinds of value a config holds, and what all its tables have in common."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, Strict
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -15,6 +15,20 @@ Light = NotNegative | Colour
 """Linear light: one number for a grey, or three for red, green and blue."""
 Millimetres = Annotated[float, Field(ge=0.1, allow_inf_nan=False)]
 """A lens or sensor length: anything below 0.1 mm is a length in metres under the wrong key."""
+
+
+def seconds_of(value: Any) -> Any:
+    """Seconds from text such as 1/60, which is how shutters are engraved; other values as they are."""
+    if not isinstance(value, str):
+        return value
+    over, slash, under = value.partition("/")
+    try:
+        return float(over) / (float(under) if slash else 1.0)
+    except (ValueError, ZeroDivisionError):
+        raise ValueError(f'is "{value}"; expected seconds, such as "1/60" or 0.5') from None
+
+
+Time = Annotated[Positive, BeforeValidator(seconds_of)]
 
 
 class Table(BaseModel):

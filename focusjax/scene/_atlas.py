@@ -1,5 +1,7 @@
 """All textures with their mip pyramids in one flat array, so that a lookup is only gathers."""
 
+import dataclasses
+import functools
 from collections.abc import Sequence
 
 import equinox as eqx
@@ -85,9 +87,32 @@ class Atlas(eqx.Module):
 
 
 def make_atlas(textures: Sequence[Float[np.ndarray, "_ _ 3"]]) -> Atlas:
-    """The atlas of linear pictures [h, w, 3], after a white texel as texture 0."""
+    """The atlas of linear pictures [h, w, 3], after a white texel as texture 0.
+
+    Those of the last few scenes are kept: of things that move, the same pictures are asked for again and
+    again.
+    """
+    return _known_atlas(_Same(tuple(textures)), str(jnp.zeros(()).dtype))
+
+
+@dataclasses.dataclass(frozen=True)
+class _Same:
+    """Pictures that are equal to others if they are these very ones; nobody changes them in place."""
+
+    pictures: tuple[np.ndarray, ...]
+
+    def __hash__(self) -> int:
+        return hash(tuple(map(id, self.pictures)))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and [*map(id, self.pictures)] == [*map(id, other.pictures)]
+
+
+@functools.lru_cache(maxsize=2)
+def _known_atlas(textures: _Same, real: str) -> Atlas:
+    del real  # The type of numbers that JAX takes meanwhile.
     white = np.ones((1, 1, 3), dtype=np.float32)
-    return atlas_of([pyramid(picture) for picture in (white, *textures)])
+    return atlas_of([pyramid(picture) for picture in (white, *textures.pictures)])
 
 
 def atlas_of(pyramids: Sequence[Sequence[Float[np.ndarray, "_ _ c"]]]) -> Atlas:

@@ -3,6 +3,7 @@
 from focusjax.shot._build import build_settings as build_settings
 from focusjax.shot._build import build_shot as build_shot
 from focusjax.shot._camera import camera_path as camera_path
+from focusjax.shot._camera import moving_camera as moving_camera
 from focusjax.shot._camera import pose_path as pose_path
 from focusjax.shot._film import film as film
 from focusjax.shot._keyframes import Keyframes as Keyframes
@@ -14,6 +15,7 @@ from focusjax.shot._motion import MovingScene as MovingScene
 from focusjax.shot._motion import Transforms as Transforms
 from focusjax.shot._motion import transforms as transforms
 from focusjax.shot._render import FrameSettings as FrameSettings
+from focusjax.shot._render import MotionSettings as MotionSettings
 from focusjax.shot._render import RenderedFrames as RenderedFrames
 from focusjax.shot._render import render_frames as render_frames
 from focusjax.shot._sequence import VertexSequence as VertexSequence

@@ -1,5 +1,6 @@
 """From a config with a `[shot]` table to a shot."""
 
+import math
 import warnings
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -26,13 +27,14 @@ from focusjax.geometry import Camera
 from focusjax.job import Development, find_development
 from focusjax.lens import ThinLens, TiltShiftLens
 from focusjax.scene import SceneObject, placement
-from focusjax.shot._camera import camera_path, pose_path
+from focusjax.shot._camera import Path, moving_camera, pose_path
 from focusjax.shot._keyframes import Keyframes, keyframes
 from focusjax.shot._motion import Motion, MovingScene, transforms
-from focusjax.shot._render import FrameSettings
+from focusjax.shot._render import FrameSettings, MotionSettings
 from focusjax.shot._sequence import load_vertex_sequence
 from focusjax.shot._solve import Shot
 from focusjax.shot._wishes import TimedWish
+from focusjax.shutter import make_shutter
 
 
 def build_shot(config: Config) -> Shot:
@@ -64,7 +66,8 @@ def build_shot(config: Config) -> Shot:
     options = build_solve_options(config)
     _tell_keys_outside(config, table)
     try:
-        cameras = _cameras(config, table, camera)
+        camera_at = _camera_at(config, table, camera)
+        cameras = tuple(camera_at(frame) for frame in range(1, table.frames + 1))
         return Shot(
             scene=MovingScene(scene, objects, _motions(config, table, objects)),
             cameras=cameras,
@@ -76,6 +79,7 @@ def build_shot(config: Config) -> Shot:
             favour_near=config.solve.favour_near,
             options=options,
             look=partial(build_look, config) if config.lens.look else None,
+            camera_at=camera_at,
         )
     except ValueError as error:
         raise ConfigError(f"{config.source}: shot: {error}") from error
@@ -97,7 +101,29 @@ def build_settings(config: Config) -> FrameSettings:
         exposure=table.exposure,
         bits=table.png_bits,
         development=_development(config),
+        motion=_motion_settings(config),
     )
+
+
+def _motion_settings(config: Config) -> MotionSettings | None:
+    """How long the shutter is open, and how carefully what moves meanwhile is followed."""
+    table, shot = config.shutter, config.shot
+    if table is None or shot is None:
+        return None
+    seconds = config.shutter_seconds
+    assert seconds is not None
+    try:
+        shutter = make_shutter(
+            seconds,
+            ramp=table.ramp,
+            curve=table.curve,
+            travel_time=table.travel_time,
+            direction=table.direction,
+            align=table.align,
+        )
+    except ValueError as error:
+        raise ConfigError(f"{config.source}: shutter: {error}") from error
+    return MotionSettings(shutter, shot.fps, math.radians(table.turn_deg), table.step_px, table.most_spans)
 
 
 def _development(config: Config) -> Development | None:
@@ -131,7 +157,7 @@ def _tell_keys_outside(config: Config, table: ShotTable) -> None:
             )
 
 
-def _cameras(config: Config, table: ShotTable, camera: Camera) -> tuple[Camera, ...]:
+def _camera_at(config: Config, table: ShotTable, camera: Camera) -> Path:
     view = config.camera
     size = {
         "width": camera.width,
@@ -152,8 +178,7 @@ def _cameras(config: Config, table: ShotTable, camera: Camera) -> tuple[Camera, 
             raise ValueError(
                 "the camera has a matrix and keyframes of position or look_at; give one or the other"
             )
-        return camera_path(
-            table.frames,
+        return moving_camera(
             focal_length=length,
             position=positions or keyframes({1: view.position}),
             target=targets or keyframes({1: view.look_at}),
@@ -162,7 +187,7 @@ def _cameras(config: Config, table: ShotTable, camera: Camera) -> tuple[Camera, 
         )
     matrices = values_of(table.camera, "matrix") or {1: np.asarray(camera.world_from_camera, dtype=float)}
     pose = pose_path({frame: np.asarray(matrix) for frame, matrix in matrices.items()}, between=table.between)
-    return camera_path(table.frames, focal_length=length, pose=pose, **size)
+    return moving_camera(focal_length=length, pose=pose, **size)
 
 
 def _lenses(

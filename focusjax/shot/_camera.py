@@ -45,6 +45,51 @@ def pose_path(keys: Mapping[float, np.ndarray], *, between: str = "smooth") -> P
     return pose
 
 
+Path = Callable[[float], Camera]
+"""The camera at a frame, and between frames."""
+
+
+def moving_camera(
+    *,
+    focal_length: float | Keyframes,
+    pose: Pose | None = None,
+    position: Keyframes | None = None,
+    target: Keyframes | None = None,
+    up: Sequence[float] = (0.0, 1.0, 0.0),
+    **size: Any,
+) -> Path:
+    """The camera of a shot at any frame, whole or not; arguments are those of `camera_path`.
+
+    Raises:
+        ValueError: not one full pose; and, when a frame is asked for, as `make_camera` or `look_at`.
+    """
+    if (pose is None) == (position is None and target is None) or (position is None) != (target is None):
+        raise ValueError("give either a pose, or both position and target")
+    known: dict[tuple[Any, ...], Camera] = {}
+
+    def at(frame: float) -> Camera:
+        length = float(focal_length(frame)) if isinstance(focal_length, Keyframes) else focal_length
+        if pose is not None:
+            placed = pose(frame)
+        else:
+            assert position is not None
+            assert target is not None
+            placed = np.stack([position(frame), target(frame)])
+        # A camera that stands still is one camera: what is known of one frame serves the others.
+        key = (length, placed.tobytes())
+        if key not in known:
+            try:
+                if pose is not None:
+                    known[key] = make_camera(placed, focal_length=length, **size)
+                else:
+                    known[key] = look_at(placed[0], placed[1], up, focal_length=length, **size)
+            except ValueError as error:
+                raise ValueError(f"frame {frame:g}: {error}") from None
+        return known[key]
+
+    return at
+
+
 def camera_path(
     frames: int,
     *,
@@ -76,27 +121,5 @@ def camera_path(
         >>> cameras[24].position.tolist()
         [2.0, 0.0, 0.0]
     """
-    if (pose is None) == (position is None and target is None) or (position is None) != (target is None):
-        raise ValueError("give either a pose, or both position and target")
-    found: list[Camera] = []
-    known: dict[tuple[Any, ...], Camera] = {}
-    for frame in range(1, frames + 1):
-        length = float(focal_length(frame)) if isinstance(focal_length, Keyframes) else focal_length
-        if pose is not None:
-            placed = pose(frame)
-        else:
-            assert position is not None
-            assert target is not None
-            placed = np.stack([position(frame), target(frame)])
-        # A camera that stands still is one camera: what is known of one frame serves the others.
-        key = (length, placed.tobytes())
-        if key not in known:
-            try:
-                if pose is not None:
-                    known[key] = make_camera(placed, focal_length=length, **size)
-                else:
-                    known[key] = look_at(placed[0], placed[1], up, focal_length=length, **size)
-            except ValueError as error:
-                raise ValueError(f"frame {frame}: {error}") from None
-        found.append(known[key])
-    return tuple(found)
+    at = moving_camera(focal_length=focal_length, pose=pose, position=position, target=target, up=up, **size)
+    return tuple(at(frame) for frame in range(1, frames + 1))

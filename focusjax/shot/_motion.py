@@ -9,6 +9,7 @@ from jaxtyping import Float
 from focusjax.scene import Scene, SceneObject, placement
 from focusjax.shot._keyframes import Keyframes, Turns, keyframes, turns
 from focusjax.shot._sequence import VertexSequence
+from focusjax.shutter import Body
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,6 +144,18 @@ class MovingScene:
     def moves(self) -> bool:
         """Whether anything does."""
         return bool(self._moving)
+
+    def bodies(self) -> tuple[Body, ...]:
+        """The objects that move: as one, by a matrix, or deforming."""
+        return tuple(
+            Body(
+                item.name,
+                self._scene.face_range(item.name),
+                motion.transforms if motion.vertices is None else None,
+            )
+            for _, item, motion in self._moving
+            if motion.transforms is not None or motion.vertices is not None
+        )
 
     def at(self, frame: float) -> Scene:
         """The scene in one frame: the same triangles, materials and lights, with vertices and normals moved.

@@ -4,7 +4,8 @@ import dataclasses
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +18,38 @@ from jaxtyping import Array, Float
 from focusjax.geometry import Camera
 from focusjax.io import save_exr, save_png
 from focusjax.job import Development, blur_map, make_layers
-from focusjax.layers import Layers, disparity_map
+from focusjax.layers import Extent, Layers, disparity_map
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
 from focusjax.shot._solve import Progress, SolvedShot
+from focusjax.shutter import MovingPicture, Shutter, render_moving
 from focusjax.trace import plan_rays, render
 
 FORMATS = ("png", "exr", "mp4")
 """Kinds of files that a shot can be made to."""
 
 _DONE = "frames.json"
+_LOOKS = 5
+"""Times of the shutter's interval by which frames with other motion are told apart."""
+
+
+@dataclasses.dataclass(frozen=True)
+class MotionSettings:
+    """The shutter, and how carefully what moves is followed; see `focusjax.shutter.render_moving`.
+
+    Attributes:
+        shutter: when it is open.
+        fps: frames per second.
+        turn: radians.
+        step_px: pixels.
+        most_spans: a number.
+    """
+
+    shutter: Shutter
+    fps: float
+    turn: float = 0.2
+    step_px: float = 1.0
+    most_spans: int = 64
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,6 +69,7 @@ class FrameSettings:
         exposure: stops, for PNG files.
         bits: 8 or 16, of PNG files.
         development: how PNG files are exposed and developed, instead of by `exposure`.
+        motion: what moves while the shutter is open; None for frames of one instant.
     """
 
     rays: int = 64
@@ -60,6 +84,7 @@ class FrameSettings:
     exposure: float = 0.0
     bits: int = 8
     development: Development | None = None
+    motion: MotionSettings | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,6 +97,11 @@ class RenderedFrames:
         kept: how many frames were there already, made from the same scene, camera, lens and settings.
         rays: rays per pixel on the average; None when all frames were there and a quality was asked for.
         complete: whether no surface was left out for want of layers.
+        motion_px: farthest way in pixels of anything that moves by itself while the shutter is open, over the
+            frames that were made; None without a shutter.
+        step_px: how far what deforms goes at most from one span of the shutter's time to the next; see
+            `render_moving`.
+        spans: most of them.
     """
 
     frames: tuple[int, ...]
@@ -79,6 +109,9 @@ class RenderedFrames:
     kept: int
     rays: int | None
     complete: bool
+    motion_px: float | None = None
+    step_px: float = 0.0
+    spans: int = 1
 
 
 def render_frames(
@@ -117,22 +150,28 @@ def render_frames(
     widest: Layers | None = None
     rays = None if settings.quality is not None else settings.rays
     kept, complete, files = 0, True, []
+    moved: list[MovingPicture] = []
     for position, number in enumerate(wanted):
         tell("render", position / len(wanted))
         camera, lens = _view(solved, number)
         scene = shot.scene.at(number)
         names = [f"frame_{number:04d}.{kind}" for kind in kinds]
         files.append(tuple(folder / name for name in names))
-        mark = fingerprint(scene, camera, lens, settings)
+        mark = fingerprint(_seen(solved, number, settings), camera, lens, settings)
         if done.get(str(number)) == mark and all(path.is_file() for path in files[-1]):
             kept += 1
             continue
-        if widest is None:
+        if widest is None and (rays is None or settings.motion is None):
             widest, rays = _widest(solved, wanted, settings)
         assert rays is not None
-        layers = make_layers(settings, scene, camera, lens, widest)
-        complete &= layers.complete
-        image = np.asarray(render(layers, lens, rays=rays, seed=settings.seed))
+        if settings.motion is not None:
+            moved.append(_exposed(solved, number, settings, rays, moved[-1].extents if moved else {}))
+            complete &= moved[-1].complete
+            image = np.asarray(moved[-1].image)
+        else:
+            layers = make_layers(settings, scene, camera, lens, widest)
+            complete &= layers.complete
+            image = np.asarray(render(layers, lens, rays=rays, seed=settings.seed))
         for kind, path in zip(kinds, files[-1], strict=True):
             unfinished = path.with_name(f".{path.name}")
             if kind == "png":
@@ -143,10 +182,77 @@ def render_frames(
         done[str(number)] = mark
         _write_done(folder, done)
     tell("render", 1.0)
-    return RenderedFrames(wanted, tuple(files), kept, rays, complete)
+    if settings.motion is None:
+        return RenderedFrames(wanted, tuple(files), kept, rays, complete)
+    step = max((each.step_px for each in moved), default=0.0)
+    if step > settings.motion.step_px:
+        warnings.warn(
+            f"what deforms goes up to {step:.1f} pixels from one span of the shutter's time to the next,"
+            f" instead of {settings.motion.step_px:g}; raise shutter.most_spans, or shutter.step_px",
+            stacklevel=2,
+        )
+    way = max((each.motion_px for each in moved), default=0.0)
+    spans = max((each.spans for each in moved), default=1)
+    return RenderedFrames(wanted, tuple(files), kept, rays, complete, way, step, spans)
 
 
-def fingerprint(scene: Scene, camera: Camera, lens: AbstractLens, settings: FrameSettings) -> str:
+def _camera_at(solved: SolvedShot, number: int) -> Callable[[float], Camera]:
+    """The camera of a frame as it moves on from there."""
+    camera = solved.solution.at(number - 1)[0]
+    path = solved.shot.camera_at
+    if path is None:
+        return lambda _: camera
+    first = path(number)
+
+    def at(time: float) -> Camera:
+        then = path(time)
+        length = camera.focal_length * (then.focal_length / first.focal_length)
+        # What was solved for, such as a shift, is that of the frame.
+        return dataclasses.replace(camera, world_from_camera=then.world_from_camera, focal_length=length)
+
+    return at
+
+
+def _exposed(
+    solved: SolvedShot, number: int, settings: FrameSettings, rays: int, like: Mapping[str, Extent]
+) -> MovingPicture:
+    """A frame's picture while the shutter is open."""
+    motion = settings.motion
+    assert motion is not None
+
+    def layers(scene: Scene, camera: Camera, lens: AbstractLens, like: Extent | None) -> Layers:
+        return make_layers(settings, scene, camera, lens, like)
+
+    return render_moving(
+        solved.shot.scene,
+        _camera_at(solved, number),
+        _view(solved, number)[1],
+        motion.shutter,
+        frame=number,
+        fps=motion.fps,
+        rays=rays,
+        seed=settings.seed,
+        turn=motion.turn,
+        step_px=motion.step_px,
+        most_spans=motion.most_spans,
+        make=layers,
+        like=like,
+    )
+
+
+def _seen(solved: SolvedShot, number: int, settings: FrameSettings) -> tuple[tuple[Scene, Camera], ...]:
+    """The scene and the camera at some times while the shutter is open, that of the frame among them."""
+    times = [float(number)]
+    if settings.motion is not None:
+        interval = settings.motion.shutter.interval()
+        times += [number + settings.motion.fps * float(second) for second in np.linspace(*interval, _LOOKS)]
+    path = _camera_at(solved, number)
+    return tuple((solved.shot.scene.at(time), path(time)) for time in times)
+
+
+def fingerprint(
+    seen: Sequence[tuple[Scene, Camera]], camera: Camera, lens: AbstractLens, settings: FrameSettings
+) -> str:
     """A short text that changes with anything a picture is made from."""
     digest = hashlib.sha256()
 
@@ -170,7 +276,7 @@ def fingerprint(scene: Scene, camera: Camera, lens: AbstractLens, settings: Fram
         else:
             digest.update(repr(value).encode())
 
-    add((scene, camera, lens, settings))
+    add((seen, camera, lens, settings))
     return digest.hexdigest()[:32]
 
 

@@ -114,7 +114,8 @@ def shot_summary(
                 "kept": rendered.kept,
                 "rays_per_pixel": rendered.rays,
                 "layers_complete": rendered.complete,
-            },
+            }
+            | _motion(rendered),
             "seconds": dict(seconds) | {"compile": sum(compile_seconds.values())},
             "compile_seconds": dict(compile_seconds),
         }
@@ -186,3 +187,10 @@ def _rows(solved: SolvedShot, frame: int) -> list[dict[str, Any]]:
         }
         for number, row in enumerate(solved.solution.table(frame))
     ]
+
+
+def _motion(rendered: RenderedFrames) -> dict[str, Any]:
+    """What moved while the shutter was open; nothing without one."""
+    if rendered.motion_px is None:
+        return {}
+    return {"largest_motion_px": rendered.motion_px, "shutter_spans": rendered.spans}

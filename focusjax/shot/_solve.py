@@ -35,6 +35,8 @@ class Shot:
         favour_near: see `find_wishes`.
         options: what is free, bounds and priors, as for `solve`.
         look: from a frame's camera and solved lens to the lens that makes its picture; itself if not given.
+        camera_at: the camera between frames, for motion while the shutter is open; without it a camera stands
+            still meanwhile.
     """
 
     scene: MovingScene
@@ -47,6 +49,7 @@ class Shot:
     favour_near: float = 0.0
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     look: Callable[[Camera, AbstractLens], AbstractLens] | None = None
+    camera_at: Callable[[float], Camera] | None = None
 
     def __post_init__(self) -> None:
         if not self.cameras or len(self.cameras) != len(self.lenses):

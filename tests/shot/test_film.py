@@ -173,6 +173,62 @@ def test_frames_are_exposed_and_developed_alike(filmed, config_file, tmp_path):
     np.testing.assert_array_equal(before, after)
 
 
+def test_frames_taken_with_a_shutter_are_blurred_by_motion(filmed, config_file, tmp_path):
+    """The far card and the camera move between frames; with 180 degrees, half of that way is seen."""
+    options = ["--out", str(tmp_path), "--frames", "2", "--set", "shutter.angle_deg=180"]
+    result = CliRunner().invoke(app, ["shot", str(config_file), *options])
+    assert result.exit_code in (0, 3), result.output
+    report = json.loads((tmp_path / "report.json").read_text())
+    # The card goes up by 0.1 m a frame, 4 m away, where 45.3 px are 1 m ahead: eased, by 1.5 times at its
+    # fastest; from its edges, which are scaled as well, it is 0.9 px.
+    assert 0.3 < report["pictures"]["largest_motion_px"] < 1.5
+    assert report["pictures"]["shutter_spans"] == 1
+    sharp, blurred = (load_exr(out / "frames" / "frame_0002.exr")["G"] for out in (filmed[0], tmp_path))
+    assert 0.0 < np.abs(sharp - blurred).max() < 0.5
+    kept = CliRunner().invoke(app, ["shot", str(config_file), *options])
+    assert kept.exit_code in (0, 3)
+    assert json.loads((tmp_path / "report.json").read_text())["pictures"]["kept"] == 1
+
+
+def test_a_shutter_and_an_exposure_have_one_time(config_file):
+    lit = ["exposure.luminance_cd_m2=20", "exposure.iso=100"]
+    config = load_config(config_file, [*lit, "shutter.angle_deg=180"])
+    assert config.exposure.time == pytest.approx(1 / 48) == pytest.approx(config.shutter_seconds)
+    config = load_config(config_file, [*lit, "exposure.time=1/50", "shutter.ramp=0.2"])
+    assert config.shutter_seconds == pytest.approx(0.02)
+    motion = build_settings(config).motion
+    assert motion.shutter.open_time == pytest.approx(0.024, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (
+            ["shutter.time=0"],
+            "shutter.time is 0; expected a number above 0; give the shutter time in seconds",
+        ),
+        (["shutter.time=inf"], "shutter.time is Infinity; expected a finite number; give the shutter time"),
+        (
+            ["shutter.time=1/50", "shutter.angle_deg=180"],
+            "shutter has time and angle_deg, two times of one shutter",
+        ),
+        (
+            ["shutter.ramp=0.2"],
+            "has a [shutter] of no time; give it a time or an angle_deg, or [exposure] a time",
+        ),
+        (["shutter.curve=[0, 0]", "shutter.time=1"], "shutter has a curve that lets no light through"),
+        (["shutter.angle_deg=400"], "shutter.angle_deg is 400; expected a number of at most 360"),
+        (
+            ["shutter.time=1/50", "exposure.luminance_cd_m2=20", "exposure.time=1/60"],
+            "has exposure.time = 0.0166667 s and a [shutter] open for 0.02 s; leave one of the two out",
+        ),
+    ],
+)
+def test_what_a_shutter_gets_wrong_is_told(config_file, overrides, message):
+    with pytest.raises(ConfigError, match=re.escape(message)):
+        load_config(config_file, overrides)
+
+
 # imageio's reader leaves the pipes to its ffmpeg for the garbage collector to close.
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
 def test_a_film_is_of_even_size_and_shows_the_frames(tmp_path):

@@ -1,0 +1,183 @@
+"""What moves while the shutter is open, how far, and in which pixels it may be seen."""
+
+import dataclasses
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from focusjax.geometry import Camera
+from focusjax.lens import AbstractLens
+from focusjax.scene import Scene
+from focusjax.shutter._world import Body, MovingWorld
+
+NODES = 33
+"""Times of the shutter's interval at which motion is looked at."""
+_STILL = 1e-9
+"""Change, relative to what changes, below which nothing moves."""
+_BESIDE_PX = 3.0
+"""Around what moves: silhouettes between samples, and paths that are not straight between two times."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Cameras:
+    """The camera over time; lens rays are made in the axes of the one of the frame, `still`."""
+
+    at: Callable[[float], Camera]
+    still: Camera
+
+    def world_from_rays(self, time: float) -> Float[np.ndarray, "4 4"]:
+        """From the axes in which the lens makes its rays to the world, at a time.
+
+        Of a camera that zooms, slopes are divided by as much as its focal length grows. (So is where rays
+        cross the lens, which the f-number would have grow: blur is off by the share by which the camera zooms
+        meanwhile.)
+        """
+        camera = self.at(time)
+        pose = np.asarray(camera.world_from_camera, dtype=np.float64).copy()
+        pose[:3, :2] *= float(self.still.focal_px) / float(camera.focal_px)
+        return pose
+
+    def move(self, times: Float[np.ndarray, " m"]) -> bool:
+        """Whether it is elsewhere at some of the times."""
+        return not _alike(np.stack([self.world_from_rays(float(time)) for time in times]))
+
+
+def body_poses(body: Body, times: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 4 4"]:
+    """World from the body at some times; the identity for what deforms."""
+    if body.placed is None:
+        return np.broadcast_to(np.eye(4), (len(times), 4, 4))
+    return np.stack([np.asarray(body.placed(float(time)), dtype=np.float64) for time in times])
+
+
+def bodies_that_move(world: MovingWorld, times: Float[np.ndarray, " m"]) -> tuple[Body, ...]:
+    """Those of the world that are elsewhere, or other, at some of the times."""
+    found = []
+    for body in world.bodies():
+        if body.placed is not None:
+            moves = not _alike(body_poses(body, times))
+        else:
+            moves = not _alike(np.stack([_corners(world.at(float(time)), body) for time in times]))
+        if moves:
+            found.append(body)
+    return tuple(found)
+
+
+@dataclasses.dataclass(frozen=True)
+class Track:
+    """Where a body's vertices are in the picture at some times, in axes of the frame's camera and lens.
+
+    Attributes:
+        xy: pixels [m, v, 2].
+        disparity: 1/m [m, v]; 0 and less behind the lens.
+        faces: vertex numbers [t, 3].
+    """
+
+    xy: Float[np.ndarray, "m v 2"]
+    disparity: Float[np.ndarray, "m v"]
+    faces: Int[np.ndarray, "t 3"]
+
+
+def track(world: MovingWorld, body: Body, cameras: Cameras, times: Float[np.ndarray, " m"]) -> Track:
+    """The track of a body's vertices."""
+    scene = world.at(float(times[0]))
+    used, faces = np.unique(scene.faces[body.faces.start : body.faces.stop], return_inverse=True)
+    poses = body_poses(body, times)
+    start = np.linalg.inv(poses[0])
+    points = []
+    for number, time in enumerate(times):
+        vertices = scene.vertices[used] if body.placed is not None else world.at(float(time)).vertices[used]
+        matrix = np.linalg.inv(cameras.world_from_rays(float(time))) @ poses[number] @ start
+        points.append(vertices @ matrix[:3, :3].T + matrix[:3, 3])
+    x, y, z = np.moveaxis(np.stack(points), -1, 0)
+    safe = np.where(z < 0, -z, 1.0)
+    focal = float(cameras.still.focal_px)
+    centre = np.asarray(cameras.still.principal_point, dtype=np.float64)
+    xy = centre + focal * np.stack([x / safe, -y / safe], axis=-1)
+    return Track(xy, np.where(z < 0, 1.0 / safe, 0.0), faces.reshape(-1, 3))
+
+
+def pixels_that_change(
+    track: Track, camera: Camera, lens: AbstractLens, near: float
+) -> Bool[np.ndarray, "h w"]:
+    """Pixels with rays that may meet a body on its way.
+
+    Between two times each triangle is taken to stay in the box around both of its places.
+    """
+    change = np.zeros((camera.height + 1, camera.width + 1), dtype=np.int64)
+    reach = _reaches(lens, camera, jnp.asarray(track.disparity.reshape(-1), dtype=camera.focal_px.dtype))
+    reach = np.asarray(reach, dtype=np.float64).reshape(track.disparity.shape)
+    before_lens = track.disparity > 0
+    for k in range(len(track.xy) - 1):
+        there = np.concatenate([before_lens[k][track.faces], before_lens[k + 1][track.faces]], axis=1)
+        xy = np.concatenate([track.xy[k][track.faces], track.xy[k + 1][track.faces]], axis=1)
+        wide = np.concatenate([reach[k][track.faces], reach[k + 1][track.faces]], axis=1)
+        nearest = np.concatenate(
+            [track.disparity[k][track.faces], track.disparity[k + 1][track.faces]], axis=1
+        )
+        # What is cut by the near plane may be anywhere.
+        if (there.any(axis=1) & ~there.all(axis=1)).any() or (nearest.max(initial=0.0) > 1.0 / near):
+            return np.ones((camera.height, camera.width), dtype=bool)
+        shown = there.all(axis=1)
+        beyond = wide[shown].max(axis=1, initial=0.0)[:, None] + _BESIDE_PX
+        low, high = xy[shown].min(axis=1) - beyond, xy[shown].max(axis=1) + beyond
+        size = np.array([camera.width, camera.height])
+        first = np.clip(np.floor(low), 0, size).astype(np.int64)
+        last = np.clip(np.ceil(high), 0, size).astype(np.int64)
+        np.add.at(change, (first[:, 1], first[:, 0]), 1)
+        np.add.at(change, (last[:, 1], last[:, 0]), 1)
+        np.add.at(change, (first[:, 1], last[:, 0]), -1)
+        np.add.at(change, (last[:, 1], first[:, 0]), -1)
+    return change.cumsum(axis=0).cumsum(axis=1)[:-1, :-1] > 0
+
+
+def steps_in_pixels(track: Track, camera: Camera, lens: AbstractLens) -> tuple[float, float]:
+    """How far a body moves in the picture at most between its first and last time, plain and weighed by its
+    blur.
+
+    Each of the steps between times counts as if all were as long as the longest. Weighed, the motion of what
+    is blurred over d pixels counts max(1, d / 2) times less: steps of half its own disk leave 7 % of the
+    shallowest ripple.
+    """
+    blur = _blurs(lens, camera, jnp.asarray(track.disparity.reshape(-1), dtype=camera.focal_px.dtype))
+    blur = np.asarray(blur, dtype=np.float64).reshape(track.disparity.shape)
+    wide, size = np.abs(blur), np.array([camera.width, camera.height])
+    plain = weighed = 0.0
+    for k in range(len(track.xy) - 1):
+        ends = slice(k, k + 2)
+        there = (track.disparity[ends] > 0).all(axis=0)[track.faces].all(axis=1)
+        corners = track.xy[ends][:, track.faces[there]]
+        beyond = wide[ends][:, track.faces[there]].max(axis=(0, 2), initial=0.0)[:, None]
+        low, high = corners.min(axis=(0, 2), initial=np.inf), corners.max(axis=(0, 2), initial=-np.inf)
+        seen = np.unique(track.faces[there][((high > -beyond) & (low < size + beyond)).all(axis=1)])
+        if not len(seen):
+            continue
+        step = np.linalg.norm(track.xy[k + 1, seen] - track.xy[k, seen], axis=-1)
+        # Through the focal plane it is sharp in between.
+        same = np.sign(blur[k, seen]) == np.sign(blur[k + 1, seen])
+        least = np.where(same, wide[ends, seen].min(axis=0), 0.0)
+        plain = max(plain, float(step.max()))
+        weighed = max(weighed, float((step / np.maximum(1.0, 0.5 * least)).max()))
+    return (len(track.xy) - 1) * plain, (len(track.xy) - 1) * weighed
+
+
+def _corners(scene: Scene, body: Body) -> np.ndarray:
+    return scene.vertices[np.unique(scene.faces[body.faces.start : body.faces.stop])]
+
+
+def _alike(values: np.ndarray) -> bool:
+    size = np.abs(values).max(initial=0.0)
+    return bool(np.abs(values - values[:1]).max(initial=0.0) <= _STILL * size)
+
+
+@eqx.filter_jit
+def _reaches(lens: AbstractLens, camera: Camera, disparity: Float[Array, " n"]) -> Float[Array, " n"]:
+    return jax.vmap(lambda w: lens.reach(camera, w))(disparity)
+
+
+@eqx.filter_jit
+def _blurs(lens: AbstractLens, camera: Camera, disparity: Float[Array, " n"]) -> Float[Array, " n"]:
+    return jax.vmap(lambda w: lens.blur(camera, camera.principal_point, w))(disparity)

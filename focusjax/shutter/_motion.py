@@ -135,12 +135,11 @@ def pixels_that_change(
 
 
 def steps_in_pixels(track: Track, camera: Camera, lens: AbstractLens) -> tuple[float, float]:
-    """How far a body moves in the picture at most between its first and last time, plain and weighed by its
-    blur.
+    """How far a body moves in the picture at most, as it is and weighed by its blur.
 
-    Each of the steps between times counts as if all were as long as the longest. Weighed, the motion of what
-    is blurred over d pixels counts max(1, d / 2) times less: steps of half its own disk leave 7 % of the
-    shallowest ripple.
+    From the first time to the last, as if it always moved as it does at its fastest. Weighed, the motion of
+    what is blurred over d pixels counts max(1, d / 2) times less: disks that lie half of their diameter apart
+    leave a ripple of 7 %.
     """
     blur = _blurs(lens, camera, jnp.asarray(track.disparity.reshape(-1), dtype=camera.focal_px.dtype))
     blur = np.asarray(blur, dtype=np.float64).reshape(track.disparity.shape)
@@ -148,7 +147,7 @@ def steps_in_pixels(track: Track, camera: Camera, lens: AbstractLens) -> tuple[f
     plain = weighed = 0.0
     for k in range(len(track.xy) - 1):
         ends = slice(k, k + 2)
-        there = (track.disparity[ends] > 0).all(axis=0)[track.faces].all(axis=1)
+        there = (track.disparity[ends].min(axis=0) > 0)[track.faces].all(axis=1)
         corners = track.xy[ends][:, track.faces[there]]
         beyond = wide[ends][:, track.faces[there]].max(axis=(0, 2), initial=0.0)[:, None]
         low, high = corners.min(axis=(0, 2), initial=np.inf), corners.max(axis=(0, 2), initial=-np.inf)

@@ -1,6 +1,7 @@
 """Into how many spans the shutter's time is cut for each body."""
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -120,15 +121,14 @@ def _nearest(path: Track, near: float) -> float:
 
 
 def _spans(body: Body, cameras: Cameras, times: Float[np.ndarray, " m"], nearest: float, care: Care) -> int:
-    """Spans that are short enough for the lens to be seen from a body within `turn` of where it is at their
-    middle.
+    """Spans so short that a body sees the lens within `turn` of where it is in their middle.
 
     As if it always moved as it does at its fastest.
     """
     poses = body_poses(body, times)
     lenses = [cameras.world_from_rays(float(time)) for time in times]
     seen = [np.linalg.solve(pose, lens) for pose, lens in zip(poses, lenses, strict=True)]
-    steps = [np.linalg.solve(one, other)[:3, 3] for one, other in zip(seen[:-1], seen[1:], strict=True)]
+    steps = [np.linalg.solve(one, other)[:3, 3] for one, other in itertools.pairwise(seen)]
     around = len(steps) * float(np.linalg.norm(steps, axis=1).max()) * nearest
     return _power_of_two(around / (2.0 * care.turn), care.most_spans)
 

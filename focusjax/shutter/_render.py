@@ -111,7 +111,8 @@ def render_moving(
     layers_of = _peeled if make is None else make
     moving = StillWorld(world) if isinstance(world, Scene) else world
     cameras = _cameras(camera, frame)
-    times = np.linspace(*(frame + fps * seconds for seconds in shutter.interval()), NODES)
+    begin, end = (frame + fps * seconds for seconds in shutter.interval())
+    times = np.linspace(begin, end, NODES)
     bodies, scene, known = bodies_that_move(moving, times), moving.at(frame), dict(like or {})
     if not bodies and not cameras.move(times):
         layers = layers_of(scene, cameras.still, lens, known.get(BACKDROP))

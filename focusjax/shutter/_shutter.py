@@ -56,7 +56,7 @@ class Shutter:
         return self.begin - half, self.begin + self.open_time + half
 
     def quantiles(self) -> Float[np.ndarray, " q"]:
-        """Seconds from the frame's instant at which evenly spaced shares of the middle row's light are there."""
+        """Seconds from the frame's instant at which even shares of the middle row's light are there."""
         where = np.linspace(0.0, 1.0, len(self.curve))
         # Light that has arrived grows as a parabola between two places of the curve: finely enough by
         # straight lines.
@@ -100,8 +100,8 @@ def make_shutter(
     """
     if not 0 < time < np.inf:
         raise ValueError(
-            f"the shutter time is {time} s; expected a positive, finite number of seconds such as 0.02, or no shutter"
-            " at all for a picture of one instant"
+            f"the shutter time is {time} s; expected a positive, finite number of seconds such as 0.02, or no"
+            " shutter at all for a picture of one instant"
         )
     if not 0 <= travel_time < np.inf:
         raise ValueError(
@@ -122,8 +122,8 @@ def make_shutter(
         opened = tuple(float(value) for value in curve)
         if len(opened) < 2 or not np.isfinite(opened).all() or min(opened) < 0 or not max(opened) > 0:
             raise ValueError(
-                f"the shutter's curve is {list(curve)}; expected two or more numbers of 0 or above, of which one at"
-                " least is above"
+                f"the shutter's curve is {list(curve)}; expected two or more numbers of 0 or above, one of"
+                " them above it"
             )
     return Shutter(float(time), opened, float(travel_time), direction, align)
 

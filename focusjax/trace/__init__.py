@@ -1,13 +1,12 @@
 """Tracing lens rays through layers."""
 
 from focusjax.trace._differentiable import render_differentiable as render_differentiable
+from focusjax.trace._exposed import Span as Span
+from focusjax.trace._exposed import moving_means as moving_means
+from focusjax.trace._exposed import some_means as some_means
 from focusjax.trace._moving import MovingLayers as MovingLayers
-from focusjax.trace._moving import Span as Span
-from focusjax.trace._moving import Timing as Timing
 from focusjax.trace._moving import moved_ray as moved_ray
 from focusjax.trace._moving import moving_layers as moving_layers
-from focusjax.trace._moving import moving_means as moving_means
-from focusjax.trace._moving import some_means as some_means
 from focusjax.trace._nearest import nearest_in_layers as nearest_in_layers
 from focusjax.trace._pinhole import render_pinhole as render_pinhole
 from focusjax.trace._plan import RayPlan as RayPlan
@@ -17,3 +16,4 @@ from focusjax.trace._plan import quality_of as quality_of
 from focusjax.trace._reach import check_reach as check_reach
 from focusjax.trace._reach import widest_opening as widest_opening
 from focusjax.trace._render import render as render
+from focusjax.trace._timed import Timing as Timing

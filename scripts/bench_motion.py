@@ -1,0 +1,222 @@
+"""Motion and defocus together: error against many accumulated times, seconds beside a picture of one instant.
+
+Spot, lit and textured, crosses the picture and turns while the shutter is open, before a wall of small squares that
+is out of focus. The reference is the mean of sharp times, each with lens samples of its own, cast by Embree, which
+shares nothing with layers or tracer: 256 times of 64 samples.
+
+    python scripts/bench_motion.py --cache out/motion.npy
+    python scripts/bench_motion.py --derivative
+"""
+
+import argparse
+import statistics
+import time
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from focusjax.baselines import lens_picture
+from focusjax.geometry import Camera, look_at
+from focusjax.io import save_png
+from focusjax.layers import peel
+from focusjax.lens import ThinLens, thin_lens
+from focusjax.metrics import psnr
+from focusjax.scene import SceneObject, directional_light, load_mesh, make_object, make_scene, placement
+from focusjax.shot import Motion, MovingScene, transforms
+from focusjax.shutter import make_shutter, render_moving
+from focusjax.trace import render, render_differentiable
+
+MESHES = Path(__file__).parents[1] / "configs" / "meshes"
+FPS = 24.0
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--size", nargs=2, type=int, default=[160, 120], help="width and height in pixels")
+    parser.add_argument("--rays", type=int, default=64)
+    parser.add_argument("--way", type=float, default=0.08, help="metres that she goes")
+    parser.add_argument("--turn", type=float, default=60.0, help="degrees that she turns")
+    parser.add_argument("--f-number", type=float, default=2.0)
+    parser.add_argument("--focus", type=float, default=0.6, help="metres")
+    parser.add_argument("--turns", nargs="+", type=float, default=[0.1, 0.2, 0.4, 0.8], help="radians")
+    parser.add_argument("--discrete", nargs="*", type=int, default=[4, 16, 64], help="sharp times averaged")
+    parser.add_argument("--times", type=int, default=256, help="of the reference")
+    parser.add_argument("--views", type=int, default=64, help="lens samples of each of its times")
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--cache", type=Path, help="file that keeps the reference")
+    parser.add_argument("--out", type=Path, help="folder for pictures")
+    parser.add_argument("--derivative", action="store_true", help="compare a derivative with differences")
+    return parser.parse_args()
+
+
+def wall(squares: int = 24) -> SceneObject:
+    """Squares of all colours."""
+    colours = np.random.default_rng(0).uniform(0.05, 0.9, (squares, squares, 3))
+    row, column = (part.ravel() for part in np.mgrid[:squares, :squares])
+    corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    xy = np.stack([column, row], axis=-1)[:, None] + corners
+    points = np.concatenate(
+        [xy / squares * (1.6, 1.2) - (0.8, 0.6), np.full((*xy.shape[:2], 1), -0.6)], axis=-1
+    )
+    first = 4 * np.arange(squares**2)[:, None]
+    faces = np.concatenate([first + np.array(corner) for corner in ((0, 1, 2), (0, 2, 3))])
+    return make_object(
+        "wall",
+        points.reshape(-1, 3),
+        faces,
+        vertex_colours=np.repeat(colours.reshape(-1, 3), 4, axis=0),
+    )
+
+
+def passing_spot(options: argparse.Namespace) -> tuple[MovingScene, Camera, ThinLens]:
+    """She goes and turns from frame 0 to 2, which is how long the shutter is open."""
+    place = {"translate": (0.0, 0.06, 0.0), "rotate": (0.0, 160.0, 0.0), "scale": 0.08}
+    spot = load_mesh(MESHES / "spot.glb", name="spot", **place)
+    objects = [spot, wall()]
+    scene = make_scene(objects, ambient=0.3, lights=[directional_light((-1, -2, -1))])
+    ends = {
+        frame: {
+            "translate": (side * options.way / 2, 0.06, 0.0),
+            "rotate": (0.0, 160.0 + side * options.turn / 2, 0.0),
+            "scale": 0.08,
+        }
+        for frame, side in ((0.0, -1), (2.0, 1))
+    }
+    motion = Motion(
+        placement(place["translate"], place["rotate"], place["scale"]), transforms(ends, between="linear")
+    )
+    width, height = options.size
+    camera = look_at((0, 0.1, 0.6), (0, 0.05, 0), width=width, height=height, focal_length=0.05)
+    lens = thin_lens(focus_distance=options.focus, f_number=options.f_number, focal_length=0.05)
+    return MovingScene(scene, objects, {"spot": motion}), camera, lens
+
+
+def reference(options: argparse.Namespace, world: MovingScene, camera: Camera, lens: ThinLens) -> np.ndarray:
+    """The mean of many sharp times."""
+    if options.cache is not None and options.cache.exists():
+        return np.load(options.cache)
+    total = np.zeros((camera.height, camera.width, 3))
+    for number in range(options.times):
+        scene = world.at(2.0 * (number + 0.5) / options.times)
+        total += lens_picture(scene, camera, lens, rays=options.views, seed=number)
+    total /= options.times
+    if options.cache is not None:
+        options.cache.parent.mkdir(parents=True, exist_ok=True)
+        np.save(options.cache, total)
+    return total
+
+
+def timed(run, repeats: int):
+    """The result, and the medians of seconds and of processor seconds of calls after the first."""
+    result = run()
+    wall_clock, processor = [], []
+    for _ in range(repeats):
+        start, cpu = time.perf_counter(), time.process_time()
+        result = run()
+        jax.block_until_ready(eqx.filter(result, eqx.is_array))
+        wall_clock.append(time.perf_counter() - start)
+        processor.append(time.process_time() - cpu)
+    return result, statistics.median(wall_clock), statistics.median(processor)
+
+
+def mean_of_times(world: MovingScene, camera: Camera, lens: ThinLens, count: int, rays: int) -> np.ndarray:
+    """What a renderer of sharp times does with as many rays in all: some at each of a few times."""
+    layers, total = None, np.zeros((camera.height, camera.width, 3))
+    for number in range(count):
+        layers = peel(world.at(2.0 * (number + 0.5) / count), camera, lens, like=layers)
+        total += np.asarray(render(layers, lens, rays=max(1, rays // count), even=True, seed=number)) / count
+    return total
+
+
+def derivative(world: MovingScene, camera: Camera, lens: ThinLens, console: Console) -> None:
+    """By the focus, of a picture of few times, against differences of it."""
+    layers = [peel(world.at(2.0 * (number + 0.5) / 4), camera, lens) for number in range(4)]
+
+    @eqx.filter_jit
+    def picture(focus):
+        moved = eqx.tree_at(lambda lens: lens.focus_disparity, lens, focus)
+        return sum(render_differentiable(each, moved, rays=256) for each in layers) / 4
+
+    focus, step = lens.focus_disparity * 0.9, 0.02
+    change = jax.jvp(picture, (focus,), (jnp.ones_like(focus),))[1]
+    difference = (picture(focus + step) - picture(focus - step)) / (2 * step)
+    blocks = [
+        np.asarray(each)[: camera.height // 8 * 8, : camera.width // 8 * 8]
+        .reshape(camera.height // 8, 8, camera.width // 8, 8, 3)
+        .mean(axis=(1, 3))
+        for each in (change, difference)
+    ]
+    projection = float((blocks[0] * blocks[1]).sum() / (blocks[1] ** 2).sum())
+    console.print(f"derivative by the focus, over 8 x 8 pixels: projection {projection:.3f}")
+
+
+def main() -> None:
+    options, console = arguments(), Console()
+    world, camera, lens = passing_spot(options)
+    if options.derivative:
+        derivative(world, camera, lens, console)
+        return
+    truth = reference(options, world, camera, lens)
+    shutter = make_shutter(2.0 / FPS)
+
+    def still():
+        return render(peel(world.at(1.0), camera, lens), lens, rays=options.rays)
+
+    _, seconds, processor = timed(still, options.repeats)
+    table = Table(
+        "picture", "times peeled", "PSNR", "where it moves", "seconds", "times one instant", "by processor"
+    )
+    table.add_row("one instant", "1", "", "", f"{seconds:.2f}", "1", "1")
+    moving: np.ndarray | None = None
+
+    def add(name: str, peels: int, image: np.ndarray, wall_clock: float, cpu: float) -> None:
+        assert moving is not None
+        table.add_row(
+            name,
+            str(peels),
+            f"{psnr(image, truth):.1f} dB",
+            f"{psnr(image, truth, mask=moving):.1f} dB",
+            f"{wall_clock:.2f}",
+            f"{wall_clock / seconds:.2f}",
+            f"{cpu / processor:.2f}",
+        )
+        if options.out is not None:
+            options.out.mkdir(parents=True, exist_ok=True)
+            save_png(options.out / f"{name.replace(' ', '_')}.png", image)
+
+    for turn in options.turns:
+
+        def run(turn: float = turn):
+            return render_moving(
+                world, camera, lens, shutter, frame=1.0, fps=FPS, rays=options.rays, turn=turn
+            )
+
+        found, wall_clock, cpu = timed(run, options.repeats)
+        if moving is None:
+            still_picture = lens_picture(world.at(1.0), camera, lens, rays=16)
+            moving = np.abs(truth - still_picture).max(axis=-1) > 0.1
+            console.print(
+                f"{found.motion_px:.0f} px of motion, {found.changing:.0%} of the pixels traced with times"
+            )
+        add(f"rays with times, turn {turn:g}", found.peels, np.asarray(found.image), wall_clock, cpu)
+    for count in options.discrete:
+
+        def run_discrete(count: int = count):
+            return mean_of_times(world, camera, lens, count, options.rays)
+
+        image, wall_clock, cpu = timed(run_discrete, 1)
+        add(f"mean of {count} sharp times", count, image, wall_clock, cpu)
+    if options.out is not None:
+        save_png(options.out / "reference.png", truth)
+    console.print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,59 @@
+"""One moment by four shutters: quick, slow, slow while the camera follows, and one that runs down.
+
+python scripts/motion_gallery.py --out docs/motion.jpg
+"""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+
+from focusjax.config import load_config
+from focusjax.shot import film
+
+CONFIG = Path(__file__).parents[1] / "configs" / "passing_by.toml"
+FRAME = 6
+STANDS = ["shot.camera=[]", "camera.position=[0, 0.17, 0.78]", "camera.look_at=[0, 0.085, 0]"]
+SHUTTERS = [
+    [*STANDS, "shutter.time=1/2000"],
+    [*STANDS, "shutter.time=1/15"],
+    ["shutter.time=1/15"],
+    [*STANDS, "shutter.time=1/2000", "shutter.travel_time=1/6"],
+]
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, required=True, help="a .jpg to write")
+    parser.add_argument("--size", nargs=2, type=int, default=[480, 320], help="of each picture, in pixels")
+    parser.add_argument("--rays", type=int, default=144, help="per pixel")
+    return parser.parse_args()
+
+
+def picture(overrides: list[str], options: argparse.Namespace) -> np.ndarray:
+    width, height = options.size
+    common = [f"camera.resolution=[{width}, {height}]", f"render.rays={options.rays}"]
+    with tempfile.TemporaryDirectory() as folder:
+        film(load_config(CONFIG, [*common, *overrides]), Path(folder), frames=[FRAME])
+        return iio.imread(Path(folder) / "frames" / f"frame_{FRAME:04d}.png")
+
+
+def main() -> None:
+    options = arguments()
+    first, second, third, fourth = (picture(overrides, options) for overrides in SHUTTERS)
+    gap = 4
+
+    def beside(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+        return np.concatenate([left, np.full((len(left), gap, 3), 255, np.uint8), right], axis=1)
+
+    top, bottom = beside(first, second), beside(third, fourth)
+    sheet = np.concatenate([top, np.full((gap, top.shape[1], 3), 255, np.uint8), bottom])
+    iio.imwrite(options.out, sheet, quality=90)
+
+
+if __name__ == "__main__":
+    main()

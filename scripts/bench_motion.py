@@ -1,8 +1,8 @@
 """Motion and defocus together: error against many accumulated times, seconds beside a picture of one instant.
 
-Spot, lit and textured, crosses the picture and turns while the shutter is open, before a wall of small squares that
-is out of focus. The reference is the mean of sharp times, each with lens samples of its own, cast by Embree, which
-shares nothing with layers or tracer: 256 times of 64 samples.
+Spot, lit and textured, crosses the picture and turns while the shutter is open, before a wall of small
+squares that is out of focus. The reference is the mean of sharp times, each with lens samples of its own, by
+Embree, which shares nothing with layers or tracer: 256 times of 64 samples.
 
     python scripts/bench_motion.py --cache out/motion.npy
     python scripts/bench_motion.py --derivative

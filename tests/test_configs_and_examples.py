@@ -143,7 +143,8 @@ def test_a_control_point_behind_the_camera_is_refused(tmp_path):
 
 def test_there_are_eight_configs_of_full_size():
     assert [path.stem for path in CONFIGS] == [
-        "bars", "focal_surface", "follow_focus", "passing_by", "rack_focus", "still_life", "tilted_row", "town",
+        "bars", "focal_surface", "follow_focus", "passing_by", "rack_focus", "still_life", "tilted_row",
+        "town",
     ]  # fmt: skip
     for path in CONFIGS:
         width, height = tomllib.loads(path.read_text())["camera"]["resolution"]

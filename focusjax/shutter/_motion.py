@@ -107,31 +107,36 @@ def pixels_that_change(
 
     Between two times each triangle is taken to stay in the box around both of its places.
     """
-    change = np.zeros((camera.height + 1, camera.width + 1), dtype=np.int64)
-    reach = _reaches(lens, camera, jnp.asarray(track.disparity.reshape(-1), dtype=camera.focal_px.dtype))
-    reach = np.asarray(reach, dtype=np.float64).reshape(track.disparity.shape)
-    before_lens = track.disparity > 0
+    rows, columns = camera.height + 1, camera.width + 1
+    change = np.zeros(rows * columns)
+    reach = _at_vertices(_reaches, track, camera, lens)
     for k in range(len(track.xy) - 1):
-        there = np.concatenate([before_lens[k][track.faces], before_lens[k + 1][track.faces]], axis=1)
-        xy = np.concatenate([track.xy[k][track.faces], track.xy[k + 1][track.faces]], axis=1)
-        wide = np.concatenate([reach[k][track.faces], reach[k + 1][track.faces]], axis=1)
-        nearest = np.concatenate(
-            [track.disparity[k][track.faces], track.disparity[k + 1][track.faces]], axis=1
-        )
+        ends = slice(k, k + 2)
+        there = (track.disparity[ends].min(axis=0) > 0)[track.faces]
         # What is cut by the near plane may be anywhere.
-        if (there.any(axis=1) & ~there.all(axis=1)).any() or (nearest.max(initial=0.0) > 1.0 / near):
+        cut = there.any(axis=1) & ~there.all(axis=1)
+        if cut.any() or track.disparity[ends].max(initial=0.0) > 1.0 / near:
             return np.ones((camera.height, camera.width), dtype=bool)
-        shown = there.all(axis=1)
-        beyond = wide[shown].max(axis=1, initial=0.0)[:, None] + _BESIDE_PX
-        low, high = xy[shown].min(axis=1) - beyond, xy[shown].max(axis=1) + beyond
+        low, high = _boxes(track, k, reach[ends].max(axis=0) + _BESIDE_PX, there.all(axis=1))
         size = np.array([camera.width, camera.height])
-        first = np.clip(np.floor(low), 0, size).astype(np.int64)
-        last = np.clip(np.ceil(high), 0, size).astype(np.int64)
-        np.add.at(change, (first[:, 1], first[:, 0]), 1)
-        np.add.at(change, (last[:, 1], last[:, 0]), 1)
-        np.add.at(change, (first[:, 1], last[:, 0]), -1)
-        np.add.at(change, (last[:, 1], first[:, 0]), -1)
-    return change.cumsum(axis=0).cumsum(axis=1)[:-1, :-1] > 0
+        left, top = np.clip(np.floor(low), 0, size).astype(np.intp).T
+        right, bottom = np.clip(np.ceil(high), 0, size).astype(np.intp).T
+        for row, column, sign in ((top, left, 1), (bottom, right, 1), (top, right, -1), (bottom, left, -1)):
+            change += sign * np.bincount(row * columns + column, minlength=rows * columns)
+    return change.reshape(rows, columns).cumsum(axis=0).cumsum(axis=1)[:-1, :-1] > 0.5
+
+
+def _boxes(
+    track: Track, k: int, beyond: Float[np.ndarray, " v"], faces: Bool[np.ndarray, " t"]
+) -> tuple[Float[np.ndarray, "s 2"], Float[np.ndarray, "s 2"]]:
+    """Corners of boxes around some faces at one time and the next, each vertex with what is `beyond` it.
+
+    Rays reach less far from points within a face than from its vertices, as reach is convex.
+    """
+    low = np.minimum(track.xy[k], track.xy[k + 1]) - beyond[:, None]
+    high = np.maximum(track.xy[k], track.xy[k + 1]) + beyond[:, None]
+    a, b, c = track.faces[faces].T
+    return np.minimum(np.minimum(low[a], low[b]), low[c]), np.maximum(np.maximum(high[a], high[b]), high[c])
 
 
 def steps_in_pixels(track: Track, camera: Camera, lens: AbstractLens) -> tuple[float, float]:
@@ -141,25 +146,22 @@ def steps_in_pixels(track: Track, camera: Camera, lens: AbstractLens) -> tuple[f
     what is blurred over d pixels counts max(1, d / 2) times less: disks that lie half of their diameter apart
     leave a ripple of 7 %.
     """
-    blur = _blurs(lens, camera, jnp.asarray(track.disparity.reshape(-1), dtype=camera.focal_px.dtype))
-    blur = np.asarray(blur, dtype=np.float64).reshape(track.disparity.shape)
+    blur = _at_vertices(_blurs, track, camera, lens)
     wide, size = np.abs(blur), np.array([camera.width, camera.height])
     plain = weighed = 0.0
     for k in range(len(track.xy) - 1):
         ends = slice(k, k + 2)
         there = (track.disparity[ends].min(axis=0) > 0)[track.faces].all(axis=1)
-        corners = track.xy[ends][:, track.faces[there]]
-        beyond = wide[ends][:, track.faces[there]].max(axis=(0, 2), initial=0.0)[:, None]
-        low, high = corners.min(axis=(0, 2), initial=np.inf), corners.max(axis=(0, 2), initial=-np.inf)
-        seen = np.unique(track.faces[there][((high > -beyond) & (low < size + beyond)).all(axis=1)])
-        if not len(seen):
-            continue
+        low, high = _boxes(track, k, wide[ends].max(axis=0), there)
+        inside = ((high > 0) & (low < size)).all(axis=1)
+        seen = np.zeros(track.disparity.shape[1], dtype=bool)
+        seen[track.faces[there][inside]] = True
         step = np.linalg.norm(track.xy[k + 1, seen] - track.xy[k, seen], axis=-1)
         # Through the focal plane it is sharp in between.
         same = np.sign(blur[k, seen]) == np.sign(blur[k + 1, seen])
-        least = np.where(same, wide[ends, seen].min(axis=0), 0.0)
-        plain = max(plain, float(step.max()))
-        weighed = max(weighed, float((step / np.maximum(1.0, 0.5 * least)).max()))
+        least = np.where(same, wide[ends][:, seen].min(axis=0), 0.0)
+        plain = max(plain, float(step.max(initial=0.0)))
+        weighed = max(weighed, float((step / np.maximum(1.0, 0.5 * least)).max(initial=0.0)))
     return (len(track.xy) - 1) * plain, (len(track.xy) - 1) * weighed
 
 
@@ -170,6 +172,14 @@ def _corners(scene: Scene, body: Body) -> np.ndarray:
 def _alike(values: np.ndarray) -> bool:
     size = np.abs(values).max(initial=0.0)
     return bool(np.abs(values - values[:1]).max(initial=0.0) <= _STILL * size)
+
+
+def _at_vertices(
+    what: Callable[[AbstractLens, Camera, Array], Array], track: Track, camera: Camera, lens: AbstractLens
+) -> Float[np.ndarray, "m v"]:
+    """What a lens does at the disparities of a track."""
+    flat = jnp.asarray(track.disparity.reshape(-1), dtype=camera.focal_px.dtype)
+    return np.asarray(what(lens, camera, flat), dtype=np.float64).reshape(track.disparity.shape)
 
 
 @eqx.filter_jit

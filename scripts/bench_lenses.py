@@ -2,7 +2,8 @@
 
 One scene, one camera, rays enough: each lens peels once, then all are traced in turns, so that what else the
 machine does falls on all alike. The first round tells what compiling costs, the medians of those after it
-what tracing costs, over that of the thin lens of the same f-number. Run it on a quiet machine.
+what tracing costs, over that of the thin lens of the same f-number: in seconds by the clock, which want a
+quiet machine, and in seconds of all cores, which suffer less from what else runs.
 
     python scripts/bench_lenses.py --json result.json
 
@@ -156,16 +157,20 @@ def measure(options: argparse.Namespace) -> dict[str, dict[str, object]]:
         layers[name] = peel(scene, camera, lens, supersampling=1)
         jax.block_until_ready(layers[name].cells)
         results[name] = {"peel with compiling": time.perf_counter() - start, "layers": layers[name].count}
-    seconds, pictures = {name: [] for name in lenses}, {}
+    seconds, of_cores, pictures = {name: [] for name in lenses}, {name: [] for name in lenses}, {}
     for _ in range(options.repeats + 1):
         for name, (lens, _) in lenses.items():
-            start = time.perf_counter()
+            start, work = time.perf_counter(), time.process_time()
             pictures[name] = np.asarray(render(layers[name], lens, rays=options.rays))
             seconds[name].append(time.perf_counter() - start)
+            of_cores[name].append(time.process_time() - work)
     for name, (lens, thin) in lenses.items():
-        warm, row = statistics.median(seconds[name][1:]), results[name]
-        row["trace"], row["compile"] = warm, seconds[name][0] - warm
-        row["times the thin lens"] = warm / statistics.median(seconds[thin][1:])
+        row = results[name]
+        (warm, base), (work, base_work) = (
+            [statistics.median(taken[each][1:]) for each in (name, thin)] for taken in (seconds, of_cores)
+        )
+        row |= {"trace": warm, "times the thin lens": warm / base, "compile": seconds[name][0] - warm}
+        row |= {"of cores": work, "times the thin lens's": work / base_work}
         exact = name.replace("fitted", "exact")
         if exact != name:
             row["dB from exact"] = psnr(jnp.asarray(pictures[name]), jnp.asarray(pictures[exact]))
@@ -179,6 +184,8 @@ def table(results: dict[str, dict]) -> Table:
     columns = (
         "trace",
         "times the thin lens",
+        "of cores",
+        "times the thin lens's",
         "compile",
         "layers",
         "degree",

@@ -60,7 +60,7 @@ def scene() -> Scene:
         objects.append(
             make_object(f"light {number}", corners, SQUARE, colour=(0, 0, 0), emission=LIGHT * tint)
         )
-    return make_scene(objects, ambient=0.5, background=constant_background((0.02, 0.022, 0.03)))
+    return make_scene(objects, ambient=0.9, background=constant_background((0.02, 0.022, 0.03)))
 
 
 def tiles() -> list[SceneObject]:

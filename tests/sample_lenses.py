@@ -1,6 +1,9 @@
 """One lens of every kind, and the camera they stand in, for tests that hold for all of them."""
 
+import functools
+
 import jax.numpy as jnp
+from optics_lenses import biconvex
 
 from focusjax.geometry import look_at
 from focusjax.lens import (
@@ -8,18 +11,22 @@ from focusjax.lens import (
     AbstractAperture,
     AbstractLens,
     Disk,
+    FittedLens,
     FocalSurfaceLens,
+    PrescriptionLens,
     ThinLens,
     TiltShiftLens,
     apodized,
     chromatic_lens,
     field_curvature,
+    fitted_lens,
     focal_surface,
     focal_surface_lens,
     mask,
     obstructed,
     polygon,
     power_profile,
+    prescription_lens,
     seidel,
     squeezed,
     vignetted_lens,
@@ -96,3 +103,18 @@ PINHOLES = {
     "focal surface": surfaced(0.0),
     "power profile": AberratedLens(thin(Disk(), radius=0.0), (power_profile([0.0, 0.3]),)),
 }
+
+
+@functools.cache
+def through_glass() -> PrescriptionLens:
+    """A simple lens, with all its aberrations."""
+    return prescription_lens(biconvex(), CAMERA, focus_distance=1.0 / FOCUS, f_number=4)
+
+
+@functools.cache
+def by_polynomials() -> FittedLens:
+    return fitted_lens(through_glass(), CAMERA)
+
+
+REAL = {"glass": through_glass, "glass, fitted": by_polynomials}
+"""Functions that make them, as that takes seconds."""

@@ -215,6 +215,31 @@ def test_the_example_chooses_an_aperture(capsys):
     assert "the sign keeps 0.99 of its own: readable" in shown
 
 
+def test_the_example_bends_a_singlet_as_the_textbook_does(capsys):
+    path = ROOT / "examples" / "bend_singlet.py"
+    exec(compile(path.read_text(), path.name, "exec"), {})
+    shown = capsys.readouterr().out
+    found, spot, textbook = (float(n) for n in re.findall(r"(?:q =|of|says) ([0-9.]+)", shown))
+    # The shape factor of least spherical aberration of a thin lens, 2 (n^2 - 1) / (n + 2), of n_d = 1.5168.
+    assert textbook == pytest.approx(0.740, abs=5e-4)
+    # Observed: 0.735, as the lens has a thickness and rays are of all orders.
+    assert found == pytest.approx(textbook, abs=0.01)
+    biconvex, flat = (float(n) for n in re.findall(r"([0-9.]+) um", shown)[1:])
+    assert spot < flat < biconvex
+
+
+def test_the_example_matches_bokeh(capsys):
+    path = ROOT / "examples" / "match_bokeh.py"
+    exec(compile(path.read_text(), path.name, "exec"), {})
+    shown = capsys.readouterr().out
+    # Observed: 0.072 px, of a blob of 10.6.
+    assert float(re.search(r"within ([0-9.]+) px", shown)[1]) < 0.1
+    zones = [float(n) for n in re.search(r"\[(.*)\]", shown)[1].split(",")]
+    # Light goes to the middle: all but the rim focuses farther away, where the lights are.
+    assert zones == sorted(zones)
+    assert zones[-1] < 0
+
+
 def test_the_example_photographs_and_reads_the_print(capsys, monkeypatch, tmp_path):
     path = ROOT / "examples" / "photograph.py"
     monkeypatch.chdir(tmp_path)

@@ -28,6 +28,9 @@ from focusjax.lens._fitted import fitted_lens as fitted_lens
 from focusjax.lens._fitted import refitted as refitted
 from focusjax.lens._focal_surface import FocalSurfaceLens as FocalSurfaceLens
 from focusjax.lens._focal_surface import focal_surface_lens as focal_surface_lens
+from focusjax.lens._focused import at_wavelength as at_wavelength
+from focusjax.lens._focused import focused_lens as focused_lens
+from focusjax.lens._focused import prescription_lens as prescription_lens
 from focusjax.lens._kernels import AbstractKernel as AbstractKernel
 from focusjax.lens._kernels import GaussianFade as GaussianFade
 from focusjax.lens._kernels import InverseDistance as InverseDistance
@@ -39,9 +42,6 @@ from focusjax.lens._moving_least_squares import moving_least_squares as moving_l
 from focusjax.lens._obstructed import Obstructed as Obstructed
 from focusjax.lens._obstructed import obstructed as obstructed
 from focusjax.lens._prescription import PrescriptionLens as PrescriptionLens
-from focusjax.lens._prescription import at_wavelength as at_wavelength
-from focusjax.lens._prescription import focused_lens as focused_lens
-from focusjax.lens._prescription import prescription_lens as prescription_lens
 from focusjax.lens._refocused import moved_film as moved_film
 from focusjax.lens._refocused import refocused as refocused
 from focusjax.lens._scheimpflug import MAX_TILT as MAX_TILT
@@ -58,6 +58,7 @@ from focusjax.lens._squeezed import Squeezed as Squeezed
 from focusjax.lens._squeezed import squeezed as squeezed
 from focusjax.lens._thin import ThinLens as ThinLens
 from focusjax.lens._thin import thin_lens as thin_lens
+from focusjax.lens._third_order import seidel_lens as seidel_lens
 from focusjax.lens._tilt_shift import TiltShiftLens as TiltShiftLens
 from focusjax.lens._tilt_shift import as_tilt_shift as as_tilt_shift
 from focusjax.lens._tilt_shift import lens_for_plane as lens_for_plane

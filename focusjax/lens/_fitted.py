@@ -11,10 +11,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera, LensRay
+from focusjax.lens._aim import line_of
 from focusjax.lens._aperture import Disk
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._fit_error import FitError, fit_error
-from focusjax.lens._prescription import PrescriptionLens, line_of
+from focusjax.lens._prescription import PrescriptionLens
 from focusjax.lens._pupils import SOFTNESS, way_from_film
 from focusjax.lens._ray_bounds import STEEPEST, exit_line
 from focusjax.lens._spectral import SpectralLens

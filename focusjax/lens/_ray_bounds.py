@@ -36,6 +36,7 @@ class RayBounds(eqx.Module):
         spot: A, tangent [k].
         spread: B, metres [k].
         radius: metres [k]; of the round opening whose blur has the same variance.
+        beyond: share [k] of the opening that looks farther from the axis than rays are taken.
     """
 
     at_infinity: Float[Array, " k"]
@@ -44,6 +45,7 @@ class RayBounds(eqx.Module):
     spot: Float[Array, " k"]
     spread: Float[Array, " k"]
     radius: Float[Array, " k"]
+    beyond: Float[Array, " k"]
 
     def at(self, place: Float[Array, ""]) -> "RayBounds":
         """Interpolated at a `place` counted in steps."""
@@ -81,23 +83,25 @@ def find_bounds(
         area = jnp.where(share < 1.0, rim[None] ** 2, 0.0)
         film = (-film_scale * radius, jnp.zeros_like(radius))
 
-        def ray(x: Array, y: Array) -> tuple[Array, Array, Array]:
+        def ray(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
             # Film points are on the negative side here, so that they look to the positive one.
             found, _ = from_film(lens, indices, film_distance, film, (-x, y))
             line = exit_line(found.position, found.direction, entrance_pupil)
             slope, crossing = (jnp.stack(pair) for pair in line)
             flat = slope @ slope < STEEPEST**2
-            light = openness(found.clearance + 1e-3) * flat
-            return slope, crossing * 1e-3, light
+            open_ = openness(found.clearance + 1e-3)
+            return slope, crossing * 1e-3, open_ * flat, open_ * ~flat
 
-        slope, crossing, light = jax.vmap(ray)(x.reshape(-1), y.reshape(-1))
-        return _disk(slope, crossing, light, area.reshape(-1), radius)
+        slope, crossing, light, dark = jax.vmap(ray)(x.reshape(-1), y.reshape(-1))
+        area = area.reshape(-1)
+        lost, kept = jnp.sum(dark * area), jnp.sum(light * area)
+        beyond = lost / jnp.where(lost > 0.0, lost + kept, 1.0)
+        return *_disk(slope, crossing, light, area, radius), beyond
 
-    found = jax.vmap(one)(radii, pupils.inside, pupils.rim)
-    *found, lit = found
+    *found, lit, beyond = jax.vmap(one)(radii, pupils.inside, pupils.rim)
     # Where no light comes, as where some comes last.
     nearest = jax.lax.cummax(jnp.where(lit, jnp.arange(radii.shape[0]), 0))
-    bounds = RayBounds(*(column[nearest] for column in found))
+    bounds = RayBounds(*(column[nearest] for column in found), beyond=beyond)
     stretched = bounds.at_infinity * radii / jnp.where(radii[nearest] > 0.0, radii[nearest], 1.0)
     bounds = eqx.tree_at(
         lambda b: b.at_infinity, bounds, jnp.where(nearest > 0, stretched, bounds.at_infinity)

@@ -8,13 +8,10 @@ from jaxtyping import Array, Float
 from focusjax.geometry import Camera
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._dimmed import AbstractDimmedLens
+from focusjax.lens._film import film_for
 from focusjax.lens._fitted import FittedLens, refitted, unfitted
-from focusjax.lens._prescription import (
-    PrescriptionLens,
-    film_for,
-    focused_lens,
-    with_indices,
-)
+from focusjax.lens._focused import focused_lens, with_indices
+from focusjax.lens._prescription import PrescriptionLens
 from focusjax.lens._spectral import SpectralLens
 from focusjax.lens._thin import ThinLens
 from focusjax.lens._tilt_shift import TiltShiftLens

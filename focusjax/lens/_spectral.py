@@ -6,7 +6,8 @@ from typing import SupportsFloat
 from focusjax.geometry import Camera
 from focusjax.lens._base import AbstractLens, Channel
 from focusjax.lens._coloured import AbstractColouredLens
-from focusjax.lens._prescription import PrescriptionLens, at_wavelength
+from focusjax.lens._focused import at_wavelength
+from focusjax.lens._prescription import PrescriptionLens
 from focusjax.optics import RGB_WAVELENGTHS
 
 _COLOURS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -12,6 +12,8 @@ from focusjax.optics._glass import PowerSeries as PowerSeries
 from focusjax.optics._glass import Sellmeier as Sellmeier
 from focusjax.optics._glass import abbe_number as abbe_number
 from focusjax.optics._glass import air as air
+from focusjax.optics._group import focused_by_group as focused_by_group
+from focusjax.optics._group import shifted_group as shifted_group
 from focusjax.optics._height_field import HeightField as HeightField
 from focusjax.optics._load import LENS_FILES as LENS_FILES
 from focusjax.optics._load import PRESETS as PRESETS

@@ -102,7 +102,7 @@ def make_prescription(
         stop,
         name,
     )
-    _refuse_crossings(lens)
+    refuse_crossings(lens)
     return lens
 
 
@@ -145,7 +145,7 @@ def line(name: str = "d") -> Float[Array, ""]:
     return jnp.asarray(FRAUNHOFER[name], dtype=float)
 
 
-def _refuse_crossings(lens: Prescription) -> None:
+def refuse_crossings(lens: Prescription) -> None:
     """Each surface ends where its clear radius does, and must be before the next up to there."""
     radii = np.asarray(lens.semi_diameters)
     shares = np.linspace(0.0, 1.0, 33)

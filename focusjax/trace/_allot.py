@@ -18,9 +18,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.scipy.ndimage import map_coordinates
 from jaxtyping import Array, Float, Int
 
-from focusjax.geometry import filter_radius
+from focusjax.geometry import Camera, filter_radius
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._gloss import radiance_from_centre
@@ -30,6 +31,8 @@ FEWEST = 4
 _MOST_TIMES_MEAN = 8
 _LOOKS = 4
 """Squared, the points of the opening at which weights are looked at."""
+_WEIGHTS_APART = 8
+"""Pixels between film points at which they are: rays through glass cost more than all else here."""
 
 
 def counts_for(rays: float) -> list[int]:
@@ -144,9 +147,9 @@ def _boxes(
     And the variance of the rays' weights.
     """
     camera, grid, wide = layers.camera, layers.grid, filter_radius(pixel_filter)
-    middles = (jnp.arange(_LOOKS, dtype=least.dtype) + 0.5) / _LOOKS
-    samples = jnp.stack(jnp.meshgrid(middles, middles), axis=-1).reshape(-1, 2)
-    pupil = jax.vmap(lens.pupil_point)(samples)
+    uneven = _uneven(camera, lens, least.dtype)
+    size = jnp.array([camera.width, camera.height], dtype=least.dtype)
+    intervals = jnp.array(uneven.shape[::-1], dtype=least.dtype) - 1.0
 
     def one(index: Int[Array, ""], least: Array, largest: Array) -> tuple[Array, Array, Array]:
         film = jnp.stack([index % camera.width, index // camera.width]).astype(least.dtype) + 0.5
@@ -156,8 +159,24 @@ def _boxes(
             for sign, sum_ in ((-1.0, lambda a: jnp.minimum(*a)), (1.0, lambda a: jnp.maximum(*a)))
         )
         margin = grid.margin / grid.supersampling
-        # Of a lens that lets all pass this is the number 0, which compilers find out.
-        weights = jax.vmap(lambda point: lens.ray(camera, film, point).weight)(pupil)
-        return low + margin, high + margin, jnp.var(weights)
+        place = (film / size * intervals)[::-1, None]
+        return low + margin, high + margin, map_coordinates(uneven, [*place], order=1, mode="nearest")[0]
 
     return jax.vmap(one)(jnp.arange(camera.width * camera.height), least, largest)
+
+
+def _uneven(camera: Camera, lens: AbstractLens, dtype: np.dtype) -> Float[Array, "rows columns"]:
+    """Variance of the weights of rays, of film points in even steps from one edge to the other."""
+    middles = (jnp.arange(_LOOKS, dtype=dtype) + 0.5) / _LOOKS
+    samples = jnp.stack(jnp.meshgrid(middles, middles), axis=-1).reshape(-1, 2)
+    pupil = jax.vmap(lens.pupil_point)(samples)
+    down, across = (
+        jnp.linspace(0.0, size, -(-size // _WEIGHTS_APART) + 1, dtype=dtype)
+        for size in (camera.height, camera.width)
+    )
+
+    def of(film: Float[Array, "2"]) -> Float[Array, ""]:
+        # Of a lens that lets all pass this is the number 0, which compilers find out.
+        return jnp.var(jax.vmap(lambda point: lens.ray(camera, film, point).weight)(pupil))
+
+    return jax.vmap(lambda y: jax.vmap(lambda x: of(jnp.stack([x, y])))(across))(down)

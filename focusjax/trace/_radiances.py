@@ -13,7 +13,8 @@ from focusjax.lens import AbstractLens
 from focusjax.trace._colour import Surface, radiance_at, surface_of
 from focusjax.trace._march import first_hits
 from focusjax.trace._ranges import disparity_range
-from focusjax.trace._walk import Path, Volume, make_volume, path_of
+from focusjax.trace._starts import lens_rays
+from focusjax.trace._walk import Volume, make_volume, path_of
 
 _PIXELS_AT_ONCE = 1 << 16
 
@@ -108,12 +109,9 @@ def first_met(
     """
     grid = scene.grid
 
-    def start(film: Array, pupil: Array, low: Array, high: Array) -> tuple[LensRay, Path]:
-        ray = lens.ray(scene.camera, film, pupil)
-        on_grid = LensRay(ray.a * grid.supersampling + grid.margin, ray.b * grid.supersampling, ray.weight)
-        return on_grid, path_of(on_grid, low, high)
-
-    rays, paths = jax.vmap(jax.vmap(start, in_axes=(0, 0, None, None)))(film, pupil, least, largest)
+    rays = lens_rays(scene.camera, lens, film, pupil)
+    rays = LensRay(rays.a * grid.supersampling + grid.margin, rays.b * grid.supersampling, rays.weight)
+    paths = jax.vmap(jax.vmap(path_of, in_axes=(0, None, None)))(rays, least, largest)
     paths, chance = jax.tree.map(lambda a: a.reshape(-1), (paths, chance))
     return rays, first_hits(scene.volume, paths, chance, depth=depth).reshape(rays.weight.shape)
 

@@ -1,26 +1,50 @@
 """What every lens owes the rest of the program, whichever lens it is."""
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from gradients import check_gradients
-from sample_lenses import ABERRATED, CAMERA, IDEAL, PINHOLES, SQUEEZED, thin
+from sample_lenses import ABERRATED, CAMERA, IDEAL, PINHOLES, REAL, SQUEEZED, by_polynomials, thin
 
 from focusjax.geometry import Camera, LensRay
-from focusjax.lens import AberratedLens, AbstractLens, Disk, FocalSurfaceLens, VignettedLens
+from focusjax.lens import (
+    AberratedLens,
+    AbstractLens,
+    Disk,
+    FittedLens,
+    FocalSurfaceLens,
+    PrescriptionLens,
+    VignettedLens,
+)
 
 FILM_POINTS = [(20.0, 15.0), (3.2, 27.9)]
+CORNER = jnp.array([39.0, 29.0])
 DISPARITIES = [0.0, 0.2, 0.49, 0.51, 1.7]
 """On both sides of the focus, and at infinity."""
 
 
-def each(lenses: dict[str, AbstractLens]) -> pytest.MarkDecorator:
-    return pytest.mark.parametrize("lens", [pytest.param(lens, id=name) for name, lens in lenses.items()])
+def each(lenses: dict[str, AbstractLens | Callable[[], AbstractLens]]) -> pytest.MarkDecorator:
+    some = [pytest.param(lens, id=name) for name, lens in lenses.items()]
+    return pytest.mark.parametrize("lens", some, indirect=True)
 
 
-every_lens = each(IDEAL | ABERRATED)
+@pytest.fixture
+def lens(request: pytest.FixtureRequest) -> AbstractLens:
+    """The lens, or what a function makes."""
+    return request.param if isinstance(request.param, AbstractLens) else request.param()
+
+
+def is_real(lens: AbstractLens) -> bool:
+    return isinstance(lens, PrescriptionLens | FittedLens)
+
+
+every_lens = each(IDEAL | ABERRATED | REAL)
+every_lens_by_formulas = each(IDEAL | ABERRATED)
+every_real_lens = each(REAL)
 every_ideal_lens = each(IDEAL)
 every_aberrated_lens = each(ABERRATED)
 every_pinhole = each(PINHOLES)
@@ -82,7 +106,7 @@ def test_the_footprint_holds_all_rays_and_touches_some(lens: AbstractLens, camer
     # Observed: 0.997 for the tilted lenses, 1 for upright ones, 0.97 and 0.95 where little of the opening or
     # none of its light is as far out as its outline. Of aberrated lenses 0.8 to 1 at best, where what
     # is off through aberrations and through defocus adds up; it may also cancel.
-    if lens in ABERRATED.values():
+    if is_real(lens) or lens in ABERRATED.values():
         assert max(shares) > 0.7
     else:
         assert min(shares) >= (0.94 if lens in (IDEAL["thin, mask"], IDEAL[SQUEEZED]) else 0.99)
@@ -143,8 +167,10 @@ def test_blur_is_that_of_the_best_fitting_ideal_lens(lens: AbstractLens, camera:
 @every_lens
 def test_the_middle_ray_is_the_pinhole_ray(lens: AbstractLens, camera: Camera):
     ray = lens.ray(camera, camera.principal_point, jnp.zeros(2))
-    np.testing.assert_array_equal(ray.a, camera.principal_point)
-    np.testing.assert_array_equal(ray.b, [0.0, 0.0])
+    # Of real lenses observed: 0.
+    rounding = 1e-12 if is_real(lens) else 0.0
+    np.testing.assert_allclose(ray.a, camera.principal_point, atol=rounding)
+    np.testing.assert_allclose(ray.b, [0.0, 0.0], atol=rounding)
 
 
 @every_ideal_lens
@@ -179,7 +205,9 @@ def bounds_and_extents(lens: AbstractLens, camera: Camera) -> dict[str, tuple[jn
     corners = jnp.stack(jnp.meshgrid(jnp.arange(41.0), jnp.arange(31.0)), axis=-1).reshape(-1, 2)
     inside = jax.random.uniform(jax.random.key(1), (200, 2), maxval=30.0)
     angles = jnp.linspace(0.0, 2 * jnp.pi, 120, endpoint=False)
-    rim, disparities = jnp.stack([jnp.cos(angles), jnp.sin(angles)], axis=1), jnp.array(DISPARITIES)
+    # Real lenses spread their rays a little beyond the rim, where none gets through.
+    radius, disparities = 0.96 if is_real(lens) else 1.0, jnp.array(DISPARITIES)
+    rim = radius * jnp.stack([jnp.cos(angles), jnp.sin(angles)], axis=1)
 
     def extents(film: jnp.ndarray) -> tuple[jnp.ndarray, jnp.ndarray]:
         rays = jax.vmap(lambda v: lens.ray(camera, film, v))(rim)
@@ -205,22 +233,23 @@ def bounds_and_extents(lens: AbstractLens, camera: Camera) -> dict[str, tuple[jn
 def test_bounds_hold_all_over_the_picture(lens: AbstractLens, camera: Camera):
     """Reach and parallax bound every film point; disks of a pixel's corners bound those within."""
     found = jax.tree.map(np.asarray, bounds_and_extents(lens, camera))
+    off = is_real(lens) or lens in ABERRATED.values()
     for most, seen in found.values():
         # Observed: no excess, but for rounding of 1e-15; 6e-5 within pixels of an aberrated lens.
-        assert (seen <= most * (1 + 1e-12) + (1e-3 if lens in ABERRATED.values() else 0.0)).all()
+        assert (seen <= most * (1 + 1e-12) + (1e-3 if off else 0.0)).all()
     most, seen = found["parallax"]
-    # Observed: 0.9999 for the tilted lenses, 1 for all others.
-    assert seen >= 0.99 * most
+    # Observed: 0.9999 for the tilted lenses, 0.86 for real ones, whose bounds have a margin, 1 for others.
+    assert seen >= (0.8 if is_real(lens) else 0.99) * most
     most, seen = found["reach"]
     # Observed far from the focus: 0.92 for the tilted lenses, 0.98 for the focal surface, 1 for thin lenses.
     # Aberrations may add to defocus on one side and take from it on the other: 0.7 on the one that is nearer.
-    if lens in ABERRATED.values():
-        assert (seen >= 0.6 * most)[[0, -1]].any()
+    if off:
+        assert (seen >= (0.5 if is_real(lens) else 0.6) * most)[[0, -1]].any(), seen / most
     else:
         assert (seen >= 0.9 * most)[[0, -1]].all()
 
 
-@every_lens
+@every_lens_by_formulas
 def test_weights_integrate_to_one(lens: AbstractLens, camera: Camera):
     if isinstance(lens, VignettedLens):
         pytest.skip("what a tube takes away is away; see test_vignetted")
@@ -236,7 +265,30 @@ def seen(lens: AbstractLens, camera: Camera, sample: jnp.ndarray) -> tuple:
     return ray.a, ray.b, ray.weight, channels, lens.blur(camera, film, w), lens.footprint(camera, film, w)
 
 
-@every_lens
+@every_real_lens
+def test_weights_of_glass_integrate_to_the_light_that_falls(lens: AbstractLens, camera: Camera):
+    """One on the axis, where its unit is, and less towards a corner."""
+    middle = camera.principal_point
+    light = [float(all_rays(lens, camera, film)[1].weight.mean()) for film in (middle, CORNER)]
+    cosine = float(camera.focal_px / jnp.hypot(camera.focal_px, jnp.linalg.norm(CORNER - middle)))
+    # Observed: 0.975, as edges of the square, and so the rim, have twice their share here.
+    assert light[0] == pytest.approx(1.0, abs=0.04)
+    assert light[1] / light[0] == pytest.approx(cosine**4, rel=0.06)
+
+
+@every_real_lens
+def test_gradients_of_glass_match_differences(lens: AbstractLens, camera: Camera):
+    """With respect to the places on film and pupil, and the depth; by the glass: test_prescription_lens."""
+
+    def answers(film: jnp.ndarray, pupil: jnp.ndarray, w: jnp.ndarray) -> tuple:
+        ray = lens.ray(camera, film, pupil)
+        return ray.a, ray.b, ray.weight, lens.blur(camera, film, w), lens.footprint(camera, film, w)
+
+    # Film radii are interpolated between 33: not quite on one of them.
+    check_gradients(answers, jnp.array([33.3, 8.1]), jnp.array([0.4, -0.5]), jnp.array(1.3))
+
+
+@every_lens_by_formulas
 def test_gradients_match_differences(lens: AbstractLens, camera: Camera):
     """With respect to focus, aperture radius, roundness, rotation, camera, and the place on the pupil."""
     # Observed: 2e-10 of the largest.
@@ -261,6 +313,7 @@ def test_a_closed_aperture_is_a_pinhole(lens: AbstractLens, camera: Camera):
         *(pytest.param(lens, id=name) for name, lens in (IDEAL | ABERRATED).items()),
         pytest.param(thin(Disk(), focus=1.3), id="point in focus"),
     ],
+    indirect=True,
 )
 def test_gradients_are_finite_where_formulas_are_delicate(lens: AbstractLens, camera: Camera):
     """Closed aperture, focus on infinity, a point in focus; middle, corners and diagonals of the square."""
@@ -279,3 +332,23 @@ def seen_and_slopes(lens: AbstractLens, camera: Camera, samples: jnp.ndarray) ->
         )
 
     return jax.vmap(one)(samples)
+
+
+@each({"glass, fitted": by_polynomials})
+def test_gradients_of_glass_are_finite_where_formulas_are_delicate(lens: AbstractLens, camera: Camera):
+    """On the axis, in the middle of the opening, on its rim and where that cuts rays off, in focus."""
+
+    @eqx.filter_jit
+    @eqx.filter_grad
+    def slopes(given: tuple) -> jnp.ndarray:
+        lens, films, pupils, w = given
+
+        def one(film: jnp.ndarray, pupil: jnp.ndarray) -> tuple:
+            return lens.ray(camera, film, pupil), lens.blur(camera, film, w), lens.footprint(camera, film, w)
+
+        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(jax.vmap(one)(films, pupils)))
+
+    films = jnp.stack([camera.principal_point, camera.principal_point, CORNER, jnp.array([60.0, 60.0])])
+    pupils = jnp.array([(0.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.6, 0.8)])
+    for leaf in jax.tree.leaves(slopes((lens, films, pupils, jnp.array(0.5)))):
+        assert np.isfinite(leaf).all()

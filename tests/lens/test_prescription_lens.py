@@ -30,9 +30,11 @@ from focusjax.optics import (
     film_distance,
     find_glass,
     first_order,
+    index_glass,
     lens_preset,
     make_prescription,
     opened_to,
+    singlet,
     sphere,
     with_focal_length,
 )
@@ -308,6 +310,39 @@ def test_stopped_far_down_it_renders_the_thin_lens_picture():
 def test_bad_values_are_refused(given, message):
     with pytest.raises(ValueError, match=message):
         prescription_lens(biconvex(), CAMERA, **given)
+
+
+def test_a_film_inside_the_lens_is_refused():
+    """Of a ball of index 2.2 the focus is within it."""
+    ball = singlet(10.0, -10.0, thickness=20.0, semi_diameter=9.9, glass=index_glass(2.2))
+    with pytest.raises(ValueError, match=r"the film of singlet would be .* mm inside the lens"):
+        prescription_lens(ball, CAMERA, focus_distance=2)
+
+
+def test_a_fisheye_is_taken_as_far_as_perspective_goes():
+    """A front of strong negative power, behind which a small lens looks backwards past 80 degrees."""
+    front, rear = index_glass(1.8), index_glass(1.6)
+    bird = make_prescription(
+        [sphere(1 / 60.0), sphere(1 / 9.0), sphere(0.0), sphere(1 / 11.0), sphere(-1 / 11.0)],
+        [1.5, 20.0, 0.5, 4.0, 0.0],
+        [30.0, 8.95, 1.5, 5.0, 5.0],
+        [front, air(), air(), rear, air()],
+        stop=2,
+        name="bird's eye",
+    )
+
+    def through(sensor_width: float) -> PrescriptionLens:
+        camera = look_at(
+            (0, 0, 2), (0, 0, 0), width=60, height=40, focal_length=0.0052, sensor_width=sensor_width
+        )
+        return prescription_lens(bird, camera, focus_distance=1.0)
+
+    with pytest.raises(ValueError, match=r"bird's eye looks farther than 80.5 degrees .* at 2[0-9] pixels"):
+        through(0.0177)
+    lens = through(0.0104)
+    # The corners, at 50 degrees of the pinhole, look 72 degrees off the axis.
+    assert float(lens.bounds.beyond.max()) < 0.5
+    assert np.degrees(np.arctan(float(lens.bounds.at_infinity[-4]))) > 65
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,59 @@
+"""Where the film of a real lens has to be."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from focusjax.geometry import Camera
+from focusjax.lens._pupils import openness
+from focusjax.optics import Prescription, film_distance, first_order, line, trace
+
+RINGS = 1024
+"""Of equal area, over which spots and light on the axis are averaged."""
+
+
+def film_for(
+    prescription: Prescription,
+    camera: Camera,
+    focus_disparity: Float[Array, ""],
+    focus: str,
+    *,
+    breathing: bool,
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Distance in mm from the last vertex to the film, and the film's scale s; see `focused_lens`."""
+    seen = first_order(prescription)
+    indices = prescription.indices(line())
+    disparity = focus_disparity * 1e-3
+    film, scale = film_distance(prescription, indices, disparity)
+    if focus == "traced":
+        best = best_film(prescription, indices, disparity)
+        scale = scale * (best - seen.exit_pupil) / (film - seen.exit_pupil)
+        film = best
+    if breathing:
+        scale = camera.focal_length * 1e3
+    return film, scale
+
+
+@eqx.filter_jit
+def best_film(
+    prescription: Prescription, indices: Float[Array, " n_plus_1"], disparity: Float[Array, ""]
+) -> Float[Array, ""]:
+    """Distance in mm from the last vertex at which the rays of the point in focus on the axis are closest.
+
+    In the meridional plane the spot's variance over rings of equal area is a parabola in the film's distance.
+    """
+    seen = first_order(prescription)
+    heights = seen.entrance_pupil_radius * jnp.sqrt((jnp.arange(RINGS, dtype=indices.dtype) + 0.5) / RINGS)
+
+    def land(height: Array) -> tuple[Array, Array, Array]:
+        slope = height * disparity
+        way = jnp.stack([slope, jnp.zeros_like(slope), jnp.ones_like(slope)])
+        start = jnp.stack([height, jnp.zeros_like(height), seen.entrance_pupil])
+        found = trace(prescription, indices, start, way / jnp.sqrt(way @ way))
+        exit_slope = found.direction[0] / found.direction[2]
+        place = found.position[0] + exit_slope * (prescription.vertices()[-1] - found.position[2])
+        return place, exit_slope, openness(found.clearance)
+
+    place, slope, weight = jax.vmap(land)(heights)
+    return -jnp.sum(weight * place * slope) / jnp.sum(weight * slope**2)

@@ -1,0 +1,212 @@
+"""Real lenses with their film in place: what film points see is found, and their rays are bounded."""
+
+import dataclasses
+import math
+from typing import SupportsFloat
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from focusjax.geometry import Camera
+from focusjax.lens._film import RINGS, film_for
+from focusjax.lens._prescription import PrescriptionLens
+from focusjax.lens._pupils import find_pupils, from_film, openness
+from focusjax.lens._ray_bounds import STEEPEST, find_bounds
+from focusjax.optics import (
+    Prescription,
+    film_distance,
+    first_order,
+    focused_by_group,
+    line,
+    opened_to,
+    with_focal_length,
+)
+
+_RADII = 33
+"""Film radii at which pupils and bounds are kept; as many less one lie between them."""
+_FRAME_MARGIN = 4.0
+"""Pixels beyond the frame from which rays may start, for wide filters."""
+
+
+def prescription_lens(
+    prescription: Prescription,
+    camera: Camera,
+    *,
+    focus_distance: SupportsFloat,
+    f_number: SupportsFloat | None = None,
+    focus: str = "traced",
+    breathing: bool = False,
+    falloff: bool = True,
+    group: tuple[int, int] | None = None,
+) -> PrescriptionLens:
+    """A prescription in a photographer's terms, scaled to the camera's focal length, with checked values.
+
+    Args:
+        prescription: any that forms images (`focusjax.optics`).
+        camera: whose focal length the lens gets, and whose frame its rays are bounded for. It stands in the
+            entrance pupil.
+        focus_distance: metres from there; `inf` is allowed.
+        f_number: focal length over entrance pupil diameter; that of the prescription if not given.
+        focus: "traced" puts the film where the spot on the axis has the least variance, "paraxial" where rays
+            near the axis meet.
+        breathing: let the picture's scale follow the film's distance.
+        falloff: let light fall off as cos^4 towards the corners; vignetting does so either way.
+        group: numbers, from 0, of the first and last surface of the group that focuses, by moving between
+            the others (`focusjax.optics.focused_by_group`). The whole lens does if not given. The film then
+            moves by what "traced" and "paraxial" differ in, and `refocused` moves it, too.
+
+    Raises:
+        ValueError: a lens without real images, an opening beyond the prescription's, a focus distance that
+            takes the film into the lens or to infinity, an unknown way to focus, a group that cannot focus
+            there, or a fisheye whose frame looks farther than 80 degrees from the axis.
+
+    Example:
+        >>> from focusjax.geometry import look_at
+        >>> from focusjax.optics import lens_preset
+        >>> camera = look_at((0, 0, 2), (0, 0, 0), width=60, height=40, focal_length=0.05)
+        >>> planar = lens_preset("planar_us583336_f4.5_1897")
+        >>> lens = prescription_lens(planar, camera, focus_distance=2.0)
+        >>> round(float(lens.f_number(camera)), 2)
+        4.5
+    """
+    if focus not in ("paraxial", "traced"):
+        raise ValueError(f'focus is {focus!r}; expected "paraxial" or "traced"')
+    lens, disparity = in_terms_of(prescription, camera, focus_distance, f_number, group)
+    made = focused_lens(lens, camera, disparity, focus=focus, breathing=breathing, falloff=falloff)
+    _refuse_all_around(made, camera)
+    return made
+
+
+def in_terms_of(
+    prescription: Prescription,
+    camera: Camera,
+    focus_distance: SupportsFloat,
+    f_number: SupportsFloat | None,
+    group: tuple[int, int] | None = None,
+) -> tuple[Prescription, Float[Array, ""]]:
+    """A prescription scaled to the camera, stopped down, its group moved; its focus in 1/m. All checked.
+
+    Raises:
+        ValueError: as `prescription_lens`, of these.
+    """
+    distance = float(focus_distance)
+    if not distance > 0:
+        raise ValueError(f"focus distance is {distance} m; expected a positive distance or infinity")
+    lens = with_focal_length(prescription, float(camera.focal_length) * 1e3)
+    if f_number is not None:
+        lens = opened_to(lens, float(f_number))
+    disparity = jnp.asarray(1.0 / distance, dtype=float)
+    if group is not None:
+        lens = focused_by_group(lens, *group, 1e-3 / distance)
+    film, scale = film_distance(lens, lens.indices(line()), disparity * 1e-3)
+    if not 0 < float(scale) < float("inf"):
+        raise ValueError(
+            f"focus distance {distance} m is within the front focal point of {lens.name}, where it forms no"
+            " real image; focus farther away or use a shorter focal length"
+        )
+    if not float(film) > 0:
+        raise ValueError(f"the film of {lens.name} would be {-float(film):.3g} mm inside the lens")
+    return lens, disparity
+
+
+def _refuse_all_around(lens: PrescriptionLens, camera: Camera) -> None:
+    """A picture in perspective, whose rays are q = a + b w, ends before 90 degrees."""
+    beyond = np.flatnonzero(np.asarray(lens.bounds.beyond) > 0.5)
+    pixels = float(lens.film_step * camera.focal_px) * (beyond[0] if len(beyond) else math.inf)
+    if pixels < float(lens.film_step * camera.focal_px) * (_RADII - 1) - _FRAME_MARGIN:
+        raise ValueError(
+            f"{lens.prescription.name} looks farther than {np.degrees(np.arctan(STEEPEST)):.1f} degrees from"
+            f" the axis at {pixels:.0f} pixels from the middle of the picture, within its frame; pictures"
+            " here are in perspective, which ends before 90 degrees, so use a smaller sensor or a longer"
+            " focal length"
+        )
+
+
+def focused_lens(
+    prescription: Prescription,
+    camera: Camera,
+    focus_disparity: Float[Array, ""],
+    *,
+    focus: str = "traced",
+    breathing: bool = False,
+    falloff: bool = True,
+) -> PrescriptionLens:
+    """As `prescription_lens`, unchecked, not scaled nor stopped down: for derivatives and compiled code.
+
+    Differentiable in the prescription and the focus; only the ellipse that rays are spread over is taken as
+    it is, since any that covers the opening gives the same picture.
+    """
+    indices = prescription.indices(line())
+    film, scale = film_for(prescription, camera, focus_disparity, focus, breathing=breathing)
+    pupil = first_order(prescription).entrance_pupil
+    lens = _placed(prescription, indices, film, scale, pupil, _film_step(camera), falloff)
+    return dataclasses.replace(lens, focus_disparity=focus_disparity, focus=focus, breathing=breathing)
+
+
+def at_wavelength(
+    lens: PrescriptionLens, camera: Camera, wavelength: SupportsFloat | Float[Array, ""]
+) -> PrescriptionLens:
+    """The same lens with its film where it is, for light of another `wavelength` in nm."""
+    return with_indices(
+        lens, camera, lens.prescription.indices(jnp.asarray(wavelength, dtype=lens.indices.dtype))
+    )
+
+
+def with_indices(
+    lens: PrescriptionLens, camera: Camera, indices: Float[Array, " n_plus_1"]
+) -> PrescriptionLens:
+    """The same lens with its film where it is, for light that is refracted by other `indices`."""
+    place = (lens.film_place, lens.film_scale, lens.entrance_pupil, _film_step(camera))
+    other = _placed(lens.prescription, indices, *place, lens.falloff)
+    kept = {name: getattr(lens, name) for name in ("focus_disparity", "exposure", "focus", "breathing")}
+    return dataclasses.replace(other, **kept)
+
+
+def _film_step(camera: Camera) -> Float[Array, ""]:
+    """Tangent between the film radii that are kept, which reach beyond the frame's farthest corner."""
+    size = jnp.array([camera.width, camera.height], dtype=camera.principal_point.dtype)
+    farthest = jnp.maximum(camera.principal_point, size - camera.principal_point)
+    reach = jnp.sqrt(farthest @ farthest) + _FRAME_MARGIN
+    return jax.lax.stop_gradient(reach / camera.focal_px / (_RADII - 1))
+
+
+@eqx.filter_jit
+def _placed(
+    prescription: Prescription,
+    indices: Float[Array, " n_plus_1"],
+    film: Float[Array, ""],
+    scale: Float[Array, ""],
+    pupil: Float[Array, ""],
+    step: Float[Array, ""],
+    falloff: bool,
+) -> PrescriptionLens:
+    """The lens with its film in place: find what film points see, and bound their rays."""
+    radii = 0.5 * step * jnp.arange(2 * _RADII - 1, dtype=indices.dtype)
+    pupils = find_pupils(prescription, indices, film, scale * radii)
+    bounds = find_bounds(prescription, indices, film, scale, pupil, pupils, radii)
+    # Rings of equal area: on the axis one ray stands for each.
+    rings = pupils.radial[0] * jnp.sqrt((jnp.arange(RINGS, dtype=indices.dtype) + 0.5) / RINGS)
+
+    def light(ring: Array) -> Array:
+        zero = jnp.zeros_like(ring)
+        found, cosine = from_film(prescription, indices, film, (zero, zero), (ring, zero))
+        return openness(found.clearance) * (cosine**4 if falloff else 1.0)
+
+    return PrescriptionLens(
+        prescription=prescription,
+        indices=indices,
+        focus_disparity=jnp.zeros_like(film),
+        film_place=film,
+        film_scale=scale,
+        entrance_pupil=pupil,
+        film_step=step,
+        pupils=jax.tree.map(lambda leaf: leaf[::2], pupils),
+        bounds=bounds,
+        exposure=jnp.mean(jax.vmap(light)(rings)) * pupils.radial[0] * pupils.tangential[0],
+        falloff=falloff,
+        focus="traced",
+        breathing=False,
+    )

@@ -28,6 +28,8 @@ from focusjax.lens._fitted import fitted_lens as fitted_lens
 from focusjax.lens._fitted import refitted as refitted
 from focusjax.lens._focal_surface import FocalSurfaceLens as FocalSurfaceLens
 from focusjax.lens._focal_surface import focal_surface_lens as focal_surface_lens
+from focusjax.lens._height_curve import HeightCurve as HeightCurve
+from focusjax.lens._height_curve import height_curve as height_curve
 from focusjax.lens._kernels import AbstractKernel as AbstractKernel
 from focusjax.lens._kernels import GaussianFade as GaussianFade
 from focusjax.lens._kernels import InverseDistance as InverseDistance
@@ -42,6 +44,16 @@ from focusjax.lens._prescription import PrescriptionLens as PrescriptionLens
 from focusjax.lens._prescription import at_wavelength as at_wavelength
 from focusjax.lens._prescription import focused_lens as focused_lens
 from focusjax.lens._prescription import prescription_lens as prescription_lens
+from focusjax.lens._profile import CatsEyes as CatsEyes
+from focusjax.lens._profile import LensProfile as LensProfile
+from focusjax.lens._profile import profiled_lens as profiled_lens
+from focusjax.lens._profile_file import ProfileError as ProfileError
+from focusjax.lens._profile_file import lens_profile as lens_profile
+from focusjax.lens._profile_file import load_profile as load_profile
+from focusjax.lens._profile_file import profile_names as profile_names
+from focusjax.lens._profile_file import save_profile as save_profile
+from focusjax.lens._profile_of import ProfileFit as ProfileFit
+from focusjax.lens._profile_of import profile_of as profile_of
 from focusjax.lens._refocused import moved_film as moved_film
 from focusjax.lens._refocused import refocused as refocused
 from focusjax.lens._scheimpflug import MAX_TILT as MAX_TILT
@@ -74,8 +86,10 @@ from focusjax.lens.aberrations import FocusOffset as FocusOffset
 from focusjax.lens.aberrations import Magnification as Magnification
 from focusjax.lens.aberrations import PowerProfile as PowerProfile
 from focusjax.lens.aberrations import Seidel as Seidel
+from focusjax.lens.aberrations import TabulatedAberrations as TabulatedAberrations
 from focusjax.lens.aberrations import chromatic_lens as chromatic_lens
 from focusjax.lens.aberrations import field_curvature as field_curvature
 from focusjax.lens.aberrations import pixels_per_wave as pixels_per_wave
 from focusjax.lens.aberrations import power_profile as power_profile
 from focusjax.lens.aberrations import seidel as seidel
+from focusjax.lens.aberrations import tabulated_aberrations as tabulated_aberrations

@@ -12,9 +12,6 @@ import dataclasses
 from pathlib import Path
 
 import jax
-
-jax.config.update("jax_enable_x64", True)
-
 import numpy as np
 
 from focusjax.lens import ProfileFit, profile_of, save_profile
@@ -51,6 +48,7 @@ def comment(fit: ProfileFit, at: str) -> str:
 
 
 def main() -> None:
+    jax.config.update("jax_enable_x64", True)
     options = arguments()
     options.out.mkdir(parents=True, exist_ok=True)
     for name in options.only:
@@ -60,15 +58,11 @@ def main() -> None:
             f"traced through {NAMES[name]} (focusjax/optics/data/CREDITS.md), focused at {FOCUS:g} focal"
             " lengths, by scripts/make_lens_profiles.py"
         )
-        fit = profile_of(
-            prescription, focus_distance=FOCUS * focal, nearest=NEAREST * focal, source=source
-        )
+        fit = profile_of(prescription, focus_distance=FOCUS * focal, nearest=NEAREST * focal, source=source)
         near = profile_of(prescription, focus_distance=NEAREST * focal)
         changed = [
             f"  {key}: {1e3 * abs(np.asarray(curve.values) - np.asarray(other.values)).max():.3g} thousandths"
-            for (key, curve), (_, other) in zip(
-                fit.profile.curves(), near.profile.curves(), strict=True
-            )
+            for (key, curve), (_, other) in zip(fit.profile.curves(), near.profile.curves(), strict=True)
             if key in ("distortion", "sagittal_focus", "tangential_focus", "spherical")
         ]
         head = "\n".join(

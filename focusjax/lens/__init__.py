@@ -34,6 +34,7 @@ from focusjax.lens._kernels import AbstractKernel as AbstractKernel
 from focusjax.lens._kernels import GaussianFade as GaussianFade
 from focusjax.lens._kernels import InverseDistance as InverseDistance
 from focusjax.lens._kernels import WendlandFade as WendlandFade
+from focusjax.lens._lensfun import load_lensfun as load_lensfun
 from focusjax.lens._mask import Mask as Mask
 from focusjax.lens._mask import mask as mask
 from focusjax.lens._moving_least_squares import Basis as Basis

@@ -70,13 +70,16 @@ def height_curve(
     places, numbers = np.asarray(heights, dtype=float), np.asarray(values, dtype=float)
     if places.ndim != 1 or places.shape != numbers.shape or len(places) < 2:
         raise ValueError(
-            f"{name} has {places.size} heights and {numbers.size} values; expected two or more, as many of both"
+            f"{name} has {places.size} heights and {numbers.size} values; expected two or more, as many of"
+            " both"
         )
     if not np.isfinite(places).all() or places[0] != 0 or not (np.diff(places) > 0).all():
         raise ValueError(f"{name} has heights {places.tolist()} m; expected rising ones from 0 on")
     if not np.isfinite(numbers).all():
         raise ValueError(f"{name} has values {numbers.tolist()}; expected finite numbers")
     if not even and numbers[0] != 0:
-        raise ValueError(f"{name} starts with {numbers[0]:g} on the axis, where there is none of it; start with 0")
+        raise ValueError(
+            f"{name} starts with {numbers[0]:g} on the axis, where there is none of it; start with 0"
+        )
     reach, shares = jnp.asarray(places[-1], dtype=float), jnp.asarray(places / places[-1], dtype=float)
     return HeightCurve(reach, shares, jnp.asarray(numbers, dtype=float), even)

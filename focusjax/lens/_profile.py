@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Iterator
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -84,7 +85,7 @@ class LensProfile(eqx.Module):
                 yield name, curve
 
     def scaled(self, focal_length: Float[Array, ""] | float) -> "LensProfile":
-        """The same lens built for another focal length in metres: all lengths grow alike, the f-number stays."""
+        """The same lens built for another focal length in metres: it grows, and the f-number stays."""
         scale = focal_length / self.focal_length
 
         def longer(held: HeightCurve | None, values: Float[Array, ""] | float) -> HeightCurve | None:
@@ -95,12 +96,18 @@ class LensProfile(eqx.Module):
         def of_colours(
             held: tuple[HeightCurve, HeightCurve, HeightCurve] | None, values: Float[Array, ""]
         ) -> tuple[HeightCurve, HeightCurve, HeightCurve] | None:
-            return None if held is None else tuple(longer(each, values) for each in held)
+            if held is None:
+                return None
+            red, green, blue = (
+                dataclasses.replace(each, reach=each.reach * scale, values=each.values * values)
+                for each in held
+            )
+            return red, green, blue
 
         eyes = self.cats_eyes
         if eyes is not None:
-            lengths = (eyes.ahead_radius, eyes.ahead_distance, eyes.behind_radius, eyes.behind_distance)
-            eyes = CatsEyes(*(each * scale for each in lengths), eyes.cosine_power)
+            longer_eyes = jax.tree.map(lambda length: length * scale, eyes)
+            eyes = dataclasses.replace(longer_eyes, cosine_power=eyes.cosine_power)
         near, far = self.focus_distance
         return dataclasses.replace(
             self,
@@ -152,8 +159,8 @@ def profiled_lens(
         extrapolate: let the last line of each table go on to the corner that it does not reach.
 
     Raises:
-        ValueError: a table that ends before the picture does, unless it is to be extrapolated; an opening or a
-            focus distance beyond the profile's ranges.
+        ValueError: a table that ends before the picture does, unless it is to be extrapolated; an opening or
+            a focus distance beyond the profile's ranges.
 
     Example:
         >>> from focusjax.geometry import look_at

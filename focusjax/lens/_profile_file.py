@@ -102,8 +102,9 @@ def _profile(found: Mapping[str, Any]) -> LensProfile:
         table = _table(found["cats_eyes"], "cats_eyes")
         _refuse_unknown(table, (*_EYES, "source"), "cats_eyes.")
         values = [_number(table, key, "cats_eyes.", least=0.0) for key in _EYES]
-        lengths = (jnp.asarray(_MILLI * value, dtype=float) for value in values[:4])
-        held["cats_eyes"] = CatsEyes(*lengths, jnp.asarray(values[4], dtype=float))
+        lengths = jnp.asarray([_MILLI * value for value in values[:4]], dtype=float)
+        power = jnp.asarray(values[4], dtype=float)
+        held["cats_eyes"] = CatsEyes(lengths[0], lengths[1], lengths[2], lengths[3], power)
         sources["cats_eyes"] = _source(found, table, "cats_eyes")
     _refuse_contradictions(held)
     return LensProfile(
@@ -121,9 +122,13 @@ def _curve(key: str, name: str, table: Mapping[str, Any]) -> HeightCurve:
     _refuse_unknown(table, ("heights_mm", unit, "source"), f"{name}.")
     curve = _column(key, name, table, unit, scale)
     if key == "distortion" and float(curve.values.min()) <= -1:
-        raise ValueError(f"{name}.{unit} goes down to {100 * float(curve.values.min()):g}; expected above -100")
+        raise ValueError(
+            f"{name}.{unit} goes down to {100 * float(curve.values.min()):g}; expected above -100"
+        )
     if key == "illumination" and (float(curve.values.min()) < 0 or not float(curve.values[0]) > 0):
-        raise ValueError(f"{name}.{unit} has values below 0, or 0 on the axis; expected shares such as 1 to 0.3")
+        raise ValueError(
+            f"{name}.{unit} has values below 0, or 0 on the axis; expected shares such as 1 to 0.3"
+        )
     return curve
 
 
@@ -149,8 +154,8 @@ def _refuse_contradictions(held: Mapping[str, Any]) -> None:
     ends = [float(held[key].values[0]) if key in held else 0.0 for key in ("sagittal", "tangential")]
     if abs(ends[0] - ends[1]) > 1e-9 * max(abs(each) for each in (*ends, 1.0)):
         raise ValueError(
-            f"sagittal_focus starts with {ends[0]:g} and tangential_focus with {ends[1]:g} dioptres on the axis,"
-            " where they are the same; start both alike"
+            f"sagittal_focus starts with {ends[0]:g} and tangential_focus with {ends[1]:g} dioptres on the"
+            " axis, where they are the same; start both alike"
         )
     if "illumination" in held and "cats_eyes" in held:
         raise ValueError("has illumination and cats_eyes, which both darken the corners; keep one")

@@ -73,7 +73,8 @@ def profile_of(
         nearest: nearest focus distance in metres of its range; `focus_distance` if not given. The farthest is
             infinity.
         heights: how many, from the axis to `reach`, as far as there is light.
-        reach: metres from the axis; if not given, 9 % beyond the corner of a full frame, for shorter focal lengths.
+        reach: metres from the axis; if not given, 9 % beyond the corner of a full frame, for cameras of a
+            shorter focal length.
         spectral: with colour.
         source: where the numbers are from; the prescription's name if not given.
 
@@ -116,9 +117,7 @@ def profile_of(
     lateral = axial = None
     if spectral:
         bands = [terms(channel.lens)[:lit] for channel in spectral_lens(real, camera).channels()]
-        red, green, blue = (
-            curve([0.0, *(outwards(own) - outwards(band))[1:]], even=False) for band in bands
-        )
+        red, green, blue = (curve([0.0, *(outwards(own) - outwards(band))[1:]], even=False) for band in bands)
         lateral = (red, green, blue)
         red, green, blue = (curve(list(mean_focus(band) - mean_focus(own))) for band in bands)
         axial = (red, green, blue)
@@ -160,9 +159,7 @@ class _Terms:
     rays: int
 
 
-def _fits(
-    lens: AbstractLens, camera: Camera, heights: np.ndarray, focus: float, full: float
-) -> list[_Terms]:
+def _fits(lens: AbstractLens, camera: Camera, heights: np.ndarray, focus: float, full: float) -> list[_Terms]:
     """The terms at film points `heights` pixels to the right of the axis."""
     points = jnp.asarray(np.column_stack([heights, np.zeros_like(heights)]), dtype=float)
     points = points + camera.principal_point

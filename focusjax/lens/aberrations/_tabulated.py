@@ -103,9 +103,9 @@ class TabulatedAberrations(AbstractAberration):
         square = (parallax / self._full(camera)) ** 2
         apart = jnp.maximum(jnp.abs(t1 - s0), jnp.abs(t0 - s1))
         moved = 3.0 * jnp.maximum(-c0, c1) / _pitch(camera) * square
-        for end in (least, most):
-            share = end.get("distortion", jnp.zeros_like(away))
-            moved = jnp.maximum(moved, moved + away * jnp.abs(share / (1.0 + share)))
+        if "distortion" in most:
+            shares = [end["distortion"] / (1.0 + end["distortion"]) for end in (least, most)]
+            moved += away * jnp.maximum(*map(jnp.abs, shares))
         if "shift" in most:
             moved += jnp.maximum(-least["shift"], most["shift"]) / _pitch(camera)
         none = jnp.zeros_like(away)

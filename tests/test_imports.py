@@ -21,6 +21,7 @@ ALLOWED = {
     "metrics": set(),
     # Slow or simple twins share no code with what they are compared with.
     "baselines": {"geometry", "lens", "scene", "_counts", "_parallel"},
+    "post": {"geometry", "lens", "scene", "layers", "trace", "baselines", "_counts"},
     "io": {"film"},
     "config": {"geometry", "lens", "scene", "focus", "trace", "film", "optics", "_words"},
     "_counts": set(),
@@ -36,6 +37,7 @@ ALLOWED = {
         "layers",
         "trace",
         "film",
+        "post",
         "config",
         "_stopwatch",
         "_words",
@@ -50,6 +52,7 @@ ALLOWED = {
         "film",
         "metrics",
         "baselines",
+        "post",
         "io",
         "config",
         "job",

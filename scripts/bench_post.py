@@ -1,4 +1,4 @@
-"""Post-processing against tracing: seconds and error of each effect of the camera, one at a time and together.
+"""Post-processing against tracing: seconds and error of each effect of the camera, alone and together.
 
 The truth of each row is the picture traced with many rays through the same lens over the same layers; of
 motion, the mean of sharp pictures along the way. Beside it stands the tracer with few rays. The scene is that

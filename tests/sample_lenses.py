@@ -102,8 +102,9 @@ CHROMATIC = chromatic_lens(
 
 ABERRATED = {
     "aberrated": aberrated(thin(Disk())),
-    "curved field": curved(thin(Disk())),
-    "tables over the image height": tabulated(thin(Disk())),
+    "curved field, tables over the image height": AberratedLens(
+        thin(Disk()), (*curved(thin(Disk())).aberrations, *tabulated(thin(Disk())).aberrations)
+    ),
     "tilted, aberrated, cat's eyes": vignetted_lens(
         aberrated(tilted(polygon(5, rotation=0.3))), CAMERA, corner_shift=0.8
     ),

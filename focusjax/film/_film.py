@@ -144,8 +144,9 @@ class Sensor(AbstractFilm):
             assert self.read_noise is not None
             assert self.base_iso is not None
             electrons = self.full_well * self.base_iso / (iso * SATURATION)
+            read_noise = self.read_noise
             expected = jnp.clip(signal, 0.0, SATURATION) * electrons
-            variance = expected + self.read_noise**2
+            variance = expected + read_noise**2
             # Where nothing varies the root has no slope, and nothing to give.
             varies = variance > 0.0
             spread = jnp.where(varies, jnp.sqrt(jnp.where(varies, variance, 1.0)), 0.0)
@@ -154,7 +155,7 @@ class Sensor(AbstractFilm):
 
             def with_few(noise: Float[Array, "h w 3"]) -> Float[Array, "h w 3"]:
                 photons = few_photons(jax.random.fold_in(key, 1), expected)
-                read = self.read_noise * drawn
+                read = read_noise * drawn
                 return jnp.where(expected < FEW, photons - expected + read, noise)
 
             noise = jax.lax.cond(jnp.any(expected < FEW), with_few, lambda noise: noise, noise)

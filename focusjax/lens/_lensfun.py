@@ -114,7 +114,7 @@ def _radii(entry: Any) -> tuple[float, float]:
     )
     if not (crop > 0 and aspect >= 1):
         raise ValueError(
-            f"has a crop factor of {crop:g} and an aspect ratio of {aspect:g}; expected 0.1 or more, and 1 or more"
+            f"has crop factor {crop:g} and aspect ratio {aspect:g}; expected above 0, and 1 or more"
         )
     corner = 0.5 * _FULL_DIAGONAL / crop
     return corner / math.hypot(1.0, aspect), corner

@@ -56,6 +56,7 @@ def profile_of(
     heights: int = 19,
     reach: SupportsFloat = 0.0235,
     spectral: bool = True,
+    vignetting: bool = True,
     source: str = "",
 ) -> ProfileFit:
     """The profile of a prescription at its own focal length: tables fitted to traced rays, height by height.
@@ -76,6 +77,7 @@ def profile_of(
         reach: metres from the axis; if not given, 9 % beyond the corner of a full frame, for cameras of a
             shorter focal length.
         spectral: with colour.
+        vignetting: with cat's eyes.
         source: where the numbers are from; the prescription's name if not given.
 
     Raises:
@@ -112,8 +114,9 @@ def profile_of(
     def mean_focus(found: list["_Terms"]) -> np.ndarray:
         return np.array([0.5 * (each.sagittal + each.tangential) for each in found])
 
-    # On the axis the mean of all rays has the scale that it has beside it.
+    # On the axis, where it is even, the mean of all rays has the scale that it comes from.
     distorted = places[1:] / (places + outwards(own))[1:] - 1.0
+    on_axis = (4.0 * distorted[0] - distorted[1]) / 3.0 if lit > 2 else distorted[0]
     lateral = axial = None
     if spectral:
         bands = [terms(channel.lens)[:lit] for channel in spectral_lens(real, camera).channels()]
@@ -126,17 +129,17 @@ def profile_of(
         focal_length=jnp.asarray(focal, dtype=float),
         f_number=(widest, float(f_number_max)),
         focus_distance=(float(focus_distance if nearest is None else nearest), float("inf")),
-        distortion=curve([distorted[0], *distorted]),
+        distortion=curve([on_axis, *distorted]),
         sagittal=curve([each.sagittal for each in own]),
         tangential=curve([each.tangential for each in own]),
         spherical=curve([each.spherical for each in own]),
         coma=curve([each.coma * pitch for each in own], even=False),
         lateral_colour=lateral,
         axial_colour=axial,
-        cats_eyes=_cats_eyes(real, camera, full, focus),
+        cats_eyes=_cats_eyes(real, camera, full, focus) if vignetting else None,
     )
     said = source or f"rays through {prescription.name}"
-    named = [*dict(profile.curves()), "cats_eyes"]
+    named = [*dict(profile.curves()), *(["cats_eyes"] if vignetting else [])]
     return ProfileFit(
         profile=dataclasses.replace(profile, sources=tuple((name, said) for name in named)),
         heights=places,
@@ -162,7 +165,7 @@ class _Terms:
 def _fits(lens: AbstractLens, camera: Camera, heights: np.ndarray, focus: float, full: float) -> list[_Terms]:
     """The terms at film points `heights` pixels to the right of the axis."""
     points = jnp.asarray(np.column_stack([heights, np.zeros_like(heights)]), dtype=float)
-    points = points + camera.principal_point
+    points = points + camera.principal_point[None]
     a, b, weight = (np.asarray(part, dtype=np.float64) for part in _rays(lens, camera, points))
     found = []
     for number, film_point in enumerate(np.asarray(points, dtype=np.float64)):

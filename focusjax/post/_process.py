@@ -34,9 +34,9 @@ def post_process(
     3. distortion and lateral colour, by resampling (`warped`);
     4. vignetting, as light that is lost from the corners (`illumination`).
 
-    `photograph` exposes and develops it like any other picture. What the view does not see is nowhere: blurred
-    foregrounds end where they are sharp and hide what is behind them, the frame's edge goes on beyond it, and
-    cat's eyes darken the corners without being seen.
+    `photograph` exposes and develops it like any other picture. What the view does not see is nowhere:
+    blurred foregrounds end where they are sharp and hide what is behind them, the frame's edge goes on
+    beyond it, and cat's eyes darken the corners without being seen.
 
     Args:
         view: what a pinhole sees.

@@ -1,6 +1,7 @@
 """What post-processing knows of a scene."""
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from focusjax.layers import Layers, disparity_map
@@ -14,8 +15,8 @@ class PinholeView(eqx.Module):
     Attributes:
         image: [h, w, 3] linear radiance.
         disparity: [h, w] of the first surface at pixel centres, in 1/m; 0 is infinitely far.
-        velocity: [h, w, 2] pixels (x right, y down) by which that surface moves while the shutter is open, the
-            view being the middle of that time; None where nothing moves.
+        velocity: [h, w, 2] pixels (x right, y down) by which that surface moves while the shutter is open,
+            the view being the middle of that time; None where nothing moves.
     """
 
     image: Float[Array, "h w 3"]
@@ -33,4 +34,6 @@ def view_in_layers(
         scene: what they are of, for the depth at pixel centres.
         velocity: as in `PinholeView`.
     """
-    return PinholeView(render_pinhole(layers), disparity_map(scene, layers.camera), velocity)
+    image = render_pinhole(layers)
+    disparity = jnp.asarray(disparity_map(scene, layers.camera), dtype=image.dtype)
+    return PinholeView(image, disparity, velocity)

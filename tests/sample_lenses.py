@@ -70,7 +70,7 @@ def tabulated(lens: AbstractLens) -> AberratedLens:
         "tangential": (0.02, 0.0, -0.05, -0.1),
         "spherical": (0.1, 0.12, 0.15, 0.2),
         "coma": (0.0, 2e-4, 6e-4, 4e-4),
-        "shift": (0.0, 5e-4, 8e-4, 1.8e-3),
+        "shift": (0.0, -5e-4, -8e-4, -1.8e-3),
     }
     curves = {
         name: height_curve(heights, values, even=name not in ("coma", "shift"))

@@ -1,4 +1,4 @@
-"""Motion blur along a picture's velocities (McGuire et al. 2012, a reconstruction filter)."""
+"""Motion blur along a picture's velocities (after McGuire et al. 2012, a reconstruction filter)."""
 
 import equinox as eqx
 import jax
@@ -18,17 +18,18 @@ _NOISE = (0.06711056, 0.00583715, 52.9829189)
 
 
 def motion_blur(
-    image: Float[Array, "h w 3"],
-    disparity: Float[Array, "h w"],
-    velocity: Float[Array, "h w 2"],
+    image: Float[Array, "_ _ 3"],
+    disparity: Float[Array, "_ _"],
+    velocity: Float[Array, "_ _ 2"],
     *,
     taps: int = 16,
 ) -> Float[Array, "h w 3"]:
-    """A sharp view, blurred along the fastest motion around each pixel.
+    """A sharp view, blurred as things move across each pixel.
 
-    Each pixel looks along the largest velocity of the tiles around it. What it meets there counts if it is in
-    front and its own motion reaches back, if it is behind and the pixel's own motion reaches it, or if both
-    blur over each other. What a moving thing hides is made up from what is beside it.
+    At each of some moments a pixel shows what then covers it: what is in front, among things as fast as the
+    fastest around (McGuire's tiles), if it has moved that far; else what its own velocity brings there. What
+    a moving thing hides is made up from what is beside it. Right for one thing that moves before another, but
+    for what is hidden; things of many velocities at one place are not told apart.
 
     Args:
         image: linear radiance.
@@ -58,50 +59,34 @@ def _blurred(
     taps: Array,
 ) -> Float[Array, "h w 3"]:
     height, width = disparity.shape
-    main = _main_velocity(velocity).reshape(-1, 2)
-    own = jnp.linalg.norm(velocity, axis=-1).ravel()
-    depth, planes = disparity.ravel(), [image[..., channel].ravel() for channel in range(3)]
+    main, own = _main_velocity(velocity).reshape(-1, 2), velocity.reshape(-1, 2)
+    depth, speed = disparity.ravel(), jnp.linalg.norm(own, axis=-1)
+    planes = [image[..., channel].ravel() for channel in range(3)]
     rows, columns = jnp.divmod(jnp.arange(height * width), width)
-    x, y = columns.astype(image.dtype) + 0.5, rows.astype(image.dtype) + 0.5
-    noise = jnp.mod(_NOISE[2] * jnp.mod(x * _NOISE[0] + y * _NOISE[1], 1.0), 1.0)
-    soft = _SOFT * depth + 1e-6
+    here = jnp.stack([columns, rows], axis=-1).astype(image.dtype) + 0.5
+    noise = jnp.mod(_NOISE[2] * jnp.mod(here @ jnp.asarray(_NOISE[:2], here.dtype), 1.0), 1.0)
 
-    def add(number: Array, total: tuple[list[Array], Array]) -> tuple[list[Array], Array]:
-        lights, weight = total
-        along = (number + noise) / taps - 0.5
-        column = jnp.clip(jnp.floor(x + along * main[:, 0]), 0, width - 1).astype(int)
-        row = jnp.clip(jnp.floor(y + along * main[:, 1]), 0, height - 1).astype(int)
-        index = row * width + column
-        away = jnp.abs(along) * jnp.linalg.norm(main, axis=1)
-        before = jnp.clip(1.0 + (depth[index] - depth) / soft, 0.0, 1.0)
-        behind = jnp.clip(1.0 + (depth - depth[index]) / soft, 0.0, 1.0)
-        share = (
-            before * _cone(away, own[index])
-            + behind * _cone(away, own)
-            + 2.0 * _cylinder(away, own[index]) * _cylinder(away, own)
-        )
+    def at(time: Array, way: Array) -> Array:
+        """Where what is here at that time is in the view."""
+        column, row = jnp.floor(here - time[:, None] * way).astype(int).T
+        return jnp.clip(row, 0, height - 1) * width + jnp.clip(column, 0, width - 1)
+
+    def add(number: Array, lights: list[Array]) -> list[Array]:
+        time = (number + noise) / taps - 0.5
+        other, same = at(time, main), at(time, own)
+        away = jnp.abs(time) * jnp.linalg.norm(main, axis=-1)
+        arrives = away <= 0.5 * speed[other] + _STILL
+        before = jnp.clip(1.0 + (depth[other] - depth) / (_SOFT * depth + 1e-6), 0.0, 1.0)
+        share = jnp.where(arrives, before, 0.0)
         return [
-            light + share * plane[index] for light, plane in zip(lights, planes, strict=True)
-        ], weight + share
+            light + share * plane[other] + (1.0 - share) * plane[same]
+            for light, plane in zip(lights, planes, strict=True)
+        ]
 
-    # The pixel itself counts the more, the less it moves.
-    start = 1.0 / jnp.maximum(own, _STILL)
-    lights, weight = jax.lax.fori_loop(0, taps, add, ([start * plane for plane in planes], start))
-    found = jnp.stack([light / weight for light in lights], axis=-1)
-    moves = jnp.linalg.norm(main, axis=1) > _STILL
+    lights = jax.lax.fori_loop(0, taps, add, [jnp.zeros_like(depth) for _ in planes])
+    found = jnp.stack(lights, axis=-1) / taps
+    moves = jnp.linalg.norm(main, axis=-1) > _STILL
     return jnp.where(moves[:, None], found, image.reshape(-1, 3)).reshape(image.shape)
-
-
-def _cone(away: Float[Array, " n"], speed: Float[Array, " n"]) -> Float[Array, " n"]:
-    """Falls from 1 to 0 over half the path."""
-    return jnp.clip(1.0 - away / jnp.maximum(0.5 * speed, 1e-3), 0.0, 1.0)
-
-
-def _cylinder(away: Float[Array, " n"], speed: Float[Array, " n"]) -> Float[Array, " n"]:
-    """1 within half the path, with a soft end."""
-    half = jnp.maximum(0.5 * speed, 1e-3)
-    t = jnp.clip((away - 0.95 * half) / (0.1 * half), 0.0, 1.0)
-    return 1.0 - t * t * (3.0 - 2.0 * t)
 
 
 def _main_velocity(velocity: Float[Array, "h w 2"]) -> Float[Array, "h w 2"]:

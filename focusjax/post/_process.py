@@ -14,7 +14,7 @@ from focusjax.post._straight import StraightenedLens
 from focusjax.post._view import PinholeView
 from focusjax.post._warp import warped
 
-_GRID = 9
+_GRID = 13
 """Places along the frame's longer side at which vignetting is worked out."""
 _SIDE = 24
 """Rays along each side of the opening for it."""
@@ -74,22 +74,27 @@ def post_process(
 def vignetting(camera: Camera, lens: AbstractLens) -> Float[Array, "h w 1"]:
     """The share of light that each pixel gets, from a few places with smooth pieces between."""
     longest = max(camera.width, camera.height)
-    rows, columns = (max(2, round(_GRID * side / longest)) for side in (camera.height, camera.width))
+    rows, columns = (max(3, round(_GRID * side / longest)) for side in (camera.height, camera.width))
     y, x = np.meshgrid(
         np.linspace(0.0, camera.height, rows), np.linspace(0.0, camera.width, columns), indexing="ij"
     )
     places = jnp.asarray(np.column_stack([x.ravel(), y.ravel()]), dtype=float)
     shares = illumination(lens, camera, places, side=_SIDE).reshape(rows, columns)
-    # Resized as if its outermost places were pixels' centres, then cut to the frame.
+    for axis in (0, 1):
+        # One more on either side, where a parabola goes on.
+        first, last = jnp.moveaxis(shares, axis, 0)[:3], jnp.moveaxis(shares, axis, 0)[:-4:-1]
+        ends = [jnp.expand_dims(3.0 * (end[0] - end[1]) + end[2], axis) for end in (first, last)]
+        shares = jnp.concatenate([ends[0], shares, ends[1]], axis=axis)
+    # Resized as if places were pixels' centres, then cut to the frame.
     scale = [camera.height / (rows - 1), camera.width / (columns - 1)]
-    shift = [0.5 * each for each in scale]
+    shift = [1.5 * each for each in scale]
     smooth = jax.image.scale_and_translate(
         shares,
         (camera.height, camera.width),
         (0, 1),
         jnp.array(scale),
         -jnp.array(shift),
-        method="linear",
+        method="cubic",
         antialias=False,
     )
     return smooth[..., None]

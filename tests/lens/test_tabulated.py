@@ -19,7 +19,6 @@ def test_curves_follow_scipys_monotone_cubic_between_their_ends():
     curve = height_curve(heights, values)
     at = np.linspace(3e-3, 13e-3, 101)
     found = jax.vmap(curve)(jnp.asarray(at))
-    # Observed: 4e-16.
     np.testing.assert_allclose(found, PchipInterpolator(heights, values)(at), atol=1e-12)
     assert float(jax.grad(curve)(jnp.array(0.0))) == 0.0
     # Beyond its end, along the last line.
@@ -53,7 +52,6 @@ def test_seidels_five_are_tables_of_powers():
             found, wanted = (
                 one.offset(CAMERA, film, jnp.array(pupil), b) for one in (tabulated, third_order)
             )
-            # Observed: 4e-15 pixels.
             np.testing.assert_allclose(found, wanted, atol=1e-10)
 
 

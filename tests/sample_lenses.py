@@ -22,6 +22,7 @@ from focusjax.lens import (
     fitted_lens,
     focal_surface,
     focal_surface_lens,
+    height_curve,
     mask,
     obstructed,
     polygon,
@@ -29,6 +30,7 @@ from focusjax.lens import (
     prescription_lens,
     seidel,
     squeezed,
+    tabulated_aberrations,
     vignetted_lens,
 )
 
@@ -65,6 +67,25 @@ def curved(lens: AbstractLens) -> AberratedLens:
     return AberratedLens(lens, (field_curvature(offsets, CAMERA),))
 
 
+def tabulated(lens: AbstractLens) -> AberratedLens:
+    """With all tables over the image height, that reach to a corner of the frame, or not quite."""
+    heights = [0.0, 0.005, 0.012, 0.02]
+
+    tables = {
+        "distortion": (0.0, -0.004, -0.02, -0.03),
+        "sagittal": (0.02, 0.03, 0.06, 0.03),
+        "tangential": (0.02, 0.0, -0.05, -0.1),
+        "spherical": (0.1, 0.12, 0.15, 0.2),
+        "coma": (0.0, 2e-4, 6e-4, 4e-4),
+        "shift": (0.0, -5e-4, -8e-4, -1.8e-3),
+    }
+    curves = {
+        name: height_curve(heights, values, even=name not in ("coma", "shift"))
+        for name, values in tables.items()
+    }
+    return AberratedLens(lens, tabulated_aberrations(curves, 0.05))
+
+
 SQUEEZED = "thin, squeezed, apodized, obstructed blades"
 IDEAL = {
     "thin, disk": thin(Disk()),
@@ -88,7 +109,9 @@ CHROMATIC = chromatic_lens(
 
 ABERRATED = {
     "aberrated": aberrated(thin(Disk())),
-    "curved field": curved(thin(Disk())),
+    "curved field, tables over the image height": AberratedLens(
+        thin(Disk()), (*curved(thin(Disk())).aberrations, *tabulated(thin(Disk())).aberrations)
+    ),
     "tilted, aberrated, cat's eyes": vignetted_lens(
         aberrated(tilted(polygon(5, rotation=0.3))), CAMERA, corner_shift=0.8
     ),

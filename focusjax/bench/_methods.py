@@ -23,6 +23,8 @@ from focusjax.baselines import (
 )
 from focusjax.bench._case import Case
 from focusjax.layers import peel
+from focusjax.lens import thin_lens
+from focusjax.post import PinholeView, post_process, view_in_layers
 from focusjax.trace import render
 
 Setting = int | float | str
@@ -75,6 +77,18 @@ def _peeled(supersampling: int) -> Callable[[Case], Any]:
 
 def _traced(case: Case, layers: Any, rays: int) -> Any:
     return render(layers, case.lens, rays=rays)
+
+
+def _own_view(case: Case) -> Any:
+    """What a pinhole sees, as focusjax has it."""
+    closed = thin_lens(focus_distance=1.0, aperture_radius=0.0)
+    view = view_in_layers(peel(case.scene, case.camera, closed, supersampling=2), case.scene)
+    jax.block_until_ready(view.image)
+    return view
+
+
+def _post_processed(case: Case, view: PinholeView, taps: int) -> Any:
+    return post_process(view, case.camera, case.lens, taps=taps)
 
 
 def _sharp_view(case: Case) -> Any:
@@ -177,6 +191,7 @@ METHODS: tuple[Method, ...] = (
         _filtered(multilayer, "layers"),
         needs=("embreex",),
     ),
+    Method("post", "post-processing, one view", "taps", (8, 16, 32, 64), _own_view, _post_processed),
 )
 
 

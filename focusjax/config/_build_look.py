@@ -21,10 +21,14 @@ from focusjax.lens import (
     field_curvature,
     focal_surface,
     hooded_lens,
+    lens_profile,
+    load_lensfun,
+    load_profile,
     mask,
     obstructed,
     polygon,
     power_profile,
+    profiled_lens,
     seidel,
     squeezed,
     table_falloff,
@@ -63,6 +67,9 @@ def build_look(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLe
     """
     table = config.lens
     try:
+        made = lens
+        if table.profile is not None:
+            made = _profiled(config, camera, lens)
         terms: list[AbstractAberration] = []
         if table.seidel is not None:
             coefficients = {key.removesuffix("_px"): value for key, value in table.seidel}
@@ -73,7 +80,8 @@ def build_look(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLe
             places = np.array([point.pixel for point in table.field_curvature])
             offsets = [point.offset for point in table.field_curvature]
             terms.append(field_curvature(focal_surface(places, offsets, basis="affine"), camera))
-        made = AberratedLens(lens, tuple(terms)) if terms else lens
+        if terms:
+            made = AberratedLens(made, tuple(terms))
         if table.colour is not None:
             colour = table.colour
             made = chromatic_lens(
@@ -96,3 +104,29 @@ def build_look(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLe
     except ValueError as error:
         raise ConfigError(f"{config.source}: {error}") from error
     return made
+
+
+def _profiled(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLens:
+    """The lens with what `[lens.profile]` says.
+
+    Raises:
+        ValueError: a profile that cannot be read, or that is not for this lens and camera.
+    """
+    table = config.lens.profile
+    assert table is not None
+    try:
+        if table.file is None:
+            assert table.name is not None
+            profile = lens_profile(table.name)
+        elif table.lens is None:
+            profile = load_profile(config.source.parent / table.file)
+        else:
+            path = config.source.parent / table.file
+            profile = load_lensfun(path, table.lens, focal_length=float(camera.focal_length))
+        darkens = profile.illumination is not None or profile.cats_eyes is not None
+        own = [key for key in ("natural_falloff", "falloff", "cats_eyes") if getattr(config.lens, key)]
+        if darkens and own:
+            raise ValueError(f"has vignetting of its own, and so has lens.{own[0]}; leave that out")
+        return profiled_lens(lens, profile, camera, colour=table.colour, extrapolate=table.extrapolate)
+    except ValueError as error:
+        raise ValueError(f"lens.profile: {error}") from error

@@ -86,9 +86,32 @@ class FalloffTable(Table):
     )
 
 
+class ProfileTable(Table):
+    """`[lens.profile]`: what a data sheet says of a lens, in a file."""
+
+    name: str | None = Field(default=None, description="the name of a lens profile that comes along")
+    file: str | None = Field(default=None, description="a lens profile (.toml), or a lensfun database (.xml)")
+    lens: str | None = Field(default=None, description="which lens of a lensfun database")
+    colour: bool = Field(default=True, description="false to trace all colours alike")
+    extrapolate: bool = Field(
+        default=False, description="true to go on beyond tables that do not reach the corners"
+    )
+
+    @model_validator(mode="after")
+    def _one_profile(self) -> "ProfileTable":
+        if (self.name is None) == (self.file is None):
+            raise ValueError("needs exactly one of name and file")
+        database = self.file is not None and self.file.lower().endswith(".xml")
+        if database != (self.lens is not None):
+            wrong = "has a lensfun file and no lens" if database else "has a lens and no lensfun file (.xml)"
+            raise ValueError(f"{wrong}; the one says which of the other's lenses is meant")
+        return self
+
+
 class Look(Table):
     """Keys of `[lens]` that aim at no wish: they act on the picture, of whatever lens is solved for."""
 
+    profile: ProfileTable | None = Field(default=None, description="a [lens.profile] table")
     power_profile: Profile | None = Field(
         default=None,
         description="dioptres (1/m) by which zones of the lens focus nearer, from its middle to its rim",

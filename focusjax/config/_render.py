@@ -14,8 +14,12 @@ _ROUGH = 32.0
 class RenderTable(Table):
     """`[render]`: how carefully the picture is made, and how it is shown."""
 
+    method: Literal["trace", "post"] = Field(
+        default="trace", description="'trace', or 'post' to blur one sharp view instead of tracing rays"
+    )
     rays: Annotated[int, Field(ge=1, le=65536)] = Field(
-        default=64, description="lens rays per pixel on the average, for example 64"
+        default=64,
+        description="lens rays per pixel on the average, for example 64; places to look at with 'post'",
     )
     quality: str | Number | None = Field(
         default=None, description="'draft', 'good', 'reference' or decibels such as '40 dB', instead of rays"
@@ -66,6 +70,14 @@ class RenderTable(Table):
                 raise ValueError("has rays, and a quality that finds its own number; leave one of them out")
             # Only asked to refuse what is no quality.
             decibels_of(self.quality)
+        return self
+
+    @model_validator(mode="after")
+    def _what_post_ignores(self) -> "RenderTable":
+        names = ("quality", "max_layers", "slabs", "slab_blur_px", "examine_layers", "view_dependent")
+        idle = [name for name in (*names, "pixel_filter") if name in self.model_fields_set]
+        if self.method == "post" and idle:
+            raise ValueError(f"has {idle[0]}, which is about tracing, and method = 'post'; leave one out")
         return self
 
     @model_validator(mode="after")

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from focusjax._monotone_cubic import monotone_cubic
 from focusjax.film._photometry import GREY
 
 _DARK = 1e-12
@@ -35,7 +35,7 @@ class ResponseCurve(eqx.Module):
     def __call__(self, log_exposure: Float[Array, "*n 3"]) -> Float[Array, "*n 3"]:
         """Density at a log exposure, colour by colour."""
         layers = [
-            _interpolated(self.log_exposure, self.density[:, each], log_exposure[..., each])
+            monotone_cubic(self.log_exposure, self.density[:, each], log_exposure[..., each])
             for each in range(3)
         ]
         return jnp.stack(layers, axis=-1)
@@ -141,25 +141,3 @@ def _refuse_turns(name: str, colour: str, places: np.ndarray, density: np.ndarra
             f" exposure {places[at]:g} to {density[at + 1]:g} at {places[at + 1]:g} (point {at + 2}); a"
             " response has to be monotonic"
         )
-
-
-def _interpolated(
-    places: Float[Array, " k"], values: Float[Array, " k"], x: Float[Array, "*n"]
-) -> Float[Array, "*n"]:
-    """The monotone cubic through values at places, constant beyond them."""
-    gaps, steps = jnp.diff(places), jnp.diff(values)
-    secants = steps / gaps
-    before, after, near, far = secants[:-1], secants[1:], gaps[:-1], gaps[1:]
-    # The harmonic mean of the secants, weighted by the gaps, where both go one way; else 0.
-    one_way = before * after > 0.0
-    first, second = jnp.where(one_way, before, 1.0), jnp.where(one_way, after, 1.0)
-    a, b = 2.0 * far + near, far + 2.0 * near
-    inner = jnp.where(one_way, (a + b) / (a / first + b / second), 0.0)
-    slopes = jnp.concatenate([secants[:1], inner, secants[-1:]])
-    x = jnp.clip(x, places[0], places[-1]).astype(values.dtype)
-    number = jnp.clip(jnp.searchsorted(places, jax.lax.stop_gradient(x)) - 1, 0, len(places) - 2)
-    gap = gaps[number]
-    t = (x - places[number]) / gap
-    u = 1.0 - t
-    ends = u * u * (1.0 + 2.0 * t) * values[number] + t * t * (1.0 + 2.0 * u) * values[number + 1]
-    return ends + gap * t * u * (u * slopes[number] - t * slopes[number + 1])

@@ -13,6 +13,7 @@ from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
 
 from focusjax.film._curve import ResponseCurve
 from focusjax.film._photometry import GREY, SATURATION
+from focusjax.film._photons import FEW, few_photons
 from focusjax.film._settings import require_iso
 
 _APERTURE_AREA = math.pi * 24e-6**2
@@ -113,9 +114,10 @@ class Sensor(AbstractFilm):
     """Pixels that count electrons until they are full, at a signal of 1.404 (ISO 12232).
 
     At the base speed a full pixel holds `full_well` electrons; at speed S, where the same signal takes less
-    light, `base_iso` / S times as many. Noise is normal, with the variance of n photons, n, and of the
-    reading: full_well base_iso / S x signal / 1.404 + read_noise^2. Derivatives are those at fixed random
-    numbers, and 0 where pixels are full.
+    light, `base_iso` / S times as many. Where n photons are expected, n = full_well base_iso / S x signal /
+    1.404, noise is normal with the variance n + read_noise^2; where they are fewer than 32, their number is
+    Poisson's, and only the reading is normal. Nothing else is modelled: no dark current, no pattern, no
+    steps of a converter. Derivatives are those at fixed random numbers, and 0 where pixels are full.
 
     The picture is the signal, up to 1.404: what is above 1 is for those who darken it.
 
@@ -142,12 +144,22 @@ class Sensor(AbstractFilm):
             assert self.read_noise is not None
             assert self.base_iso is not None
             electrons = self.full_well * self.base_iso / (iso * SATURATION)
-            variance = jnp.clip(signal, 0.0, SATURATION) * electrons + self.read_noise**2
+            read_noise = self.read_noise
+            expected = jnp.clip(signal, 0.0, SATURATION) * electrons
+            variance = expected + read_noise**2
             # Where nothing varies the root has no slope, and nothing to give.
             varies = variance > 0.0
             spread = jnp.where(varies, jnp.sqrt(jnp.where(varies, variance, 1.0)), 0.0)
-            noise = spread / electrons * jax.random.normal(key, signal.shape, signal.dtype)
-            signal = jnp.maximum(signal + noise, 0.0)
+            drawn = jax.random.normal(key, signal.shape, signal.dtype)
+            noise = spread * drawn
+
+            def with_few(noise: Float[Array, "h w 3"]) -> Float[Array, "h w 3"]:
+                photons = few_photons(jax.random.fold_in(key, 1), expected)
+                read = read_noise * drawn
+                return jnp.where(expected < FEW, photons - expected + read, noise)
+
+            noise = jax.lax.cond(jnp.any(expected < FEW), with_few, lambda noise: noise, noise)
+            signal = jnp.maximum(signal + noise / electrons, 0.0)
         return jnp.minimum(signal, SATURATION)
 
 

@@ -22,7 +22,8 @@ from focusjax.layers import (
     peel,
     umbra_saving,
 )
-from focusjax.lens import AbstractLens
+from focusjax.lens import AbstractLens, thin_lens
+from focusjax.post import post_process, view_in_layers
 from focusjax.scene import Scene
 from focusjax.trace import RayPlan, nearest_in_layers, plan_rays, quality_of, render, render_pinhole
 
@@ -101,6 +102,8 @@ def make_picture(
         watch: told the stages.
         tell: told how far the rays are.
     """
+    if table.method == "post":
+        return _post_processed(table, scene, camera, lens, watch)
     like = like if like is not None and like.serves(camera, table.supersampling) else None
     with watch.stage("peel"):
         layers = make_layers(table, scene, camera, lens, like)
@@ -136,6 +139,33 @@ def make_picture(
         extent=layers.extent.for_others(like),
         plan=plan,
         decibels=decibels,
+    )
+
+
+def _post_processed(
+    table: RenderTable, scene: Scene, camera: Camera, lens: AbstractLens, watch: Stopwatch
+) -> Picture:
+    """From one sharp view: nothing is peeled but what a pinhole sees."""
+    closed = thin_lens(focus_distance=1.0, aperture_radius=0.0)
+    with watch.stage("peel"):
+        layers = make_layers(table, scene, camera, closed)
+        jax.block_until_ready(eqx.filter(layers, eqx.is_array))
+    with watch.stage("pinhole"):
+        view = view_in_layers(layers, scene)
+        jax.block_until_ready(view.image)
+    with watch.stage("render"):
+        image = post_process(view, camera, lens, taps=table.rays)
+        image.block_until_ready()
+    return Picture(
+        image=image,
+        pinhole=view.image,
+        layer_count=max(1, int((layers.cells > 0).any(axis=(1, 2)).sum())),
+        samples_kept=layers.samples_kept,
+        layer_bytes=layers.nbytes,
+        margin=layers.grid.margin / layers.grid.supersampling,
+        complete=True,
+        rays=table.rays,
+        extent=layers.extent.for_others(None),
     )
 
 

@@ -239,6 +239,7 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
     if picture is None:
         return None
     return {
+        "method": outcome.config.render.method,
         "layers": picture.layer_count,
         "layers_complete": picture.complete,
         "layers_remedy": None if picture.complete else room_for_more(outcome.config.render),

@@ -88,6 +88,10 @@ def build_shot(config: Config) -> Shot:
 def build_settings(config: Config) -> FrameSettings:
     """How carefully `[render]` wants the frames."""
     table = config.render
+    if table.method != "trace":
+        raise ConfigError(
+            f"{config.source}: render.method is {table.method!r}, and shots are traced; leave it out"
+        )
     return FrameSettings(
         rays=table.rays,
         quality=table.quality,

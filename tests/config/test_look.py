@@ -101,6 +101,26 @@ def test_the_look_is_put_around_the_lens(path):
     assert jnp.isfinite(tube.ray(camera, jnp.array([3.0, 4.0]), jnp.array([0.1, 0.2])).a).all()
 
 
+def test_a_profile_is_put_around_the_lens_and_refused_by_its_key(path):
+    override = 'lens.profile={name = "gauss_f1.8"}'
+    config = load_config(path, [override])
+    camera, lens = lens_of(path, override)
+    assert len(build_look(config, camera, lens).channels()) == 3
+    path.with_name("mine.toml").write_text("title = 1")
+    wrong = {
+        'lens.profile={name = "gaus_f1.8"}': "no lens profile 'gaus_f1.8'; did you mean 'gauss_f1.8'?",
+        'lens.profile={file = "mine.toml"}': "mine.toml: focal_length_mm is missing",
+        'lens.profile={file = "none.xml", lens = "One"}': "none.xml: this lensfun file cannot be read",
+    }
+    for given, message in wrong.items():
+        with pytest.raises(ConfigError, match=message) as caught:
+            build_look(load_config(path, [given]), camera, lens)
+        assert "look.toml: lens.profile: " in str(caught.value)
+    twice = load_config(path, [override, "lens.natural_falloff=true"])
+    with pytest.raises(ConfigError, match=r"and so has lens\.natural_falloff"):
+        build_look(twice, camera, lens)
+
+
 def test_a_lens_without_a_look_stays_as_it_is(path):
     camera, lens = lens_of(path)
     assert build_look(load_config(path), camera, lens) is lens
@@ -117,6 +137,9 @@ def test_a_lens_without_a_look_stays_as_it_is(path):
         ("lens.colour.magnification=[1, 0, 1]", "lens.colour.magnification"),
         ("lens.cats_eyes={disk = 1}", "lens.cats_eyes.corner_shift is missing"),
         ("lens.seidel.w041_px=1", "w041_px"),
+        ("lens.profile={}", "lens.profile needs exactly one of name and file"),
+        ('lens.profile={file = "db.xml"}', "lens.profile has a lensfun file and no lens"),
+        ("render={method = 'post', quality = 'draft'}", "render has quality, which is about tracing"),
     ],
 )
 def test_what_makes_no_sense_is_refused(path, override: str, message: str):

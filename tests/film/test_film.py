@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from gradients import check_gradients
+from scipy.stats import poisson
 
 from focusjax.film import (
     GREY,
@@ -175,6 +176,17 @@ def test_noise_is_that_of_photons_and_of_reading():
         # Observed 0.5 % off.
         assert relative == pytest.approx(np.sqrt(electrons + 20**2) / electrons, rel=0.02)
     assert float(jnp.mean(noisy)) == pytest.approx(0.7, rel=0.01)
+
+
+def test_few_photons_are_counted_by_poissons_law():
+    """Against scipy's, number by number; pixels without light count none."""
+    medium = sensor(full_well=1000 * SATURATION)
+    counts = np.asarray(develop(jnp.full((128, 128, 3), 0.003), medium, seed=5)) * 1000
+    np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
+    found = np.bincount(np.round(counts).astype(int).ravel(), minlength=12)[:12] / counts.size
+    # Observed: 0.003, of 49152 pixels.
+    np.testing.assert_allclose(found, poisson.pmf(np.arange(12), 3.0), atol=0.008)
+    assert not np.asarray(develop(jnp.zeros((8, 8, 3)), medium, seed=5)).any()
 
 
 @pytest.mark.parametrize("name", ["plain", "negative"])

@@ -29,8 +29,8 @@ def arguments() -> argparse.Namespace:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--out", type=Path, required=True, help="a .jpg to write")
-    parser.add_argument("--size", nargs=2, type=int, default=[480, 320], help="of each picture, in pixels")
-    parser.add_argument("--rays", type=int, default=144, help="per pixel")
+    parser.add_argument("--size", nargs=2, type=int, default=[360, 240], help="of each picture, in pixels")
+    parser.add_argument("--rays", type=int, default=64, help="per pixel")
     return parser.parse_args()
 
 

@@ -82,7 +82,7 @@ def peel(
     picture = picture.held(chosen)
     del chosen
     return_freed()
-    return assemble(
+    layers = assemble(
         scene,
         camera,
         lens,
@@ -94,6 +94,9 @@ def peel(
         view_dependent=view_dependent,
         pixel_filter=pixel_filter,
     )
+    del picture
+    return_freed()
+    return layers
 
 
 def disparity_map(scene: Scene, camera: Camera) -> np.ndarray:

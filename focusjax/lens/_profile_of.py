@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 from focusjax.geometry import Camera, make_camera
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._falloff import CosineFalloff
+from focusjax.lens._focused import prescription_lens
 from focusjax.lens._height_curve import HeightCurve, height_curve
-from focusjax.lens._prescription import prescription_lens
 from focusjax.lens._profile import CatsEyes, LensProfile
 from focusjax.lens._spectral import spectral_lens
 from focusjax.lens._thin import thin_lens

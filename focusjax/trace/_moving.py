@@ -30,6 +30,7 @@ from focusjax.lens import AbstractLens
 from focusjax.trace._colour import radiance_at
 from focusjax.trace._march import first_hits
 from focusjax.trace._radiances import TracedScene, traced_scene
+from focusjax.trace._starts import lens_rays
 from focusjax.trace._walk import path_of
 
 _ROUNDS = 4
@@ -135,14 +136,13 @@ def in_front(
         chance: decides where rays stop among surfaces that are there in part only; None where all are whole.
     """
 
-    def line(film: Array, pupil: Array, time: Array) -> tuple[LensRay, Array, Array]:
-        ray = lens.ray(camera, film, pupil)
+    def line(ray: LensRay, time: Array) -> tuple[LensRay, Array, Array]:
         moved, depth, along = moved_ray(ray, camera, body.scene.camera, _matrix_at(body, time))
         grid = body.scene.grid
         a, b = moved.a * grid.supersampling + grid.margin, moved.b * grid.supersampling
         return LensRay(a, b, moved.weight), depth, along
 
-    rays, depth, along = jax.vmap(jax.vmap(line))(film, pupil, time)
+    rays, depth, along = jax.vmap(jax.vmap(line))(lens_rays(camera, lens, film, pupil), time)
     least, largest = jax.vmap(lambda rays: _range(body.ranges, rays))(rays)
     paths = jax.vmap(jax.vmap(path_of, in_axes=(0, None, None)))(rays, least, largest)
     # A ray that runs backwards among what has turned by more than a quarter sees none of it.

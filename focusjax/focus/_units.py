@@ -33,12 +33,22 @@ Diameter: TypeAlias = SupportsFloat | OnSensor | OfHeight
 
 
 def amount(diameter: Diameter) -> float:
-    """The number in `diameter`, in its own unit."""
-    if isinstance(diameter, OnSensor):
-        return float(diameter.millimetres)
-    if isinstance(diameter, OfHeight):
-        return float(diameter.fraction)
-    return float(diameter)
+    """The number in `diameter`, in its own unit.
+
+    Raises:
+        ValueError: words instead of a number.
+    """
+    match diameter:
+        case OnSensor(number) | OfHeight(number):
+            pass
+        case number:
+            pass
+    if isinstance(number, str):
+        raise ValueError(
+            f"a diameter is {number!r}; expected a number of pixels, such as 8.0, or OnSensor(millimetres) or"
+            " OfHeight(fraction)"
+        )
+    return float(number)
 
 
 def pixels(diameter: Diameter, camera: Camera) -> float:

@@ -86,4 +86,4 @@ def test_what_is_not_installed_is_named(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(ChoiceError, match=r"mitsuba needs mitsuba, which is not installed; run `pip install"):
         chosen_methods(["mitsuba"])
-    assert [method.name for method in chosen_methods([])] == ["tracer", "tracer-1"]
+    assert [method.name for method in chosen_methods([])] == ["tracer", "tracer-1", "post"]

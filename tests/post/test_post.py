@@ -1,6 +1,5 @@
 """Post-processing: against the tracer where both are right, and each pass by a closed form."""
 
-import dataclasses
 from functools import cache
 
 import jax.numpy as jnp
@@ -119,6 +118,6 @@ def test_wrong_views_are_refused():
         motion_blur(view().image, view().disparity, jnp.full((32, 48, 2), jnp.nan))
     with pytest.raises(ValueError, match=r"expected \[h, w, 3\], \[h, w\] and \[h, w, 2\]"):
         motion_blur(view().image, view().disparity, jnp.zeros((32, 40, 2)))
-    small = dataclasses.replace(view(), disparity=jnp.zeros((8, 8)))
+    small = PinholeView(jnp.zeros((8, 8, 3)), jnp.zeros((8, 8)))
     with pytest.raises(ValueError, match="give both the same size"):
         post_process(small, camera(), lens_of())

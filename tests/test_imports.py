@@ -13,7 +13,7 @@ ALLOWED = {
     "geometry": set(),
     "lens": {"geometry", "optics", "_monotone_cubic", "_parallel", "_words"},
     "scene": {"geometry", "_words"},
-    "focus": {"geometry", "lens", "_words"},
+    "focus": {"geometry", "lens", "_counts", "_words"},
     "layers": {"geometry", "lens", "scene", "_counts", "_parallel"},
     "trace": {"geometry", "lens", "scene", "layers", "_counts", "_parallel"},
     "shutter": {"geometry", "lens", "scene", "layers", "trace", "_counts"},

@@ -226,7 +226,10 @@ def _check_some_count(
             remedy = {
                 BEHIND: "move it, or turn the camera",
                 OUTSIDE: "move it or the camera, or let it count even_outside",
-            }.get(place.trouble, "move the camera, or let it count even_hidden")
+            }.get(
+                place.trouble,
+                "move the camera, or let it count even_hidden, as what is less than half opaque must",
+            )
             x, y = place.rows.mean(axis=0)[:2]
             where = f" around pixel ({x:.6g}, {y:.6g})" if place.trouble != BEHIND else ""
             raise ArgumentError(

@@ -15,7 +15,7 @@ the picture and leave x, y and with them all blur as they are; a point is shown,
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import equinox as eqx
 import jax
@@ -162,6 +162,8 @@ def in_order(free: str | Sequence[str]) -> tuple[str, ...]:
     Raises:
         ArgumentError: nothing is free, or something that cannot be.
     """
+    if not isinstance(free, str | Iterable):
+        raise ArgumentError(f"free is {free!r}; expected names, some of {list(PARAMETERS)}", "free")
     names = [free] if isinstance(free, str) else list(free)
     if not names or len(set(names)) != len(names) or not set(names) <= set(PARAMETERS):
         known = f"expected some of {list(PARAMETERS)}, each once"

@@ -254,6 +254,8 @@ class FocusPoint:
             raise ValueError(
                 f"{label} is a depth range, which is nowhere in the picture; give it another wish"
             )
+        if isinstance(self.weight, str):
+            raise ValueError(f"{label} has weight {self.weight!r}; expected zero or a positive finite number")
         for what, value in (("weight", float(self.weight)), ("tolerance", amount(self.tolerance))):
             if not 0 <= value < math.inf:
                 raise ValueError(f"{label} has {what} {value}; expected zero or a positive finite number")

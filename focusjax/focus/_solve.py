@@ -11,8 +11,9 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool
 
+from focusjax._counts import require_counts
 from focusjax.focus._bounds import Box, Range, make_limits, refuse_idle
-from focusjax.focus._checks import ArgumentError
+from focusjax.focus._checks import ArgumentError, about
 from focusjax.focus._global import find_optimum
 from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, named_like, padded, room_for
 from focusjax.focus._objective import make_objective
@@ -173,10 +174,10 @@ def prepared(
     require_points(points, usage, axes=axes)
     require_lens(camera, lens, usage)
     free = in_order(free)
-    if method not in METHODS:
+    if not isinstance(method, str) or method not in METHODS:
         raise ArgumentError(f"method is {method!r}; expected one of {list(METHODS)}", "method")
-    if max_steps < 1:
-        raise ArgumentError(f"max_steps is {max_steps}; expected at least one step", "max_steps")
+    with about("max_steps"):
+        require_counts(max_steps=max_steps)
     if "focal_length" in free and ranges.get("focal_length_range") is None:
         raise ArgumentError(
             "the focal length is free without a range; give focal_length_range in metres",

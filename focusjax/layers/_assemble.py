@@ -49,7 +49,7 @@ def assemble(
     real = np.zeros(0, dtype=jnp.zeros(()).dtype).dtype
     disparity = fragments.disparity.astype(real, copy=False)
     opacity = None if held.opacity is None else held.opacity.astype(real, copy=False)
-    return_freed()
+    return_freed(sum(counts))
 
     # Shading and the geometry need nothing of each other: while one compiles or waits, the other works.
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
@@ -197,9 +197,9 @@ def _outlined(
         *(a.astype(real, copy=False) for a in (fragments.disparity, surface.slope_x, surface.slope_y)),
     )
     joins = join(planes, parallax)
-    return_freed()
+    return_freed(sum(counts))
     fringe = find_silhouettes(held.triangles, grid, planes, joins, parallax)
-    return_freed()
+    return_freed(sum(counts))
     return _with_fringe(planes, grid.size, joins, fringe, max_layers)
 
 

@@ -81,7 +81,7 @@ def peel(
     check_layers(picture.grid, counts, "max_layers")
     picture = picture.held(chosen)
     del chosen
-    return_freed()
+    return_freed(sum(counts))
     layers = assemble(
         scene,
         camera,
@@ -95,7 +95,7 @@ def peel(
         pixel_filter=pixel_filter,
     )
     del picture
-    return_freed()
+    return_freed(sum(counts))
     return layers
 
 

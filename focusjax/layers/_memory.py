@@ -1,5 +1,6 @@
 """Whether layers fit into this machine's memory, before they are put together."""
 
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -36,8 +37,14 @@ def check_frame(grid: Grid) -> None:
         return
     raise ValueError(
         f"a layer of {grid.columns} x {grid.rows} samples needs about {needed / 1e9:.3g} GB and this machine"
-        f" has {memory / 1e9:.3g} GB; lower the supersampling or the picture's size"
+        f" has {memory / 1e9:.3g} GB; {_smaller(needed, memory)}"
     )
+
+
+def _smaller(needed: float, memory: int) -> str:
+    """What to do where samples need too much: less in both directions."""
+    percent = math.floor(100.0 * math.sqrt(_SHARE * memory / needed))
+    return f"lower the supersampling, or the picture's width and height to {percent} %"
 
 
 def check_fragments(triangles: ScreenTriangles, stamps: Stamps, grid: Grid) -> None:
@@ -61,7 +68,7 @@ def check_fragments(triangles: ScreenTriangles, stamps: Stamps, grid: Grid) -> N
     raise ValueError(
         f"surfaces cover the {grid.columns} x {grid.rows} samples about {count / grid.size:.3g} times over,"
         f" which needs about {_BYTES_OF_FRAGMENT * count / 1e9:.3g} GB, and this machine has"
-        f" {memory / 1e9:.3g} GB; lower the supersampling or the picture's size"
+        f" {memory / 1e9:.3g} GB; {_smaller(_BYTES_OF_FRAGMENT * count, memory)}"
     )
 
 

@@ -9,6 +9,7 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
+_MANY_SAMPLES = 3 << 20
 _ALIGNMENT = 64
 """Bytes; a device on the same processor takes arrays aligned like this as they are, without a copy."""
 
@@ -39,13 +40,15 @@ def on_device(array: np.ndarray) -> Array:
     return jax.device_put(array)
 
 
-def return_freed() -> None:
-    """Gives memory that was freed back to the system, where the C library can (glibc).
+def return_freed(samples: int) -> None:
+    """Gives memory that was freed back to the system, where the C library can (glibc) and it is worth it.
 
-    Arrays of some megabytes that come and go leave holes that no larger one fits into: without this, a
-    third of what a process holds at most is holes. It takes milliseconds, so it is for between large steps.
+    Arrays of some megabytes that come and go leave holes that no larger one fits into: of layers of many
+    `samples`, a third of what a process holds at most would be holes. Of few it would only take time, as
+    what is given back has to be asked for again.
     """
-    _trim()(0)
+    if samples >= _MANY_SAMPLES:
+        _trim()(0)
 
 
 @functools.cache

@@ -96,7 +96,7 @@ class TestFailure:
 
     def test_no_steps_are_refused(self, make_setup, make_points):
         camera, lens = make_setup()
-        with pytest.raises(ArgumentError, match="max_steps is 0; expected at least one step"):
+        with pytest.raises(ArgumentError, match="max_steps is 0; expected a whole number, at least 1"):
             solve(make_points(*self.row), camera, lens, max_steps=0)
 
     def test_is_raised(self, make_setup, make_points):

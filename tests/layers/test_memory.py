@@ -61,10 +61,10 @@ def test_surfaces_that_cover_all_many_times_over(monkeypatch: pytest.MonkeyPatch
     camera = front_camera()
     grid = peel(panes(camera), camera, wide_lens(camera)).grid
     monkeypatch.setattr("focusjax.layers._picture.rasterise", None)
-    monkeypatch.setattr(_memory, "machine_memory", lambda: 3.5 * 48 * grid.size / 0.9)
+    monkeypatch.setattr(_memory, "machine_memory", lambda: int(3.5 * 48 * grid.size / 0.9))
     monkeypatch.setattr("focusjax.layers._picture.check_frame", lambda grid: None)
     # Twice where two triangles of a pane meet, so a little over four times.
-    expected = r"samples about 4\.?\d* times over, which needs about .* lower the supersampling"
+    expected = r"samples about 4\.?\d* times over, which needs about .* width and height to 86 %"
     with pytest.raises(ValueError, match=expected):
         peel(panes(camera), camera, wide_lens(camera))
 

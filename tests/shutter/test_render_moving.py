@@ -55,7 +55,7 @@ def test_a_moving_card_leaves_the_ramps_that_it_should(card):
     picture = taken(card)
     wanted = swept(8, 14, np.linspace(6, 18, 2001))
     image = np.asarray(picture.image)
-    # Observed 0.006 and, of single pixels, 0.08: noise of 64 rays, of which 5 cross each edge.
+    # Observed 0.0065 and, of single pixels, 0.031: noise of 64 rays, of which 5 cross each edge.
     assert np.abs(image.mean(axis=(0, 2)) - wanted).max() < 0.015
     assert np.abs(image - wanted[None, :, None]).max() < 0.15
     assert (picture.spans, picture.peels) == (1, 2)
@@ -70,12 +70,12 @@ def test_shutter_curves_and_rolling_shutters_do_what_they_say(card):
     ramped = np.asarray(taken(card, shutter=make_shutter(0.5, ramp=1.0)).image)
     light = make_shutter(0.5, ramp=1.0).quantiles()
     wanted = swept(8, 14, 12 + 12 * 0.5 * (light[1:] + light[:-1]))
-    # Observed 0.006.
+    # Observed 0.011.
     assert np.abs(ramped.mean(axis=(0, 2)) - wanted).max() < 0.02
     rolling = np.asarray(taken(card, shutter=make_shutter(1 / 12, travel_time=1.0)).image)[..., 0]
     for row in (0, 11, 23):
         late = 12.0 * ((row + 0.5) / CAMERA.height - 0.5)
-        # Observed 0.025: only rays of times within a row's twelfth of a second see it, through pixels of some
+        # Observed 0.032: only rays of times within a row's twelfth of a second see it, through pixels of some
         # height.
         np.testing.assert_allclose(
             rolling[row], swept(8, 14, 12 + late + np.linspace(-0.5, 0.5, 99)), atol=0.06
@@ -134,7 +134,7 @@ def test_motion_and_defocus_match_the_mean_of_many_times(turning):
     for number in range(32):
         layers = peeled(turning.at(0.5 + (number + 0.5) / 32), CAMERA, lens, layers)
         mean += np.asarray(render(layers, lens, rays=16, even=True, seed=number + 7)) / 32
-    # Observed 43.2 dB.
+    # Observed 42.4 dB.
     assert psnr(picture.image, mean) > 41.0
     assert picture.spans > 1
     assert picture.motion_px > 10
@@ -157,7 +157,7 @@ def test_what_is_faster_than_the_frame_or_passes_the_lens_is_finite(way):
     image = np.asarray(picture.image)
     assert np.isfinite(image).all()
     if way["translate"][0]:
-        # 20 px per metre and 40 m a second: column 16 is left after 20 px, 0.025 s. Observed 0.001 off.
+        # 20 px per metre and 40 m a second: column 16 is left after 20 px, 0.025 s. Observed 0.0016 off.
         assert image[:, 15:17].mean() == pytest.approx(20 / 800, abs=0.01)
     else:
         # It fills the frame until it comes to the lens, after 2 of 3 m. Observed 0.625: what is behind it
@@ -178,8 +178,8 @@ def test_what_deforms_is_peeled_at_steps_of_a_pixel():
     wanted = np.mean([swept(8, 14 + at, [0.0]) for at in np.linspace(2, 6, 401)], axis=0)
     assert picture.spans == 4
     assert picture.step_px == pytest.approx(1.0)
-    # Observed 0.04, at one of four steps a pixel apart.
-    np.testing.assert_allclose(np.asarray(picture.image)[12, :, 0], wanted, atol=0.08)
+    # Observed 0.001.
+    np.testing.assert_allclose(np.asarray(picture.image)[12, :, 0], wanted, atol=0.01)
     rough = taken(world, rays=32, most_spans=1)
     assert (rough.spans, rough.step_px) == (1, pytest.approx(4.0))
 

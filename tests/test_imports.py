@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[1] / "focusjax"
 ALLOWED = {
     "optics": set(),
     "geometry": set(),
-    "lens": {"geometry", "optics", "_monotone_cubic", "_parallel", "_words"},
+    "lens": {"geometry", "optics", "_monotone_cubic", "_parallel", "_whole_file", "_words"},
     "scene": {"geometry", "_words"},
     "focus": {"geometry", "lens", "_counts", "_words"},
     "layers": {"geometry", "lens", "scene", "_counts", "_parallel"},
@@ -23,10 +23,11 @@ ALLOWED = {
     # Slow or simple twins share no code with what they are compared with.
     "baselines": {"geometry", "lens", "scene", "_counts", "_parallel"},
     "post": {"geometry", "lens", "scene", "layers", "trace", "baselines", "_counts"},
-    "io": {"film"},
+    "io": {"film", "_whole_file"},
     "config": {"geometry", "lens", "scene", "focus", "trace", "film", "optics", "_words"},
     "_counts": set(),
     "_monotone_cubic": set(),
+    "_whole_file": set(),
     "_words": set(),
     "_parallel": set(),
     "_stopwatch": set(),

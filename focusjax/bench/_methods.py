@@ -23,8 +23,7 @@ from focusjax.baselines import (
 )
 from focusjax.bench._case import Case
 from focusjax.layers import peel
-from focusjax.lens import thin_lens
-from focusjax.post import PinholeView, post_process, view_in_layers
+from focusjax.post import PinholeView, closed_lens, post_process, view_in_layers
 from focusjax.trace import render
 
 Setting = int | float | str
@@ -81,8 +80,7 @@ def _traced(case: Case, layers: Any, rays: int) -> Any:
 
 def _own_view(case: Case) -> Any:
     """What a pinhole sees, as focusjax has it."""
-    closed = thin_lens(focus_distance=1.0, aperture_radius=0.0)
-    view = view_in_layers(peel(case.scene, case.camera, closed, supersampling=2), case.scene)
+    view = view_in_layers(peel(case.scene, case.camera, closed_lens(), supersampling=2), case.scene)
     jax.block_until_ready(view.image)
     return view
 

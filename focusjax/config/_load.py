@@ -49,7 +49,8 @@ class Config(Table):
             return values
         time, angle = shutter.get("time"), shutter.get("angle_deg")
         if time is None and isinstance(angle, int | float):
-            fps = shot.get("fps", 24.0) if isinstance(shot, dict) else None
+            usual = ShotTable.model_fields["fps"].default
+            fps = shot.get("fps", usual) if isinstance(shot, dict) else None
             time = angle / 360.0 / fps if isinstance(fps, int | float) and fps > 0 else None
         return values if time is None else {**values, "exposure": {**exposure, "time": time}}
 

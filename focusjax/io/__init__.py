@@ -1,7 +1,7 @@
 """Files that a run leaves behind."""
 
+from focusjax._whole_file import replace_file as replace_file
 from focusjax.io._folder import UNFINISHED as UNFINISHED
-from focusjax.io._folder import replace_file as replace_file
 from focusjax.io._folder import staged_folder as staged_folder
 from focusjax.io._folder import whole_folder as whole_folder
 from focusjax.io._images import load_exr as load_exr

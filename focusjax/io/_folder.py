@@ -73,14 +73,6 @@ def whole_folder(path: Path) -> Iterator[Path]:
         shutil.rmtree(apart, ignore_errors=True)
 
 
-def replace_file(path: Path, text: str) -> None:
-    """Write `text` to the file `path`, which has all of the old or all of the new text at any time."""
-    new = path.with_name(f".{path.name}.new")
-    # Line ends are as in the text: CSV has its own.
-    new.write_text(text, encoding="utf-8", newline="")
-    os.replace(new, path)
-
-
 def _missing_folders(path: Path) -> list[Path]:
     """The folders that have to be made for `path`, innermost first."""
     return [folder for folder in (path, *path.parents) if not folder.exists()]

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -22,8 +22,8 @@ from focusjax.layers import (
     peel,
     umbra_saving,
 )
-from focusjax.lens import AbstractLens, thin_lens
-from focusjax.post import post_process, view_in_layers
+from focusjax.lens import AbstractLens
+from focusjax.post import closed_lens, post_process, view_in_layers
 from focusjax.scene import Scene
 from focusjax.trace import RayPlan, nearest_in_layers, plan_rays, quality_of, render, render_pinhole
 
@@ -127,12 +127,9 @@ def make_picture(
         pinhole = render_pinhole(layers)
         pinhole.block_until_ready()
     return Picture(
+        **_facts(layers),
         image=image,
         pinhole=pinhole,
-        layer_count=max(1, int((layers.cells > 0).any(axis=(1, 2)).sum())),
-        samples_kept=layers.samples_kept,
-        layer_bytes=layers.nbytes,
-        margin=layers.grid.margin / layers.grid.supersampling,
         complete=layers.complete,
         examined=examined,
         rays=rays,
@@ -146,9 +143,8 @@ def _post_processed(
     table: RenderTable, scene: Scene, camera: Camera, lens: AbstractLens, watch: Stopwatch
 ) -> Picture:
     """From one sharp view: nothing is peeled but what a pinhole sees."""
-    closed = thin_lens(focus_distance=1.0, aperture_radius=0.0)
     with watch.stage("peel"):
-        layers = make_layers(table, scene, camera, closed)
+        layers = make_layers(table, scene, camera, closed_lens())
         jax.block_until_ready(eqx.filter(layers, eqx.is_array))
     with watch.stage("pinhole"):
         view = view_in_layers(layers, scene)
@@ -157,16 +153,23 @@ def _post_processed(
         image = post_process(view, camera, lens, taps=table.rays)
         image.block_until_ready()
     return Picture(
+        **_facts(layers),
         image=image,
         pinhole=view.image,
-        layer_count=max(1, int((layers.cells > 0).any(axis=(1, 2)).sum())),
-        samples_kept=layers.samples_kept,
-        layer_bytes=layers.nbytes,
-        margin=layers.grid.margin / layers.grid.supersampling,
         complete=True,
         rays=table.rays,
         extent=layers.extent.for_others(None),
     )
+
+
+def _facts(layers: Layers) -> dict[str, Any]:
+    """What a `Picture` tells of the layers that it is made of."""
+    return {
+        "layer_count": max(1, int((layers.cells > 0).any(axis=(1, 2)).sum())),
+        "samples_kept": layers.samples_kept,
+        "layer_bytes": layers.nbytes,
+        "margin": layers.grid.margin / layers.grid.supersampling,
+    }
 
 
 @runtime_checkable

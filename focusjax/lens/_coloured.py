@@ -1,16 +1,15 @@
 """What lenses that treat colours differently have in common."""
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera, LensRay
-from focusjax.lens._aperture import AbstractAperture
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._length import length
+from focusjax.lens._wrapper import AbstractLensWrapper
 
 
-class AbstractColouredLens(AbstractLens):
+class AbstractColouredLens(AbstractLensWrapper):
     """A lens that each of its `channels` sees differently.
 
     It is looked through once for each channel, so that a picture takes so many times as long to trace. `ray`
@@ -20,18 +19,8 @@ class AbstractColouredLens(AbstractLens):
         lens: the lens for a colour between, or with no colour of its own.
     """
 
-    lens: eqx.AbstractVar[AbstractLens]
-
-    def opening(self) -> AbstractAperture:
-        return self.lens.opening()
-
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         return self.lens.ray(camera, film_point, pupil_point)
-
-    def blur(
-        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
-    ) -> Float[Array, ""]:
-        return self.lens.blur(camera, film_point, disparity)
 
     def footprint(
         self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]

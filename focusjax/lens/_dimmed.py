@@ -3,39 +3,28 @@
 import abc
 import dataclasses
 
-import equinox as eqx
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera, LensRay
-from focusjax.lens._aperture import AbstractAperture
-from focusjax.lens._base import AbstractLens, Channel
+from focusjax.lens._base import Channel
+from focusjax.lens._wrapper import AbstractLensWrapper
 
 
-class AbstractDimmedLens(AbstractLens):
+class AbstractDimmedLens(AbstractLensWrapper):
     """A lens whose rays are those of another one with other weights, all else being that lens's own.
 
     Attributes:
         lens: the other one.
     """
 
-    lens: eqx.AbstractVar[AbstractLens]
-
     @abc.abstractmethod
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         """The other lens's ray, and how much of its light arrives."""
-
-    def opening(self) -> AbstractAperture:
-        return self.lens.opening()
 
     def channels(self) -> tuple[Channel, ...]:
         return tuple(
             Channel(dataclasses.replace(self, lens=each.lens), each.colour) for each in self.lens.channels()
         )
-
-    def blur(
-        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
-    ) -> Float[Array, ""]:
-        return self.lens.blur(camera, film_point, disparity)
 
     def footprint(
         self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]

@@ -14,6 +14,7 @@ from jaxtyping import Array, ArrayLike, Float
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._dimmed import AbstractDimmedLens
+from focusjax.lens._height_curve import checked_table
 from focusjax.lens._length import length
 
 
@@ -111,26 +112,35 @@ def table_falloff(
         ValueError: numbers that do not match, heights that do not rise from 0, shares below 0, or a table
             that ends before the picture does, unless it is to be extrapolated.
     """
-    places, values = np.asarray(heights, dtype=float), np.asarray(shares, dtype=float)
-    if places.ndim != 1 or places.shape != values.shape or len(places) < 2:
-        raise ValueError(
-            f"a falloff table has {places.shape} heights and {values.shape} shares; expected two or"
-            " more, as many of both"
-        )
-    if not np.isfinite(places).all() or places[0] != 0 or not (np.diff(places) > 0).all():
-        raise ValueError(f"a falloff table has heights {places.tolist()} m; expected rising ones from 0 on")
-    if not np.isfinite(values).all() or (values < 0).any() or not values[0] > 0:
+    places, values = checked_table(heights, shares, "a falloff table")
+    if (values < 0).any() or not values[0] > 0:
         raise ValueError(
             f"a falloff table has shares {values.tolist()}; expected 0 or more, and 1 on the axis"
         )
-    corner = corner_height(camera)
-    if places[-1] < corner * (1.0 - 1e-6) and not extrapolate:
-        raise ValueError(
-            f"the falloff table reaches {1e3 * places[-1]:.2f} mm from the axis, and the picture's farthest"
-            f" corner is {1e3 * corner:.2f} mm away; add the {1e3 * (corner - places[-1]):.2f} mm that are"
-            " missing, or ask for extrapolation"
-        )
+    if not extrapolate:
+        require_reach("the falloff table", float(places[-1]), camera, slack=1e-6)
     return TableFalloff(jnp.asarray(places, dtype=float), jnp.asarray(values / values[0], dtype=float))
+
+
+def require_reach(what: str, reach: float, camera: Camera, *, slack: float) -> None:
+    """Refuse a table that ends before the picture does.
+
+    Args:
+        what: how to call the table.
+        reach: metres on the film from the axis to its end.
+        camera: whose frame it has to cover.
+        slack: share of the way to the farthest corner that may be missing.
+
+    Raises:
+        ValueError: telling how much is missing.
+    """
+    corner = corner_height(camera)
+    if reach < corner * (1.0 - slack):
+        raise ValueError(
+            f"{what} reaches {1e3 * reach:.2f} mm from the axis, and the picture's farthest corner is"
+            f" {1e3 * corner:.2f} mm away; add the {1e3 * (corner - reach):.2f} mm that are missing, or ask"
+            " for extrapolation"
+        )
 
 
 def corner_height(camera: Camera) -> float:

@@ -67,6 +67,24 @@ def height_curve(
         >>> round(float(curve(jnp.array(0.02))), 6)
         -0.04
     """
+    places, numbers = checked_table(heights, values, name)
+    if not even and numbers[0] != 0:
+        raise ValueError(
+            f"{name} starts with {numbers[0]:g} on the axis, where there is none of it; start with 0"
+        )
+    reach, shares = jnp.asarray(places[-1], dtype=float), jnp.asarray(places / places[-1], dtype=float)
+    return HeightCurve(reach, shares, jnp.asarray(numbers, dtype=float), even)
+
+
+def checked_table(
+    heights: ArrayLike | Sequence[float], values: ArrayLike | Sequence[float], name: str
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Heights in metres and what a table has there, as arrays.
+
+    Raises:
+        ValueError: numbers that do not match, fewer than two, not finite ones, or heights that do not rise
+            from 0.
+    """
     places, numbers = np.asarray(heights, dtype=float), np.asarray(values, dtype=float)
     if places.ndim != 1 or places.shape != numbers.shape or len(places) < 2:
         raise ValueError(
@@ -77,9 +95,4 @@ def height_curve(
         raise ValueError(f"{name} has heights {places.tolist()} m; expected rising ones from 0 on")
     if not np.isfinite(numbers).all():
         raise ValueError(f"{name} has values {numbers.tolist()}; expected finite numbers")
-    if not even and numbers[0] != 0:
-        raise ValueError(
-            f"{name} starts with {numbers[0]:g} on the axis, where there is none of it; start with 0"
-        )
-    reach, shares = jnp.asarray(places[-1], dtype=float), jnp.asarray(places / places[-1], dtype=float)
-    return HeightCurve(reach, shares, jnp.asarray(numbers, dtype=float), even)
+    return places, numbers

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -10,7 +11,7 @@ from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
 from focusjax.lens._base import AbstractLens
-from focusjax.lens._falloff import CosineFalloff, DarkenedLens, TableFalloff, corner_height
+from focusjax.lens._falloff import CosineFalloff, DarkenedLens, TableFalloff, require_reach
 from focusjax.lens._height_curve import HeightCurve
 from focusjax.lens._thin import ThinLens
 from focusjax.lens._vignetted import VignettedLens
@@ -19,6 +20,9 @@ from focusjax.lens.aberrations import AberratedLens, ChromaticLens, tabulated_ab
 _COLOURS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _SLACK = 1e-3
 """Of openings and lengths that are compared."""
+
+
+_Held = TypeVar("_Held", HeightCurve | None, tuple[HeightCurve, HeightCurve, HeightCurve] | None)
 
 
 class CatsEyes(eqx.Module):
@@ -88,21 +92,11 @@ class LensProfile(eqx.Module):
         """The same lens built for another focal length in metres: it grows, and the f-number stays."""
         scale = focal_length / self.focal_length
 
-        def longer(held: HeightCurve | None, values: Float[Array, ""] | float) -> HeightCurve | None:
-            if held is None:
-                return None
-            return dataclasses.replace(held, reach=held.reach * scale, values=held.values * values)
+        def longer(held: _Held, values: Float[Array, ""] | float) -> _Held:
+            def one(curve: HeightCurve) -> HeightCurve:
+                return dataclasses.replace(curve, reach=curve.reach * scale, values=curve.values * values)
 
-        def of_colours(
-            held: tuple[HeightCurve, HeightCurve, HeightCurve] | None, values: Float[Array, ""]
-        ) -> tuple[HeightCurve, HeightCurve, HeightCurve] | None:
-            if held is None:
-                return None
-            red, green, blue = (
-                dataclasses.replace(each, reach=each.reach * scale, values=each.values * values)
-                for each in held
-            )
-            return red, green, blue
+            return jax.tree.map(one, held, is_leaf=lambda part: isinstance(part, HeightCurve))
 
         eyes = self.cats_eyes
         if eyes is not None:
@@ -118,8 +112,8 @@ class LensProfile(eqx.Module):
             tangential=longer(self.tangential, 1.0 / scale),
             spherical=longer(self.spherical, 1.0 / scale),
             coma=longer(self.coma, scale),
-            lateral_colour=of_colours(self.lateral_colour, scale),
-            axial_colour=of_colours(self.axial_colour, 1.0 / scale),
+            lateral_colour=longer(self.lateral_colour, scale),
+            axial_colour=longer(self.axial_colour, 1.0 / scale),
             illumination=longer(self.illumination, 1.0),
             cats_eyes=eyes,
         )
@@ -174,7 +168,9 @@ def profiled_lens(
     fitting = profile.scaled(float(camera.focal_length))
     _refuse_beyond_ranges(lens, fitting, camera)
     if not extrapolate:
-        _refuse_short_tables(fitting, camera)
+        for name, curve in fitting.curves():
+            title = f"the table {name} of {fitting.title}"
+            require_reach(title, float(curve.heights[-1]), camera, slack=_SLACK)
     full = fitting.focal_length / (2.0 * fitting.f_number[0])
     own = ("distortion", "sagittal", "tangential", "spherical", "coma")
     terms = tabulated_aberrations({name: getattr(fitting, name) for name in own}, full)
@@ -195,18 +191,6 @@ def profiled_lens(
         table = fitting.illumination
         made = DarkenedLens(made, TableFalloff(table.heights, table.values / table.values[0]))
     return made
-
-
-def _refuse_short_tables(profile: LensProfile, camera: Camera) -> None:
-    corner = corner_height(camera)
-    for name, curve in profile.curves():
-        reach = float(curve.heights[-1])
-        if reach < corner * (1.0 - _SLACK):
-            raise ValueError(
-                f"the table {name} of {profile.title} reaches {1e3 * reach:.2f} mm from the axis, and the"
-                f" picture's farthest corner is {1e3 * corner:.2f} mm away; add the"
-                f" {1e3 * (corner - reach):.2f} mm that are missing, or ask for extrapolation"
-            )
 
 
 def _refuse_beyond_ranges(lens: AbstractLens, profile: LensProfile, camera: Camera) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from focusjax._whole_file import replace_file
 from focusjax._words import did_you_mean, listed
 from focusjax.lens._height_curve import HeightCurve, height_curve
 from focusjax.lens._profile import TABLES, CatsEyes, LensProfile
@@ -243,7 +244,7 @@ def save_profile(path: str | Path, profile: LensProfile, *, comment: str = "") -
         for key in _EYES:
             value = float(getattr(eyes, key.removesuffix("_mm")))
             lines.append(f"{key} = {_shown(value / _MILLI if key.endswith('_mm') else value)}")
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    replace_file(Path(path), "\n".join(lines) + "\n")
 
 
 def _row(values: np.ndarray) -> str:

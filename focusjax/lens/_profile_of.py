@@ -1,7 +1,8 @@
 """The profile of a real lens, computed from its prescription."""
 
 import dataclasses
-from typing import SupportsFloat
+from collections.abc import Sequence
+from typing import Any, SupportsFloat
 
 import equinox as eqx
 import jax
@@ -105,38 +106,18 @@ def profile_of(
         raise ValueError(f"{prescription.name} has no light {1e3 * places[1]:.2f} mm from its axis")
     places, own = places[:lit], own[:lit]
 
-    def curve(values: list[float], *, even: bool = True) -> HeightCurve:
-        return height_curve(places, values, even=even)
-
-    def outwards(found: list["_Terms"]) -> np.ndarray:
-        return pitch * np.array([each.outwards for each in found])
-
-    def mean_focus(found: list["_Terms"]) -> np.ndarray:
-        return np.array([0.5 * (each.sagittal + each.tangential) for each in found])
-
-    # On the axis, where it is even, the mean of all rays has the scale that it comes from.
-    distorted = places[1:] / (places + outwards(own))[1:] - 1.0
-    on_axis = (4.0 * distorted[0] - distorted[1]) / 3.0 if lit > 2 else distorted[0]
-    lateral = axial = None
+    held: dict[str, Any] = _tables(places, own, pitch)
     if spectral:
         bands = [terms(channel.lens)[:lit] for channel in spectral_lens(real, camera).channels()]
-        red, green, blue = (curve([0.0, *(outwards(own) - outwards(band))[1:]], even=False) for band in bands)
-        lateral = (red, green, blue)
-        red, green, blue = (curve(list(mean_focus(band) - mean_focus(own))) for band in bands)
-        axial = (red, green, blue)
+        held |= _colour_tables(places, own, bands, pitch)
+    if vignetting:
+        held["cats_eyes"] = _cats_eyes(real, camera, full, focus)
     profile = LensProfile(
         title=prescription.name,
         focal_length=jnp.asarray(focal, dtype=float),
         f_number=(widest, float(f_number_max)),
         focus_distance=(float(focus_distance if nearest is None else nearest), float("inf")),
-        distortion=curve([on_axis, *distorted]),
-        sagittal=curve([each.sagittal for each in own]),
-        tangential=curve([each.tangential for each in own]),
-        spherical=curve([each.spherical for each in own]),
-        coma=curve([each.coma * pitch for each in own], even=False),
-        lateral_colour=lateral,
-        axial_colour=axial,
-        cats_eyes=_cats_eyes(real, camera, full, focus) if vignetting else None,
+        **held,
     )
     said = source or f"rays through {prescription.name}"
     named = [*dict(profile.curves()), *(["cats_eyes"] if vignetting else [])]
@@ -160,6 +141,40 @@ class _Terms:
     rms: float
     ideal_rms: float
     rays: int
+
+
+def _tables(places: np.ndarray, own: Sequence[_Terms], pitch: float) -> dict[str, HeightCurve]:
+    """The profile's tables of one colour at heights `places`, of a film of `pitch` metres a pixel."""
+    distorted = places[1:] / (places + _outwards(own, pitch))[1:] - 1.0
+    # On the axis, where it is even, the mean of all rays has the scale that it comes from.
+    on_axis = (4.0 * distorted[0] - distorted[1]) / 3.0 if len(own) > 2 else distorted[0]
+    return {
+        "distortion": height_curve(places, [on_axis, *distorted]),
+        "sagittal": height_curve(places, [each.sagittal for each in own]),
+        "tangential": height_curve(places, [each.tangential for each in own]),
+        "spherical": height_curve(places, [each.spherical for each in own]),
+        "coma": height_curve(places, [each.coma * pitch for each in own], even=False),
+    }
+
+
+def _colour_tables(
+    places: np.ndarray, own: Sequence[_Terms], bands: Sequence[Sequence[_Terms]], pitch: float
+) -> dict[str, tuple[HeightCurve, ...]]:
+    """Lateral and axial colour of some bands, against the colour of the other tables."""
+    shifts = [_outwards(own, pitch) - _outwards(band, pitch) for band in bands]
+    focus = [_mean_focus(band) - _mean_focus(own) for band in bands]
+    return {
+        "lateral_colour": tuple(height_curve(places, [0.0, *shift[1:]], even=False) for shift in shifts),
+        "axial_colour": tuple(height_curve(places, each) for each in focus),
+    }
+
+
+def _outwards(found: Sequence[_Terms], pitch: float) -> np.ndarray:
+    return pitch * np.array([each.outwards for each in found])
+
+
+def _mean_focus(found: Sequence[_Terms]) -> np.ndarray:
+    return np.array([0.5 * (each.sagittal + each.tangential) for each in found])
 
 
 def _fits(lens: AbstractLens, camera: Camera, heights: np.ndarray, focus: float, full: float) -> list[_Terms]:

@@ -3,5 +3,6 @@
 from focusjax.post._motion import motion_blur as motion_blur
 from focusjax.post._process import post_process as post_process
 from focusjax.post._view import PinholeView as PinholeView
+from focusjax.post._view import closed_lens as closed_lens
 from focusjax.post._view import view_in_layers as view_in_layers
 from focusjax.post._warp import warped as warped

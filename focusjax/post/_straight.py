@@ -6,10 +6,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera, LensRay
-from focusjax.lens import AbstractAperture, AbstractLens
+from focusjax.lens import AbstractLens, AbstractLensWrapper
 
 
-class StraightenedLens(AbstractLens):
+class StraightenedLens(AbstractLensWrapper):
     """A lens whose middle rays meet, in its focus, where the pinhole's picture has them.
 
     Blur stays what it is, and vignetting is left out.
@@ -20,19 +20,11 @@ class StraightenedLens(AbstractLens):
 
     lens: AbstractLens
 
-    def opening(self) -> AbstractAperture:
-        return self.lens.opening()
-
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         ray = self.lens.ray(camera, film_point, pupil_point)
         lit = jnp.where(ray.weight > 0.0, 1.0, 0.0)
         moved = ray.a + film_point - middle_of(self.lens, camera, film_point)
         return dataclasses.replace(ray, a=moved, weight=lit)
-
-    def blur(
-        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
-    ) -> Float[Array, ""]:
-        return self.lens.blur(camera, film_point, disparity)
 
     def footprint(
         self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from focusjax.layers import Layers, disparity_map
+from focusjax.lens import ThinLens, thin_lens
 from focusjax.scene import Scene
 from focusjax.trace import render_pinhole
 
@@ -24,10 +25,15 @@ class PinholeView(eqx.Module):
     velocity: Float[Array, "h w 2"] | None = None
 
 
+def closed_lens() -> ThinLens:
+    """A lens with no opening, for layers that hold what a pinhole sees and no more."""
+    return thin_lens(focus_distance=1.0, aperture_radius=0.0)
+
+
 def view_in_layers(
     layers: Layers, scene: Scene, *, velocity: Float[Array, "h w 2"] | None = None
 ) -> PinholeView:
-    """The sharp view that layers hold; those peeled for a closed lens are enough.
+    """The sharp view that layers hold; those peeled for a `closed_lens` are enough.
 
     Args:
         layers: of the scene.

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera, LensRay
-from focusjax.lens import AbstractAperture, AbstractLens
+from focusjax.lens import AbstractLens, AbstractLensWrapper
 from focusjax.trace import moved_ray
 
 _RIM = 32
@@ -18,7 +18,7 @@ _SLACK_PX = 0.5
 """Between the rays that are looked at others may stray farther: the rim of 32 corners by 0.5 %."""
 
 
-class SweptLens(AbstractLens):
+class SweptLens(AbstractLensWrapper):
     """All rays that a lens has during a span, in the axes in which a body stands still.
 
     For `peel`: how far rays stray from their film points and how far they move per dioptre, over the times of
@@ -37,16 +37,8 @@ class SweptLens(AbstractLens):
     slope: Float[Array, " n"]
     moves: Float[Array, ""]
 
-    def opening(self) -> AbstractAperture:
-        return self.lens.opening()
-
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         return self.lens.ray(camera, film_point, pupil_point)
-
-    def blur(
-        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
-    ) -> Float[Array, ""]:
-        return self.lens.blur(camera, film_point, disparity)
 
     def footprint(
         self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]

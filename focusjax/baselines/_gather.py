@@ -1,4 +1,12 @@
-"""Gather: every pixel averages one sharp view over its own circle of confusion."""
+"""Gather: every pixel averages one sharp view over its own circle of confusion.
+
+Where taps are far apart, each stands for the block of pixels around it, as a cone does for the rays between
+it and the next (Lee09 sections 4.3 and 4.4). Levels of mip maps hold colour, depth and blur of blocks, and
+in level l only pixels whose own blur reaches 2^l pixels or farther count: what is sharper than the block
+keeps out of its mean, and is read as it is where a tap meets it.
+"""
+
+import math
 
 import equinox as eqx
 import jax
@@ -7,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._counts import require_counts
+from focusjax.baselines._mipmaps import block_means
 from focusjax.baselines._view import checked_view
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
@@ -14,6 +23,8 @@ from focusjax.lens import AbstractLens
 # Steps of Roberts' sequence in two dimensions, and of Jimenez' gradient noise between pixels.
 _STEPS = (0.7548776662466927, 0.5698402909980532)
 _NOISE = (0.06711056, 0.00583715, 52.9829189)
+_MOST_LEVELS = 5
+"""Of mip maps, beyond the pixels themselves: blocks of 32 x 32."""
 
 
 def gather(
@@ -51,39 +62,75 @@ def gather(
     require_counts(taps=taps)
     picture, depth = checked_view(np.asarray(image), np.asarray(disparity), camera)
     real = jnp.zeros(()).dtype
-    return _gathered(jnp.asarray(picture, real), jnp.asarray(depth, real), camera, lens, jnp.asarray(taps))
+    depths = jnp.asarray(depth, real)
+    reaches = _reaches(depths, camera, lens)
+    # How far apart the taps of the widest circle lie.
+    apart = float(reaches.max()) * math.sqrt(math.pi / taps)
+    levels = min(int(math.log2(max(apart, 1.0))), _MOST_LEVELS)
+    return _gathered(jnp.asarray(picture, real), depths, reaches, camera, lens, jnp.asarray(taps), levels)
+
+
+@eqx.filter_jit
+def _reaches(disparity: Float[Array, "h w"], camera: Camera, lens: AbstractLens) -> Float[Array, "h w"]:
+    """Radius of every pixel's circle of confusion in pixels."""
+    reach = jax.vmap(lambda point, w: jnp.abs(lens.blur(camera, point, w)) / 2.0)
+    return reach(_centres(disparity), disparity.ravel()).reshape(disparity.shape)
+
+
+def _centres(disparity: Float[Array, "h w"]) -> Float[Array, "n 2"]:
+    height, width = disparity.shape
+    y, x = jnp.divmod(jnp.arange(height * width), width)
+    return jnp.stack([x, y], axis=1).astype(disparity.dtype) + 0.5
 
 
 @eqx.filter_jit
 def _gathered(
     image: Float[Array, "h w 3"],
     disparity: Float[Array, "h w"],
+    reaches: Float[Array, "h w"],
     camera: Camera,
     lens: AbstractLens,
     taps: Array,
+    levels: int,
 ) -> Float[Array, "h w 3"]:
     height, width = disparity.shape
-    planes = [image[..., channel].ravel() for channel in range(3)]
-    depths = disparity.ravel()
-    y, x = jnp.divmod(jnp.arange(height * width), width)
-    film = jnp.stack([x, y], axis=1).astype(depths.dtype) + 0.5
+    fine = jnp.concatenate([jnp.moveaxis(image, 2, 0), disparity[None], reaches[None]])
+    maps = [fine]
+    for edge in (2**level for level in range(1, levels + 1)):
+        maps.append(block_means(fine, (reaches >= edge).astype(fine.dtype), edge)[0])
+    planes = [jnp.concatenate([each[number].ravel() for each in maps]) for number in range(len(fine))]
+    depths, sharpness = disparity.ravel(), reaches.ravel()
+    film = _centres(disparity)
     noise = jnp.mod(_NOISE[2] * jnp.mod(film @ jnp.asarray(_NOISE[:2], film.dtype), 1.0), 1.0)
-    reaches = jax.vmap(lambda point, w: jnp.abs(lens.blur(camera, point, w)) / 2)(film, depths)
+    apart = sharpness * jnp.sqrt(jnp.pi / taps).astype(sharpness.dtype)
+    own = jnp.clip(jnp.log2(jnp.maximum(apart, 1.0)), 0, levels).astype(jnp.int32)
+    starts = jnp.asarray(np.cumsum([0, *(each[0].size for each in maps[:-1])]), jnp.int32)
+    widths = jnp.asarray([each.shape[2] for each in maps], jnp.int32)
 
-    def one(point: Array, w: Array, turn: Array, number: Array) -> tuple[Array, Array]:
+    def read(column: Array, row: Array, level: Array) -> tuple[Array, Array, Array]:
+        """Colour, disparity and reach of a pixel, or of the block of a level around it."""
+        index = row * width + column
+        if levels:
+            block = starts[level] + (row >> level) * widths[level] + (column >> level)
+            index = jnp.where(sharpness[index] >= (1 << level), block, index)
+        *colour, depth, reach = (plane[index] for plane in planes)
+        return jnp.stack(colour), depth, reach
+
+    def one(point: Array, w: Array, turn: Array, level: Array, number: Array) -> tuple[Array, Array]:
         # A step of the turn in both coordinates tells the patterns of neighbours apart.
         sample = jnp.mod((number + 0.5) * jnp.asarray(_STEPS, w.dtype) + turn * jnp.asarray([1.0, 7.0]), 1.0)
         ray = lens.ray(camera, point, lens.pupil_point(sample.astype(w.dtype)))
         place = ray.a + ray.b * w
-        column, row = jnp.floor(place).astype(int)
-        index = jnp.clip(row, 0, height - 1) * width + jnp.clip(column, 0, width - 1)
-        colour = jnp.stack([plane[index] for plane in planes])
-        covers = jnp.clip(reaches[index] + 1.0 - jnp.linalg.norm(place - point), 0.0, 1.0)
-        weight = ray.weight * jnp.where(depths[index] > w, covers, 1.0)
+        column, row = jnp.floor(place).astype(jnp.int32)
+        colour, depth, reach = read(jnp.clip(column, 0, width - 1), jnp.clip(row, 0, height - 1), level)
+        covers = jnp.clip(reach + 1.0 - jnp.linalg.norm(place - point), 0.0, 1.0)
+        # A block's depth is a mean, rounded.
+        weight = ray.weight * jnp.where(depth > w * (1.0 + 1e-6), covers, 1.0)
         return weight * colour, weight
 
     def add(number: Array, total: tuple[Array, Array]) -> tuple[Array, Array]:
-        light, weight = jax.vmap(one, in_axes=(0, 0, 0, None))(film, depths, noise, number)
+        over = jax.vmap(one, in_axes=(0, 0, 0, 0, None))
+        light, weight = over(film, depths, noise, own, number)
         return total[0] + light, total[1] + weight
 
     start = (jnp.zeros((height * width, 3), image.dtype), jnp.zeros(height * width, image.dtype))

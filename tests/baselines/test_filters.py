@@ -122,14 +122,25 @@ def test_gather_takes_the_shape_of_the_opening():
     assert picture[:, 33:].sum() > 0.5
 
 
-def test_gather_keeps_what_is_sharp_from_leaking_into_the_blur():
-    """A sharp white strip before a black wall out of focus."""
+@pytest.mark.parametrize("taps", [8, 256])
+def test_gather_keeps_what_is_sharp_from_leaking_into_the_blur(taps):
+    """A sharp white strip before a black wall out of focus, also where taps stand for blocks of pixels."""
     image, disparity = np.zeros((48, 64, 3)), np.zeros((48, 64))
     image[:, 30:34], disparity[:, 30:34] = 1.0, 0.5
-    picture = np.asarray(gather(image, disparity, CAMERA, LENS, taps=256))[..., 0]
+    picture = np.asarray(gather(image, disparity, CAMERA, LENS, taps=taps))[..., 0]
     np.testing.assert_allclose(picture[:, 31:33], 1.0, atol=1e-12)
     # One pixel is the filter's own; without care a third of the strip's light is there. Observed: 0.
     assert picture[:, :28].max() < 1e-12
+
+
+def test_blocks_keep_few_taps_from_noise():
+    """Lamps far out of focus, which taps of single pixels mostly miss."""
+    image = np.zeros((48, 64, 3))
+    image[4::8, 4::8] = 64.0
+    limit = np.asarray(gather(image, np.zeros((48, 64)), CAMERA, LENS, taps=4096))
+    few = np.asarray(gather(image, np.zeros((48, 64)), CAMERA, LENS, taps=16))
+    # Observed: 0.74 with blocks of 2 x 2, 1.83 without.
+    assert np.sqrt(np.mean((few - limit) ** 2)) < 0.8
 
 
 def test_more_layers_come_nearer():

@@ -1,0 +1,77 @@
+"""What coverage-weighted mip maps do for gathering: error and time with and without them, in one run.
+
+Of special cases with strong blur and of configs as they are, against a ray cast. Processor seconds, median of
+alternating turns after a first one.
+
+    python scripts/bench_gather.py
+"""
+
+import argparse
+import time
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+from _special_scenes import CASES
+from rich.console import Console
+from rich.table import Table
+
+from focusjax.baselines import RayScene, _gather, gather, lens_picture, pinhole_view
+from focusjax.bench import case_from_config
+from focusjax.config import load_config
+from focusjax.metrics import psnr
+
+LEVELS = (0, _gather._MOST_LEVELS)
+"""Of mip maps: none, and as many as there are."""
+
+
+def gathered(view: tuple[np.ndarray, np.ndarray], case, taps: int, levels: int) -> tuple[np.ndarray, float]:
+    """The picture by at most so many levels, and the processor seconds it took."""
+    with mock.patch.object(_gather, "_MOST_LEVELS", levels):
+        start = time.process_time()
+        picture = np.asarray(gather(*view, case.camera, case.lens, taps=taps))
+        return np.clip(picture, 0.0, 1.0), time.process_time() - start
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--cases", nargs="*", choices=list(CASES), default=["foreground blur", "highlights", "wide blur"]
+    )
+    parser.add_argument("--configs", nargs="*", type=Path, default=[Path("configs/still_life.toml")])
+    parser.add_argument("--size", default="400x300", help="of the configs, in pixels")
+    parser.add_argument("--taps", type=int, nargs="+", default=[8, 16, 32, 64])
+    parser.add_argument("--truth-rays", type=int, default=512, help="per pixel")
+    parser.add_argument("--turns", type=int, default=3)
+    options = parser.parse_args()
+    width, height = (int(side) for side in options.size.split("x"))
+    cases = {name: CASES[name]() for name in options.cases}
+    cases |= {path.stem: case_from_config(load_config(path), (width, height)) for path in options.configs}
+    table = Table(title="gathering without and with mip maps")
+    for heading in ("case", "taps", "dB without", "dB with", "s without", "s with"):
+        table.add_column(heading, justify="left" if heading == "case" else "right")
+    for name, case in cases.items():
+        scene = RayScene(case.scene)
+        truth = np.clip(lens_picture(scene, case.camera, case.lens, rays=options.truth_rays), 0.0, 1.0)
+        view = pinhole_view(scene, case.camera)
+        for taps in options.taps:
+            errors, seconds = {}, {levels: [] for levels in LEVELS}
+            for turn in range(options.turns + 1):
+                for levels in LEVELS:
+                    picture, took = gathered(view, case, taps, levels)
+                    errors[levels] = psnr(picture, truth)
+                    if turn:
+                        seconds[levels].append(took)
+            table.add_row(
+                name,
+                str(taps),
+                *(f"{errors[levels]:.1f}" for levels in LEVELS),
+                *(f"{np.median(seconds[levels]):.2f}" for levels in LEVELS),
+            )
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from focusjax.layers._boxes import Boxes, covered_area
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
-from focusjax.layers._stamps import SIZES, Stamps
 
 _BYTES = 200
 """Per sample that is kept, while layers are put together; measured over one to eight full layers."""
@@ -47,28 +47,33 @@ def _smaller(needed: float, memory: int) -> str:
     return f"lower the supersampling, or the picture's width and height to {percent} %"
 
 
-def check_fragments(triangles: ScreenTriangles, stamps: Stamps, grid: Grid) -> None:
+def _rounded(value: float) -> str:
+    """Three digits, and no powers of ten for what people count in thousands."""
+    return f"{float(f'{value:.3g}'):g}"
+
+
+def check_fragments(triangles: ScreenTriangles, boxes: Sequence[Boxes], grid: Grid) -> None:
     """Refuse triangles that cover the samples so many times that all of it does not fit.
 
+    Boxes are larger than what is in them, so that nearly always they alone tell that there is room.
+
     Raises:
-        ValueError: naming what they need.
+        ValueError: naming what they need, and what would fit.
     """
     memory = machine_memory()
-    room = np.repeat(np.square(SIZES), stamps.counts)
-    if memory is None or _BYTES_OF_FRAGMENT * float(room.sum()) <= _SHARE * memory:
+    if memory is None:
         return
-    # A triangle covers its area at most, and what of it there is on the grid.
-    corners = triangles.points[triangles.faces][..., :2].astype(float)
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    area = 0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
-    there = np.bincount(stamps.triangle, weights=room, minlength=len(area))
-    count = float(np.minimum(area, there).sum())
-    if _BYTES_OF_FRAGMENT * count <= _SHARE * memory:
+    room = _SHARE * memory / _BYTES_OF_FRAGMENT
+    if sum(float(some.samples.sum()) for some in boxes) <= room:
+        return
+    count = covered_area(grid, triangles, boxes)
+    if count <= room:
         return
     raise ValueError(
-        f"surfaces cover the {grid.columns} x {grid.rows} samples about {count / grid.size:.3g} times over,"
-        f" which needs about {_BYTES_OF_FRAGMENT * count / 1e9:.3g} GB, and this machine has"
-        f" {memory / 1e9:.3g} GB; {_smaller(_BYTES_OF_FRAGMENT * count, memory)}"
+        f"surfaces cover the {grid.columns} x {grid.rows} samples about {_rounded(count / grid.size)} times"
+        f" over, which needs about {_rounded(_BYTES_OF_FRAGMENT * count / 1e9)} GB, and this machine has"
+        f" {_rounded(memory / 1e9)} GB, enough for {_rounded(room / grid.size)} times; leave some of the"
+        f" surfaces out, or {_smaller(_BYTES_OF_FRAGMENT * count, memory)}"
     )
 
 

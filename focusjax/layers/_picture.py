@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Int
 
 from focusjax.geometry import Camera
+from focusjax.layers._boxes import boxes_on
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._extent import Extent
 from focusjax.layers._frame import frame
@@ -42,8 +43,9 @@ def rasterised(scene: Scene, camera: Camera, triangles: ScreenTriangles, grid: G
     Raises:
         ValueError: more than this machine's memory holds.
     """
-    stamps = dice(triangles, grid)
-    check_fragments(triangles, stamps, grid)
+    boxes = boxes_on(grid, triangles)
+    check_fragments(triangles, boxes, grid)
+    stamps = dice(triangles, boxes)
     covered = rasterise(stamps, grid)
     return Rasterised(triangles, grid, stamps, *with_opacity(scene, camera, triangles, grid, stamps, covered))
 

@@ -17,6 +17,7 @@ from jaxtyping import Array, Bool, Float, UInt
 
 from focusjax._parallel import in_parallel, parts
 from focusjax.layers._blocks import in_blocks
+from focusjax.layers._boxes import boxes_on
 from focusjax.layers._cells import line_code
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
@@ -148,7 +149,8 @@ def _covered_points(
     count = np.bincount(squares.cell, minlength=grid.size).astype(np.int32)
     first = np.cumsum(count, dtype=np.int32) - count
     wanted = count > 0
-    stamps = dice(triangles.take(_touching(triangles, grid, wanted)), grid, reach=0.5)
+    near = triangles.take(_touching(triangles, grid, wanted))
+    stamps = dice(near, boxes_on(grid, near, reach=0.5), reach=0.5)
     fragments = rasterise(stamps, grid, reach=0.5, wanted=wanted)
     cell = fragments.sample
     # Every fragment beside every surface of its square.

@@ -11,6 +11,7 @@ triangles, whose corners may be far away, are made in double precision.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -18,16 +19,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from focusjax._parallel import in_parallel, parts
+from focusjax._parallel import in_parallel
 from focusjax.layers._blocks import in_blocks
+from focusjax.layers._boxes import Boxes
 from focusjax.layers._clip import ScreenTriangles
-from focusjax.layers._grid import Grid
 
 SIZES = (1, 2, 4, 8, 16)
 """Edge lengths of stamps in samples; a larger triangle is diced into several of the last size."""
 
 _AT_ONCE = 1 << 14
-_TRIANGLES_AT_ONCE = 1 << 15
+_SAMPLES_AT_ONCE = 1 << 25
+"""In the boxes that one call dices, of which one may be larger: a hundred thousand of the largest stamps."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,39 +54,30 @@ class Stamps:
     triangle: np.ndarray
 
 
-def dice(triangles: ScreenTriangles, grid: Grid, *, reach: float = 0.0) -> Stamps:
-    """All stamps that may hold a sample of `grid` whose square of half-width `reach` a triangle touches.
+def dice(triangles: ScreenTriangles, boxes: Sequence[Boxes], *, reach: float = 0.0) -> Stamps:
+    """All stamps that may hold a sample of `boxes`, made for the same `reach`, that its triangle touches."""
 
-    With a reach of 0 that is a sample whose centre it covers.
-    """
-
-    def some(part: slice) -> list[tuple[np.ndarray, ...]]:
-        columns = _samples(triangles.span(0, part), grid.columns, reach)
-        rows = _samples(triangles.span(1, part), grid.rows, reach)
-        index = np.flatnonzero((columns[1] > 0) & (rows[1] > 0))
-        first, span = (np.stack([columns[k][index], rows[k][index]], axis=1) for k in (0, 1))
-        size = _stamp_size(span)
+    def some(part: Boxes) -> list[tuple[np.ndarray, ...]]:
+        size = _stamp_size(part.span)
         sorted_by_size = []
         for edge_length in SIZES:
             chosen = np.flatnonzero(size == edge_length)
-            which = part.start + index[chosen]
+            which, begins, extends = (
+                np.take(a, chosen, axis=0) for a in (part.triangle, part.first, part.span)
+            )
             corners = np.take(triangles.points, np.take(triangles.faces, which, axis=0), axis=0)
-            begins, extends = (np.take(a, chosen, axis=0) for a in (first, span))
             sorted_by_size.append(_stamps_of_size(edge_length, which, corners, begins, extends, reach))
         return sorted_by_size
 
+    # Large triangles are looked at in many stamps before those that they miss are left out.
+    work = [less for part in boxes for less in part.portions(part.samples, _SAMPLES_AT_ONCE)]
     # An empty part gives the arrays their types where there are no triangles at all.
-    found = in_parallel(some, parts(triangles.count, _TRIANGLES_AT_ONCE)) or [some(slice(0, 0))]
+    nothing = np.zeros((0, 2), dtype=np.int32)
+    found = in_parallel(some, work) or [some(Boxes(np.zeros(0, dtype=np.intp), nothing, nothing))]
     by_size = list(zip(*found, strict=True))
     counts = tuple(sum(len(stamps[-1]) for stamps in of_size) for of_size in by_size)
     fields = zip(*(stamps for of_size in by_size for stamps in of_size), strict=True)
     return Stamps(counts, *(np.concatenate(field) for field in fields))
-
-
-def _samples(span: tuple[np.ndarray, np.ndarray], limit: int, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """First sample [t] whose centre is within `reach` of an interval, and how many there are."""
-    first = np.clip(np.ceil(span[0] - 0.5 - reach), 0, limit).astype(np.int32)
-    return first, np.clip(np.floor(span[1] - 0.5 + reach), -1, limit - 1).astype(np.int32) - first + 1
 
 
 def _edge_functions(corners: Any, xp: Any) -> tuple[Any, Any]:

@@ -10,11 +10,13 @@ from focusjax.layers._grid import Grid
 from focusjax.scene import Scene, make_object, make_scene
 
 
-def panes(camera: Camera) -> Scene:
-    """Four panes of glass behind one another, each of them all over the picture."""
+def panes(camera: Camera, sheets: int = 1) -> Scene:
+    """Four panes of glass behind one another, of so many sheets, each of them all over the picture."""
     corners = np.array([(-300, -300), (300, -300), (300, 300), (-300, 300)])
     objects = [
-        make_object(f"pane {w}", at_pixels(corners, np.full(4, w), camera), SQUARE, opacity=0.5)
+        make_object(
+            f"pane {w}", at_pixels(corners, np.full(4, w), camera), np.tile(SQUARE, (sheets, 1)), opacity=0.5
+        )
         for w in (0.6, 0.5, 0.4, 0.3)
     ]
     return make_scene(objects, unlit=True)
@@ -58,15 +60,19 @@ def test_too_large_a_picture_for_any_layer(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_surfaces_that_cover_all_many_times_over(monkeypatch: pytest.MonkeyPatch):
+    """Refused before any work on them, with how often would fit: panes times their share of the grid, 1."""
     camera = front_camera()
     grid = peel(panes(camera), camera, wide_lens(camera)).grid
-    monkeypatch.setattr("focusjax.layers._picture.rasterise", None)
-    monkeypatch.setattr(_memory, "machine_memory", lambda: int(3.5 * 48 * grid.size / 0.9))
+    monkeypatch.setattr("focusjax.layers._picture.dice", None)
     monkeypatch.setattr("focusjax.layers._picture.check_frame", lambda grid: None)
-    # Twice where two triangles of a pane meet, so a little over four times.
-    expected = r"samples about 4\.?\d* times over, which needs about .* width and height to 86 %"
+    monkeypatch.setattr(_memory, "machine_memory", lambda: int(3.5 * 48 * grid.size / 0.9))
+    # The square root of 3.5 / 4 is 0.935.
+    expected = r"samples about 4 times over, which .* enough for 3.5 times; .* width and height to 93 %"
     with pytest.raises(ValueError, match=expected):
         peel(panes(camera), camera, wide_lens(camera))
+    monkeypatch.setattr(_memory, "machine_memory", lambda: int(350 * 48 * grid.size / 0.9))
+    with pytest.raises(ValueError, match=r"about 4000 times over, .* enough for 350 times; .* to 29 %"):
+        peel(panes(camera, sheets=1000), camera, wide_lens(camera))
 
 
 def test_a_system_that_does_not_tell_is_trusted(monkeypatch: pytest.MonkeyPatch):

@@ -10,6 +10,7 @@ from small_scenes import front_camera
 from focusjax.geometry import Camera, look_at
 from focusjax.layers import Grid
 from focusjax.layers._attributes import SurfaceSamples, surface_samples
+from focusjax.layers._boxes import boxes_on
 from focusjax.layers._clip import clip_to_near
 from focusjax.layers._grid import homogeneous_image
 from focusjax.layers._raster import Fragments, rasterise
@@ -73,7 +74,7 @@ class Drawn(NamedTuple):
 def draw(triangles: np.ndarray, camera: Camera, grid: Grid) -> Drawn:
     vertices, faces = triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)
     screen = clip_to_near(homogeneous_image(vertices, camera, grid), faces, NEAR)
-    stamps = dice(screen, grid)
+    stamps = dice(screen, boxes_on(grid, screen))
     fragments = rasterise(stamps, grid)
     return Drawn(
         grid, stamps, fragments, surface_samples(stamps, screen, fragments.sample, fragments.stamp, grid)

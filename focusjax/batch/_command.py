@@ -139,7 +139,7 @@ def _line(result: ItemResult) -> str:
     """What came of an item, on one line."""
     name = result.item.name
     if result.status == "failed":
-        return f"{name}  failed"
+        return f"{name}  failed: {result.message}"
     lens = result.facts["lens"]
     parts = [f"focus {metres(lens['focus_distance_m'])}", f_number(lens["f_number"])]
     if result.counted:

@@ -180,6 +180,18 @@ def _background(table: SceneTable, folder: Path) -> AbstractBackground:
     return image_background(folder / background.file, gain=background.gain, turn=background.turn_deg)
 
 
+def faces_of(scene: Scene, name: str, key: str) -> range:
+    """The faces of the object `name` that a config asks for by `key`.
+
+    Raises:
+        ValueError: there is no such object; the message names the key, and the nearest name.
+    """
+    try:
+        return scene.face_range(name)
+    except ValueError as error:
+        raise ValueError(f"{key}: {error}") from None
+
+
 def located(error: ValueError, config: Config) -> ConfigError:
     """The same sentence, with the file it is about."""
     return ConfigError(f"{config.source}: {error}")

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from focusjax.config._build import located
+from focusjax.config._build import faces_of, located
 from focusjax.config._errors import ConfigError
 from focusjax.config._focal_surface import ControlPointTable, GaussianTable, WendlandTable
 from focusjax.config._load import Config
@@ -71,7 +71,7 @@ def _control_point(table: ControlPointTable, number: int, scene: Scene) -> Focus
         where = AtPoint(table.point)
     else:
         assert table.object is not None
-        scene.face_range(table.object)
+        faces_of(scene, table.object, f"lens.focal_surface.points.{number}.object")
         where = OnObject(table.object, samples=1)
     return FocusPoint(
         where,

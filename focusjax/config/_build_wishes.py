@@ -9,7 +9,7 @@ import imageio.v3 as iio
 import numpy as np
 from jaxtyping import Bool
 
-from focusjax.config._build import located
+from focusjax.config._build import faces_of, located
 from focusjax.config._errors import ConfigError
 from focusjax.config._load import Config
 from focusjax.config._wishes import FocusTable
@@ -163,7 +163,11 @@ def _where(table: FocusTable, number: int, scene: Scene, folder: Path) -> Attach
         return AtInfinity(table.direction)
     if table.triangle is not None:
         assert table.barycentric is not None
-        faces = range(len(scene.faces)) if table.object is None else scene.face_range(table.object)
+        faces = (
+            range(len(scene.faces))
+            if table.object is None
+            else faces_of(scene, table.object, f"focus.{number}.object")
+        )
         if table.triangle >= len(faces):
             where = "the scene" if table.object is None else f"object {table.object!r}"
             raise ValueError(
@@ -177,7 +181,7 @@ def _where(table: FocusTable, number: int, scene: Scene, folder: Path) -> Attach
     if table.depth_m is not None:
         return InDepthRange(*table.depth_m, **more)
     assert table.object is not None
-    scene.face_range(table.object)
+    faces_of(scene, table.object, f"focus.{number}.object")
     return OnObject(table.object, **more)
 
 

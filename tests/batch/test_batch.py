@@ -64,13 +64,21 @@ def test_a_failing_item_is_named_and_stops_no_other(mixed):
     assert status == 1
     assert re.fullmatch(r"focusjax: behind failed: .*box's front.* behind the camera.*\n", complaint)
     assert "good  focus 1.75 m, f/" in printed
-    assert "behind  failed\n" in printed
+    reason = complaint.strip().removeprefix("focusjax: behind failed: ")
+    assert f"behind  failed: {reason}\n" in printed
     assert "2 of 3 done" in printed
     assert str(folder / "summary.html") in printed
     names = ["good", "summary.csv", "summary.html", "summary.json", "wide"]
     assert sorted(path.name for path in folder.iterdir()) == names
     files = ["blur.png", "item.json", "report.html", "report.json", "thumbnail.jpg"]
     assert sorted(path.name for path in (folder / "good").iterdir()) == files
+
+
+def test_a_misspelt_object_is_told_with_item_key_and_nearest_name(config, tmp_path, batch):
+    status, printed, _ = batch(config, "--grid", 'focus.1.object=["far bix"]', "--out", tmp_path / "out")
+    assert status == 1
+    assert "boxes,focus.1.object=far_bix  failed: " in printed
+    assert "boxes.toml: focus.1.object: there is no object named 'far bix'; did you mean 'far box'?" in printed
 
 
 def test_the_summary_as_a_table(mixed):

@@ -152,7 +152,11 @@ BAD_MESHES = {
         (["scene.objects.0.name=far box"], 2, r"two objects are named 'far box'"),
         (["camera.fov=3"], 2, r"unknown key camera\.fov; "),
         (["focus=[]"], 2, r"there are no focus points; add a \[\[focus\]\] table such as pixel = \[20, 15\]"),
-        (["focus.1.object=far bix"], 2, r"toml: focus\.1\.object: there is no object named 'far bix'; did you mean 'far box'\?"),
+        (
+            ["focus.1.object=far bix"],
+            2,
+            r"toml: focus\.1\.object: there is no object named 'far bix'; did you mean 'far box'\?",
+        ),
         (
             ["focus=[{pixel=[400, 3], sharp=true}]"],
             2,

@@ -9,7 +9,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
-from focusjax.focus._checks import ArgumentError, require
+from focusjax.focus._checks import ArgumentError, require_number
 from focusjax.geometry import Camera
 from focusjax.lens import MAX_TILT
 
@@ -125,15 +125,15 @@ def make_limits(
     shortest, longest = (
         (length, length) if focal_length_range is None else _ends("focal_length_range", focal_length_range)
     )
-    shortest = require(
-        jnp.asarray(shortest, dtype=float),
+    shortest = require_number(
+        shortest,
         lambda v: v > 0,
         "the focal length range's start in metres",
         "a positive length such as 0.024",
         "focal_length_range.0",
     )
-    longest = require(
-        jnp.asarray(longest, dtype=float),
+    longest = require_number(
+        longest,
         lambda v: (v >= shortest) & (v < np.inf),
         "the focal length range's end in metres",
         "a finite length, not below the range's start",
@@ -141,34 +141,29 @@ def make_limits(
     )
     if min_focus_distance is None:
         min_focus_distance = LIFE_SIZE * longest
-    near = jnp.asarray(min_focus_distance, dtype=float)
-    far = jnp.asarray(jnp.inf if max_focus_distance is None else max_focus_distance, dtype=float)
-    widest, narrowest = (
-        jnp.asarray(end, dtype=float)
-        for end in _ends("f_number_range", F_NUMBERS if f_number_range is None else f_number_range)
-    )
-    near = require(
-        near,
+    widest, narrowest = _ends("f_number_range", F_NUMBERS if f_number_range is None else f_number_range)
+    near = require_number(
+        min_focus_distance,
         lambda v: (v > longest) & (v < np.inf),
         "minimum focus distance in metres",
         "a finite distance beyond the focal length; raise it, or use a shorter focal length",
         "min_focus_distance",
     )
-    far = require(
-        far,
+    far = require_number(
+        np.inf if max_focus_distance is None else max_focus_distance,
         lambda v: v > near,
         "maximum focus distance in metres",
         "more than the minimum, or infinity",
         "max_focus_distance",
     )
-    widest = require(
+    widest = require_number(
         widest,
         lambda v: v > 0,
         "the f-number range's start",
         "a positive number such as 1.4",
         "f_number_range.0",
     )
-    narrowest = require(
+    narrowest = require_number(
         narrowest,
         lambda v: (v > widest) & (v < np.inf),
         "the f-number range's end",
@@ -221,15 +216,15 @@ def _slides(name: str, ends: Range | None, camera: Camera) -> Ends:
         half = width / 2.0 if isinstance(width, Tracer) else float(width) / 2.0
         ends = (-half, half)
     least, most = _ends(f"{name}_range", ends)
-    least = require(
-        jnp.asarray(least, dtype=float),
+    least = require_number(
+        least,
         lambda v: abs(v) < np.inf,
         f"the {name} range's start in metres",
         "a finite length such as -0.011",
         f"{name}_range.0",
     )
-    most = require(
-        jnp.asarray(most, dtype=float),
+    most = require_number(
+        most,
         lambda v: (v >= least) & (v < np.inf),
         f"the {name} range's end in metres",
         "a finite length, not below the range's start",
@@ -240,15 +235,15 @@ def _slides(name: str, ends: Range | None, camera: Camera) -> Ends:
 
 def _angles(name: str, ends: Range | None) -> Ends:
     least, most = (-MAX_TILT, MAX_TILT) if ends is None else _ends(f"{name}_range", ends)
-    least = require(
-        jnp.asarray(least, dtype=float),
+    least = require_number(
+        least,
         lambda v: abs(v) < np.pi / 2,
         f"the {name} range's start in radians",
         "an angle between -pi/2 and pi/2",
         f"{name}_range.0",
     )
-    most = require(
-        jnp.asarray(most, dtype=float),
+    most = require_number(
+        most,
         lambda v: (v >= least) & (v < np.pi / 2),
         f"the {name} range's end in radians",
         "an angle from the range's start to less than pi/2",

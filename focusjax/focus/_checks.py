@@ -1,7 +1,6 @@
 """One way to refuse a value, whether it is known now or only when compiled code runs."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -10,31 +9,11 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from focusjax._words import kind_of, shown
-
-
-class ArgumentError(ValueError):
-    """An argument that cannot be as it is.
-
-    Attributes:
-        argument: which one, with its parts after dots: "f_number_range.0" is the range's start, and
-            "points.2.where" the place of the third wish.
-    """
-
-    def __init__(self, message: str, argument: str):
-        super().__init__(message)
-        self.argument = argument
-
-
-@contextmanager
-def about(argument: str) -> Iterator[None]:
-    """Says of every `ValueError` inside which argument it is about, unless that is known already."""
-    try:
-        yield
-    except ArgumentError:
-        raise
-    except ValueError as error:
-        raise ArgumentError(str(error), argument) from error
+from focusjax._arguments import ArgumentError as ArgumentError
+from focusjax._arguments import about as about
+from focusjax._arguments import real_number
+from focusjax._arguments import require_kind as require_kind
+from focusjax._words import shown
 
 
 def require(
@@ -68,20 +47,11 @@ def require(
     return value
 
 
-def require_kind(
-    value: object, kinds: type | tuple[type, ...], usage: str, remedy: str, argument: str
-) -> None:
-    """Refuse a value of another class, for callers who do not check types.
-
-    Args:
-        value: what was given.
-        kinds: classes that will do.
-        usage: the call with its arguments in order, such as "solve(points, camera, lens)".
-        remedy: how to come by one.
-        argument: the argument's name.
-    """
-    if not isinstance(value, kinds):
-        names = " or ".join(kind.__name__ for kind in (kinds if isinstance(kinds, tuple) else (kinds,)))
-        raise ArgumentError(
-            f"{argument} of {usage} is {kind_of(value)}; expected {names}: {remedy}", argument.split()[-1]
-        )
+def require_number(
+    value: Any, holds: Callable[[Any], Any], what: str, expected: str, argument: str
+) -> Float[Array, ""]:
+    """`value` as an array, when it is one number of which `holds` is true; arguments as for `require`."""
+    if not isinstance(value, Tracer):
+        with about(argument):
+            value = real_number(value, what, expected)
+    return require(jnp.asarray(value, dtype=float), holds, what, expected, argument)

@@ -13,7 +13,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from focusjax._words import kind_of
 from focusjax.focus._bounds import Limits
-from focusjax.focus._checks import ArgumentError, require, require_kind
+from focusjax.focus._checks import ArgumentError, require_kind, require_number
 from focusjax.focus._image_points import ImagePoints, anonymous, padded, room_for, stacked, together
 from focusjax.focus._priors import Numbers
 from focusjax.focus._refuse import require_lens, require_points
@@ -137,8 +137,8 @@ def frames_asked(
 
 
 def _smoothing(name: str, weight: ArrayLike) -> Float[Array, ""]:
-    return require(
-        jnp.asarray(weight, dtype=float),
+    return require_number(
+        weight,
         lambda v: (v >= 0) & (v < np.inf),
         name,
         "zero or a positive finite number",

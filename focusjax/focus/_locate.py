@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Integer
 
+from focusjax._arguments import real_number, real_numbers
 from focusjax._words import did_you_mean, kind_of, shown
 from focusjax.focus._checks import ArgumentError, about, require_kind
 from focusjax.focus._framing import ends, frames, with_framing
@@ -64,10 +65,10 @@ def locate(
         (('nose',), [[32.0, 24.0]], [0.5])
     """
     _check_wishes(points, camera)
-    if not 0 <= favour_near < np.inf:
-        raise ArgumentError(
-            f"favour_near is {shown(favour_near)}; expected zero or a positive finite number", "favour_near"
-        )
+    expected = "zero or a positive finite number"
+    with about("favour_near"):
+        if not 0 <= real_number(favour_near, "favour_near", expected) < np.inf:
+            raise ValueError(f"favour_near is {shown(favour_near)}; expected {expected}")
     names = _names(points)
     finder = Finder(camera, vertices, faces, objects or {}, _checked_map(disparity_map, camera))
     places = []
@@ -242,7 +243,7 @@ def _checked_map(
 ) -> Float[np.ndarray, "h w"] | None:
     if disparity_map is None:
         return None
-    array = np.asarray(disparity_map).astype(float)
+    array = real_numbers(disparity_map, "the disparity map", "numbers of dioptres, one for each pixel")
     if array.shape != (camera.height, camera.width):
         raise ValueError(
             f"the disparity map has shape {array.shape}; expected one value per pixel,"

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Integer
 
+from focusjax._arguments import real_numbers
 from focusjax._words import did_you_mean, shown
 from focusjax.focus._points import (
     AtInfinity,
@@ -225,10 +226,7 @@ def _along_z_curve(
 
 
 def _finite(values: Vector, what: str) -> Float[np.ndarray, "3"]:
-    try:
-        array = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        raise ValueError(f"{what} is {values!r}; expected three finite numbers") from None
+    array = real_numbers(values, what, "three finite numbers")
     if array.shape != (3,) or not np.all(np.isfinite(array)):
         raise ValueError(f"{what} is {shown(array)}; expected three finite numbers")
     return array

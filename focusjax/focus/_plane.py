@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from focusjax.focus._bounds import LIFE_SIZE
-from focusjax.focus._checks import require
+from focusjax.focus._checks import require, require_number
 from focusjax.focus._disk import least_in_disk
 from focusjax.focus._image_points import repeated, room_for, unweighted
 from focusjax.focus._refuse import opened, require_lens
@@ -172,15 +172,15 @@ def _checked_limits(
     if min_focus_distance is None:
         min_focus_distance = LIFE_SIZE * camera.focal_length
     return (
-        require(
-            jnp.asarray(max_tilt, dtype=dtype),
+        require_number(
+            max_tilt,
             lambda v: (v >= 0) & (v < np.pi / 2),
             "the tilt limit in radians",
             "0 up to less than pi/2",
             "max_tilt",
         ),
-        require(
-            jnp.asarray(min_focus_distance, dtype=dtype),
+        require_number(
+            min_focus_distance,
             lambda v: (v * jnp.cos(jnp.asarray(max_tilt)) > camera.focal_length) & (v < np.inf),
             "minimum focus distance in metres",
             "a finite distance beyond the focal length over the cosine of the tilt limit; raise it",

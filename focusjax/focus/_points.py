@@ -8,6 +8,9 @@ from typing import Any, SupportsFloat, SupportsIndex, TypeAlias, get_args
 import numpy as np
 from jaxtyping import Array, Bool
 
+from focusjax._arguments import real_number
+from focusjax._counts import require_counts
+from focusjax._words import kind_of
 from focusjax.focus._units import Diameter, amount
 
 Vector: TypeAlias = Sequence[SupportsFloat] | np.ndarray | Array
@@ -24,6 +27,9 @@ class AtPixel:
 
     x: SupportsFloat
     y: SupportsFloat
+
+    def __post_init__(self) -> None:
+        _pixels(self.x, self.y, "a focus point's pixel")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,6 +58,10 @@ class OnTriangle:
     face: SupportsIndex
     barycentric: Vector
 
+    def __post_init__(self) -> None:
+        if isinstance(self.face, bool) or not isinstance(self.face, SupportsIndex):
+            raise ValueError(f"a triangle's face is {self.face!r}; expected its row in the scene's faces")
+
 
 @dataclasses.dataclass(frozen=True)
 class OnObject:
@@ -66,6 +76,8 @@ class OnObject:
     samples: int = 64
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise ValueError(f"an object's name is {self.name!r}; expected the text it has in the scene")
         _check_samples(self.samples, f"object {self.name!r}")
 
 
@@ -84,6 +96,11 @@ class OnMask:
     samples: int = 64
 
     def __post_init__(self) -> None:
+        if not np.issubdtype(getattr(self.mask, "dtype", np.void), np.bool_):
+            raise ValueError(
+                f"a mask is {kind_of(self.mask)}; expected an array of True and False, one for each pixel, as"
+                " image > 0.5 makes"
+            )
         _check_samples(self.samples, "a mask")
 
 
@@ -103,9 +120,14 @@ class InDepthRange:
     samples: int = 16
 
     def __post_init__(self) -> None:
-        near, far = float(self.near), float(self.far)
+        ends = (self.near, "start"), (self.far, "end")
+        near, far = (
+            real_number(value, f"the depth range's {end}", "a distance in metres such as 2.0")
+            for value, end in ends
+        )
         if not 0 < near < far:
             raise ValueError(f"the depth range is {near} m to {far} m; expected 0 < near < far")
+        require_counts(samples=self.samples)
         if self.samples < 2:
             raise ValueError(f"the depth range has {self.samples} samples; expected at least 2, for its ends")
 
@@ -192,7 +214,7 @@ class ShownAt:
     y: SupportsFloat
 
     def __post_init__(self) -> None:
-        if not math.isfinite(float(self.x)) or not math.isfinite(float(self.y)):
+        if not all(math.isfinite(each) for each in _pixels(self.x, self.y, "the place to be shown at")):
             raise ValueError(f"the place to be shown at is ({self.x}, {self.y}); expected finite pixels")
 
 
@@ -254,9 +276,8 @@ class FocusPoint:
             raise ValueError(
                 f"{label} is a depth range, which is nowhere in the picture; give it another wish"
             )
-        if isinstance(self.weight, str):
-            raise ValueError(f"{label} has weight {self.weight!r}; expected zero or a positive finite number")
-        for what, value in (("weight", float(self.weight)), ("tolerance", amount(self.tolerance))):
+        weight = real_number(self.weight, f"the weight of {label}", "zero or a positive finite number")
+        for what, value in (("weight", weight), ("tolerance", amount(self.tolerance))):
             if not 0 <= value < math.inf:
                 raise ValueError(f"{label} has {what} {value}; expected zero or a positive finite number")
 
@@ -268,9 +289,15 @@ def check_kind(what: str, value: object, kinds: Any) -> None:
         raise ValueError(f"{what} {value!r}; expected one of {names}")
 
 
+def _pixels(x: Any, y: Any, what: str) -> tuple[float, float]:
+    """A position in the picture, finite or not."""
+    return real_number(x, f"x of {what}", "a number of pixels"), real_number(
+        y, f"y of {what}", "a number of pixels"
+    )
+
+
 def _check_samples(samples: int, what: str) -> None:
-    if samples < 1:
-        raise ValueError(f"{what} has {samples} samples; expected at least 1")
+    require_counts(**{f"the number of samples of {what}": samples})
 
 
 def _check_diameter(what: str, diameter: Diameter, *, negative: bool = False) -> None:

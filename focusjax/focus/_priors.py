@@ -8,6 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from focusjax._arguments import real_number
 from focusjax._words import kind_of, shown
 from focusjax.focus._checks import ArgumentError, require_kind
 from focusjax.focus._parameters import PARAMETERS
@@ -39,7 +40,8 @@ class Prior:
     sigma: float
 
     def __post_init__(self) -> None:
-        if not 0 < self.sigma < math.inf:
+        real_number(self.value, "a prior's value", "a number")
+        if not 0 < real_number(self.sigma, "a prior's sigma", "a positive finite number") < math.inf:
             raise ValueError(f"a prior's sigma is {shown(self.sigma)}; expected a positive finite number")
         if math.isnan(self.value):
             raise ValueError("a prior's value is nan; expected a number")

@@ -10,7 +10,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
-from focusjax.focus._checks import ArgumentError, require, require_kind
+from focusjax.focus._checks import ArgumentError, require_kind, require_number
 from focusjax.focus._image_points import EQUAL, ImagePoints, anonymous, blurs, errors, root_weight
 from focusjax.focus._refuse import checked_points, opened, require_points
 from focusjax.focus._solution import WishResult, wish_table
@@ -130,8 +130,8 @@ def solve_focal_surface(
     require_kind(surface, FocalSurface, usage, "`focal_surface` makes one", "surface")
     require_kind(lens, ThinLens, usage, "`thin_lens` makes one", "lens")
     points = _without_relations(checked_points(points))
-    smoothness = require(
-        jnp.asarray(smoothness, dtype=float),
+    smoothness = require_number(
+        smoothness,
         lambda v: (v >= 0) & (v < jnp.inf),
         "smoothness",
         "zero or a positive finite number",

@@ -3,6 +3,7 @@
 import dataclasses
 from typing import SupportsFloat, TypeAlias
 
+from focusjax._arguments import real_number
 from focusjax.geometry import Camera
 
 
@@ -36,19 +37,15 @@ def amount(diameter: Diameter) -> float:
     """The number in `diameter`, in its own unit.
 
     Raises:
-        ValueError: words instead of a number.
+        ValueError: no number.
     """
     match diameter:
-        case OnSensor(number) | OfHeight(number):
+        case OnSensor(given) | OfHeight(given):
             pass
-        case number:
+        case given:
             pass
-    if isinstance(number, str):
-        raise ValueError(
-            f"a diameter is {number!r}; expected a number of pixels, such as 8.0, or OnSensor(millimetres) or"
-            " OfHeight(fraction)"
-        )
-    return float(number)
+    expected = "a number of pixels, such as 8.0, or OnSensor(millimetres) or OfHeight(fraction)"
+    return real_number(given, "a diameter", expected)
 
 
 def pixels(diameter: Diameter, camera: Camera) -> float:

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._arguments import require_kind
 from focusjax._stopwatch import Stopwatch
-from focusjax._words import kind_of
 from focusjax.config import (
     Config,
     build_camera,
@@ -25,7 +25,6 @@ from focusjax.config import (
     refusals_located,
 )
 from focusjax.focus import (
-    ArgumentError,
     FocusPoint,
     ImagePoints,
     Solution,
@@ -222,18 +221,9 @@ def find_points(
     Raises:
         ArgumentError: as `locate`; a scene that is none.
     """
-    if not isinstance(scene, Scene):
-        raise ArgumentError(
-            f"scene of find_points(wishes, scene, camera) is {kind_of(scene)}; expected Scene: `make_scene`"
-            " makes one",
-            "scene",
-        )
-    if not isinstance(camera, Camera):
-        raise ArgumentError(
-            f"camera of find_points(wishes, scene, camera) is {kind_of(camera)}; expected Camera: `look_at`"
-            " and `make_camera` make one",
-            "camera",
-        )
+    usage = "find_points(wishes, scene, camera)"
+    require_kind(scene, Scene, usage, "`make_scene` makes one", "scene")
+    require_kind(camera, Camera, usage, "`look_at` and `make_camera` make one", "camera")
     return locate(
         wishes,
         camera,

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._arguments import real_number, require_kind
 from focusjax.geometry import Camera, filter_radius
 from focusjax.layers._blocks import pad_rows, padded_length
 from focusjax.layers._clip import ScreenTriangles, clip_to_near
@@ -33,6 +34,11 @@ def frame(
     pixel_filter: str = "box",
 ) -> tuple[ScreenTriangles, Grid]:
     """The triangles that matter, in the coordinates of the grid that holds them."""
+    usage = "layers of (scene, camera, lens)"
+    require_kind(scene, Scene, usage, "`make_scene` makes one", "scene")
+    require_kind(camera, Camera, usage, "`look_at` and `make_camera` make one", "camera")
+    if lens is not None:
+        require_kind(lens, AbstractLens, usage, "`thin_lens` makes one", "lens")
     inner = Grid(camera.width, camera.height, supersampling, 0)
     if inner.size > _MOST_SAMPLES:
         raise ValueError(
@@ -74,14 +80,10 @@ def frame(
 
 def _near(near: object) -> float:
     """The depth from which surfaces count, as a user gives it."""
-    try:
-        depth = float(near)  # pyright: ignore[reportArgumentType]  # what is no number is refused below
-    except (TypeError, ValueError):
-        depth = np.nan
+    expected = "a positive depth in metres, or None for a tenth of the focal length"
+    depth = real_number(near, "near", expected)
     if not 0 < depth < np.inf:
-        raise ValueError(
-            f"near is {near!r}; expected a positive depth in metres, or None for a tenth of the focal length"
-        )
+        raise ValueError(f"near is {near!r}; expected {expected}")
     return depth
 
 

@@ -25,7 +25,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from focusjax._arguments import require_kind
 from focusjax._counts import require_counts
+from focusjax._words import kind_of
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers._cells import interval
 from focusjax.layers._layers import Layers
@@ -95,9 +97,16 @@ def missed_light(
         >>> missed_light(peel(*view, max_layers=1), everything).share > 0.02
         True
     """
+    usage = "missed_light(layers, nearest)"
+    require_kind(layers, Layers, usage, "`peel` and `decompose` make them", "layers")
     require_counts(rays=rays)
     if not callable(nearest):
-        raise ValueError(f"nearest is {nearest!r}; expected a function such as nearest_in_layers(all_layers)")
+        raise ValueError(
+            f"nearest of {usage} is {kind_of(nearest)}; expected a function from lens rays to the disparities"
+            " that they meet, such as nearest_in_layers(layers) of other layers, or nearest_in_scene(scene)"
+        )
+    if lens is not None:
+        require_kind(lens, AbstractLens, usage, "the lens whose rays are cast", "lens")
     lens = layers.lens if lens is None else lens
     random = np.random.default_rng(seed)
     missed, weights = [], []

@@ -7,13 +7,15 @@ opening never brightens the picture: exposure is that of the f-number, whatever 
 
 import abc
 import math
-from typing import Any, SupportsFloat
+import operator
+from typing import Any, SupportsFloat, SupportsIndex
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from focusjax._arguments import real_number
 from focusjax.lens._length import root
 
 
@@ -155,11 +157,11 @@ def polygon(blades: int, *, rotation: SupportsFloat = 0.0, roundness: SupportsFl
     Raises:
         ValueError: fewer than 3 blades, or a roundness outside 0 to 1.
     """
-    if blades < 3:
-        raise ValueError(f"an aperture has {blades} blades; expected at least 3, or a disk")
-    if not 0.0 <= float(roundness) <= 1.0:
+    if isinstance(blades, bool) or not isinstance(blades, SupportsIndex) or operator.index(blades) < 3:
+        raise ValueError(f"an aperture has {blades!r} blades; expected a whole number, at least 3, or a disk")
+    if not 0.0 <= real_number(roundness, "blade roundness", "between 0 (straight) and 1 (round)") <= 1.0:
         raise ValueError(f"blade roundness is {roundness}; expected between 0 (straight) and 1 (round)")
-    if not math.isfinite(float(rotation)):
+    if not math.isfinite(real_number(rotation, "blade rotation", "a finite angle in radians")):
         raise ValueError(f"blade rotation is {rotation}; expected a finite angle in radians")
     return Polygon(
         rotation=jnp.asarray(float(rotation), dtype=float),

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from focusjax._arguments import real_numbers
 from focusjax.lens._kernels import AbstractKernel, InverseDistance
 from focusjax.lens._moving_least_squares import Basis, moving_least_squares
 
@@ -84,7 +85,7 @@ def focal_surface(
     Raises:
         ValueError: no points, lengths that differ, or a value out of range.
     """
-    places = np.asarray(xy, dtype=float)
+    places = real_numbers(xy, "the places of control points", "k rows of (x, y) in pixels, at least one")
     if places.ndim != 2 or places.shape[1] != 2 or not len(places):
         raise ValueError(f"control points have shape {places.shape}; expected k rows of (x, y), at least one")
     if basis not in get_args(Basis):
@@ -96,7 +97,7 @@ def focal_surface(
         ("aperture scale", aperture_scale),
         ("weight", weight),
     ):
-        column = np.asarray(value, dtype=float)
+        column = real_numbers(value, f"control points' {name}", f"one number, or {count}")
         if column.shape not in ((), (count,)):
             raise ValueError(f"{name} has shape {column.shape}; expected one number, or {count}")
         if not np.isfinite(column).all() or (name != "focus disparity" and (column < 0).any()):

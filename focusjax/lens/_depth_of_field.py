@@ -3,6 +3,7 @@
 import math
 from typing import SupportsFloat
 
+from focusjax._arguments import real_number, real_numbers
 from focusjax.geometry import Camera
 from focusjax.lens._thin import ThinLens, thin_lens
 
@@ -42,17 +43,29 @@ def depth_of_field_lens(
         >>> round(float(lens.focus_distance()), 3), round(float(lens.f_number(camera)), 1)
         (2.667, 10.4)
     """
-    first, last = float(near), float(far)
+    first, last = (
+        real_number(value, f"the {end} end of what is to be sharp", "a distance in metres such as 2.0")
+        for end, value in (("near", near), ("far", far))
+    )
     if not 0.0 < first < last:
         raise ValueError(
             f"the range to be sharp is from {first:g} to {last:g} m; expected the nearer end first, above 0"
         )
     circle = (
-        math.hypot(camera.width, camera.height) * DIAGONAL_SHARE if circle_px is None else float(circle_px)
+        math.hypot(camera.width, camera.height) * DIAGONAL_SHARE
+        if circle_px is None
+        else real_number(circle_px, "the circle of confusion in pixels", "above 0, such as 1")
     )
     if not 0.0 < circle < math.inf:
         raise ValueError(f"the circle of confusion is {circle:g} px; expected above 0, such as 1")
-    widest, narrowest = (float(each) for each in f_number_range)
+    ends = real_numbers(
+        f_number_range, "f_number_range", "two numbers, the smallest f-number and the largest"
+    )
+    if ends.shape != (2,):
+        raise ValueError(
+            f"f_number_range is {f_number_range}; expected two numbers, the smallest f-number and the largest"
+        )
+    widest, narrowest = ends.tolist()
     if not 0.0 < widest < narrowest:
         raise ValueError(
             f"the f-numbers are {widest:g} to {narrowest:g}; expected the smaller one first, above 0"

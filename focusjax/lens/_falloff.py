@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from focusjax._arguments import real_number
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._dimmed import AbstractDimmedLens
@@ -88,7 +89,7 @@ def cosine_falloff(power: SupportsFloat = 4.0) -> CosineFalloff:
     Raises:
         ValueError: a power below 0, or one that is not finite.
     """
-    if not 0.0 <= float(power) < float("inf"):
+    if not 0.0 <= real_number(power, "the power of the cosine", "0 or more, such as 4") < float("inf"):
         raise ValueError(f"the power of the cosine is {float(power):g}; expected 0 or more, such as 4")
     return CosineFalloff(jnp.asarray(float(power), dtype=float))
 

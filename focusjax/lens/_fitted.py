@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._arguments import real_number
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aim import line_of
 from focusjax.lens._aperture import Disk
@@ -139,7 +140,11 @@ def fitted_lens(
         >>> bool(fitted.error.largest() < 0.05)
         True
     """
-    wanted, near, far = float(error_px), float(nearest), float(farthest)
+    wanted = real_number(error_px, "the error allowed in pixels", "a positive number such as 0.05")
+    near, far = (
+        real_number(value, f"the {end} distance in metres", "a positive one, such as 0.5")
+        for end, value in (("nearest", nearest), ("farthest", farthest))
+    )
     if not 0.0 < wanted < math.inf:
         raise ValueError(f"the error allowed is {wanted} px; expected a positive number such as 0.05")
     if not 0.0 < near < far:

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._arguments import real_number
 from focusjax.geometry import Camera
 from focusjax.lens._film import RINGS, film_for
 from focusjax.lens._prescription import PrescriptionLens
@@ -92,12 +93,12 @@ def in_terms_of(
     Raises:
         ValueError: as `prescription_lens`, of these.
     """
-    distance = float(focus_distance)
+    distance = real_number(focus_distance, "focus distance in metres", "a positive distance or infinity")
     if not distance > 0:
         raise ValueError(f"focus distance is {distance} m; expected a positive distance or infinity")
     lens = with_focal_length(prescription, float(camera.focal_length) * 1e3)
     if f_number is not None:
-        lens = opened_to(lens, float(f_number))
+        lens = opened_to(lens, real_number(f_number, "f-number", "a positive number such as 2.8"))
     disparity = jnp.asarray(1.0 / distance, dtype=float)
     if group is not None:
         lens = focused_by_group(lens, *group, 1e-3 / distance)

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from focusjax._arguments import real_numbers
 from focusjax._monotone_cubic import monotone_cubic
 
 
@@ -67,13 +68,13 @@ def height_curve(
         >>> round(float(curve(jnp.array(0.02))), 6)
         -0.04
     """
-    places, numbers = checked_table(heights, values, name)
-    if not even and numbers[0] != 0:
+    places, found = checked_table(heights, values, name)
+    if not even and found[0] != 0:
         raise ValueError(
-            f"{name} starts with {numbers[0]:g} on the axis, where there is none of it; start with 0"
+            f"{name} starts with {found[0]:g} on the axis, where there is none of it; start with 0"
         )
     reach, shares = jnp.asarray(places[-1], dtype=float), jnp.asarray(places / places[-1], dtype=float)
-    return HeightCurve(reach, shares, jnp.asarray(numbers, dtype=float), even)
+    return HeightCurve(reach, shares, jnp.asarray(found, dtype=float), even)
 
 
 def checked_table(
@@ -85,14 +86,14 @@ def checked_table(
         ValueError: numbers that do not match, fewer than two, not finite ones, or heights that do not rise
             from 0.
     """
-    places, numbers = np.asarray(heights, dtype=float), np.asarray(values, dtype=float)
-    if places.ndim != 1 or places.shape != numbers.shape or len(places) < 2:
+    places = real_numbers(heights, f"heights of {name}", "metres, rising from 0 on")
+    found = real_numbers(values, f"values of {name}", "finite numbers, one for each height")
+    if places.ndim != 1 or places.shape != found.shape or len(places) < 2:
         raise ValueError(
-            f"{name} has {places.size} heights and {numbers.size} values; expected two or more, as many of"
-            " both"
+            f"{name} has {places.size} heights and {found.size} values; expected two or more, as many of both"
         )
     if not np.isfinite(places).all() or places[0] != 0 or not (np.diff(places) > 0).all():
         raise ValueError(f"{name} has heights {places.tolist()} m; expected rising ones from 0 on")
-    if not np.isfinite(numbers).all():
-        raise ValueError(f"{name} has values {numbers.tolist()}; expected finite numbers")
-    return places, numbers
+    if not np.isfinite(found).all():
+        raise ValueError(f"{name} has values {found.tolist()}; expected finite numbers")
+    return places, found

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from focusjax._arguments import real_numbers
 from focusjax.lens._aperture import AbstractAperture, Disk
 from focusjax.lens._density import Density
 
@@ -61,7 +62,7 @@ def mask(image: ArrayLike | Sequence[Sequence[float]]) -> Mask:
         >>> [round(float(v), 3) for v in cross.half]
         [0.894, 0.894]
     """
-    values = np.asarray(image, dtype=float)
+    values = real_numbers(image, "a mask of the opening", "numbers, a value for each of its pixels")
     if values.ndim != 2 or values.size == 0:
         raise ValueError(f"the aperture's image has shape {values.shape}; expected rows and columns of grey")
     if not np.isfinite(values).all() or values.min() < 0:

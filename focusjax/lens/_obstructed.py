@@ -5,6 +5,7 @@ from typing import SupportsFloat
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from focusjax._arguments import real_number
 from focusjax.lens._aperture import AbstractAperture, Disk, Polygon
 
 
@@ -45,8 +46,9 @@ def obstructed(obstruction: SupportsFloat, outline: AbstractAperture | None = No
         ValueError: an obstruction outside 0 to 1, or an outline that has a hole or a density already.
     """
     whole = Disk() if outline is None else outline
-    if not 0.0 < float(obstruction) < 1.0:
-        raise ValueError(f"obstruction is {obstruction}; expected a share of the diameter between 0 and 1")
+    expected = "a share of the diameter between 0 and 1"
+    if not 0.0 < real_number(obstruction, "obstruction", expected) < 1.0:
+        raise ValueError(f"obstruction is {obstruction}; expected {expected}")
     if not isinstance(whole, Disk | Polygon):
         raise ValueError(f"an obstruction stands in a {type(whole).__name__}; expected a disk or blades")
     return Obstructed(whole, jnp.asarray(float(obstruction), dtype=float))

@@ -7,12 +7,14 @@ All follows from n = u / F - e_z / s (`focusjax.lens._tilt_shift` derives it), w
 
 import math
 from collections.abc import Sequence
+from typing import SupportsFloat
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from focusjax._arguments import real_number, real_numbers
 from focusjax.geometry import Camera
 
 MAX_TILT = math.pi / 4
@@ -98,7 +100,10 @@ def focal_plane_through(
         >>> [round(float(v), 3) for v in focal_plane_through((0, -1.5, 4), (0, 1, 0))]
         [0.0, -0.667, 0.0]
     """
-    place, across = (np.asarray(v, dtype=np.float64) for v in (point, normal))
+    place, across = (
+        real_numbers(value, f"the plane's {name}", "three finite numbers")
+        for name, value in (("point", point), ("normal", normal))
+    )
     for name, value in (("point", place), ("normal", across)):
         if value.shape != (3,) or not np.all(np.isfinite(value)):
             raise ValueError(f"the plane's {name} is {value.tolist()}; expected three finite numbers")
@@ -111,16 +116,17 @@ def focal_plane_through(
     return jnp.asarray(across / reach + 0.0, dtype=float)
 
 
-def check_plane(plane: ArrayLike, focal_length: float, max_tilt: float) -> None:
+def check_plane(plane: ArrayLike, focal_length: float, max_tilt: SupportsFloat) -> None:
     """Refuse what a lens of `focal_length` cannot be focused on with at most `max_tilt` radians.
 
     Raises:
         ValueError: says why.
     """
-    n = np.asarray(plane, dtype=np.float64)
+    n = real_numbers(plane, "the plane in focus in 1/m", "three finite numbers")
     if n.shape != (3,) or not np.all(np.isfinite(n)):
         raise ValueError(f"the plane in focus is {n.tolist()} 1/m; expected three finite numbers")
-    if not 0 <= max_tilt < math.pi / 2:
+    most = real_number(max_tilt, "the tilt limit in radians", "0 up to less than pi/2")
+    if not 0 <= most < math.pi / 2:
         raise ValueError(f"the tilt limit is {max_tilt} rad; expected 0 up to less than pi/2")
     hinge = math.inf if not np.any(n[:2]) else 1.0 / float(np.hypot(*n[:2]))
     sine = focal_length / hinge
@@ -133,10 +139,10 @@ def check_plane(plane: ArrayLike, focal_length: float, max_tilt: float) -> None:
         )
     angle = math.asin(sine)
     # A tilt that is given as the limit itself must not fail by rounding.
-    if angle > max_tilt + 1e-6:
+    if angle > most + 1e-6:
         raise ValueError(
             f"{where}, which takes a tilt of {math.degrees(angle):.4g} degrees in all; the limit"
-            f" is {math.degrees(max_tilt):.4g}, so use a shorter focal length, or a plane farther from the"
+            f" is {math.degrees(most):.4g}, so use a shorter focal length, or a plane farther from the"
             " lens centre"
         )
     if n[2] >= math.cos(angle) / focal_length:

@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from focusjax._arguments import real_numbers
+
 # Exact for r^3 times a cubic.
 _NODES, _WEIGHTS = ((a + b) / 2 for a, b in zip(np.polynomial.legendre.leggauss(4), (1.0, 0.0), strict=True))
 
@@ -71,7 +73,7 @@ def radial_spline(values: ArrayLike | Sequence[SupportsFloat]) -> RadialSpline:
     Raises:
         ValueError: fewer than two values, or one that is not finite.
     """
-    numbers = np.asarray(values, dtype=float)
+    numbers = real_numbers(values, "values of a spline", "finite numbers, from the middle to the rim")
     if numbers.ndim != 1 or len(numbers) < 2:
         raise ValueError(
             f"a profile has values of shape {numbers.shape}; give two or more, from the middle to the rim"

@@ -5,6 +5,7 @@ from typing import SupportsFloat
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from focusjax._arguments import real_number
 from focusjax.lens._aperture import AbstractAperture
 
 
@@ -53,6 +54,6 @@ def squeezed(squeeze: SupportsFloat, whole: AbstractAperture) -> Squeezed:
     Raises:
         ValueError: a squeeze below 1.
     """
-    if not 1.0 <= float(squeeze) < float("inf"):
+    if not 1.0 <= real_number(squeeze, "squeeze", "1 or more, such as 1.5") < float("inf"):
         raise ValueError(f"squeeze is {squeeze}; expected 1 or more, such as 1.5")
     return Squeezed(whole, jnp.asarray(float(squeeze), dtype=float))

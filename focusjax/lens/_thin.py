@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from focusjax._arguments import real_number, require_kind
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import AbstractAperture, Disk
 from focusjax.lens._base import AbstractLens
@@ -90,11 +91,11 @@ def thin_lens(
         ValueError: a value out of range, a focus distance within the focal length, or not
             exactly one of `f_number` and `aperture_radius`.
     """
-    distance = float(focus_distance)
+    distance = real_number(focus_distance, "focus distance in metres", "a positive distance or infinity")
     if not distance > 0:
         raise ValueError(f"focus distance is {distance} m; expected a positive distance or infinity")
     if focal_length is not None:
-        length = float(focal_length)
+        length = real_number(focal_length, "focal length in metres", "a positive length")
         if not 0 < length < float("inf"):
             raise ValueError(f"focal length is {length} m; expected a positive length")
         if distance <= length:
@@ -105,16 +106,20 @@ def thin_lens(
     if (f_number is None) == (aperture_radius is None):
         raise ValueError("give exactly one of f-number and aperture radius")
     if f_number is not None:
-        if not 0 < float(f_number) < float("inf"):
+        wanted = real_number(f_number, "f-number", "a positive number such as 2.8")
+        if not 0 < wanted < float("inf"):
             raise ValueError(f"f-number is {f_number}; expected a positive number such as 2.8")
         if focal_length is None:
             raise ValueError("an f-number needs the focal length; give it, or the aperture radius")
-        radius = float(focal_length) / (2.0 * float(f_number))
+        radius = float(focal_length) / (2.0 * wanted)
     else:
         assert aperture_radius is not None
-        radius = float(aperture_radius)
+        radius = real_number(aperture_radius, "aperture radius in metres", "zero or a positive length")
         if not 0 <= radius < float("inf"):
             raise ValueError(f"aperture radius is {radius} m; expected zero or a positive length")
+    if aperture is not None:
+        remedy = "`polygon`, `obstructed`, `apodized` and `mask` make one, and Disk() is round"
+        require_kind(aperture, AbstractAperture, "thin_lens(aperture=)", remedy, "aperture")
     return ThinLens(
         focus_disparity=jnp.asarray(1.0 / distance, dtype=float),
         aperture_radius=jnp.asarray(radius, dtype=float),

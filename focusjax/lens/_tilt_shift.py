@@ -33,6 +33,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from focusjax._arguments import real_number
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import AbstractAperture, Disk
 from focusjax.lens._base import AbstractLens
@@ -207,8 +208,12 @@ def tilt_shift_lens(
         aperture_radius=aperture_radius,
         aperture=aperture,
     )
-    plane = plane_of(float(focus_distance), float(focal_length), float(tilt), float(swing))
-    check_plane(plane, float(focal_length), float(max_tilt))
+    angles = (
+        real_number(angle, f"{name} in radians", "an angle between -pi/2 and pi/2")
+        for name, angle in (("tilt", tilt), ("swing", swing))
+    )
+    plane = plane_of(float(focus_distance), float(focal_length), *angles)
+    check_plane(plane, float(focal_length), max_tilt)
     return TiltShiftLens(jnp.asarray(plane, dtype=float), upright.aperture_radius, upright.aperture)
 
 
@@ -244,7 +249,7 @@ def lens_for_plane(
         aperture_radius=aperture_radius,
         aperture=aperture,
     )
-    check_plane(plane, length, float(max_tilt))
+    check_plane(plane, length, max_tilt)
     lens = TiltShiftLens(jnp.asarray(plane, dtype=float), opening.aperture_radius, opening.aperture)
     corners = _frame_corners(camera, lens.plane.dtype)
     nearest = float(jax.vmap(lambda corner: lens.focal_disparity(camera, corner))(corners).max())

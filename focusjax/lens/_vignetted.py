@@ -6,6 +6,7 @@ from typing import SupportsFloat
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from focusjax._arguments import real_number
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._dimmed import AbstractDimmedLens
@@ -59,9 +60,9 @@ def vignetted_lens(
     Raises:
         ValueError: a shift that is not finite, a disk that is not positive, or a closed lens.
     """
-    if not abs(float(corner_shift)) < float("inf"):
+    if not abs(real_number(corner_shift, "the corner shift", "aperture radii, such as 0.7")) < float("inf"):
         raise ValueError(f"the corner shift is {corner_shift}; expected aperture radii, such as 0.7")
-    if not 0.0 < float(disk) < float("inf"):
+    if not 0.0 < real_number(disk, "the disk's radius", "aperture radii, such as 1.1") < float("inf"):
         raise ValueError(f"the disk's radius is {disk}; expected aperture radii, such as 1.1")
     radius = lens.parallax(camera) / camera.focal_px
     if not float(radius) > 0:
@@ -82,7 +83,7 @@ def hooded_lens(lens: AbstractLens, *, radius: SupportsFloat, distance: Supports
         ValueError: a radius or a distance that is not positive.
     """
     for name, value in (("radius", radius), ("distance", distance)):
-        if not 0.0 < float(value) < float("inf"):
+        if not 0.0 < real_number(value, f"the hood's {name} in metres", "a positive length") < float("inf"):
             raise ValueError(f"the hood's {name} is {value} m; expected a positive length")
     return VignettedLens(
         lens, jnp.asarray(float(radius), dtype=float), jnp.asarray(float(distance), dtype=float)

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
+from focusjax._arguments import real_numbers
 from focusjax.scene._vectors import norm, unit
 
 
@@ -91,16 +92,17 @@ def light_colour(value: ArrayLike | Sequence[float], what: str) -> Float[Array, 
     Raises:
         ValueError: another number of values, a negative one, or one that is not finite.
     """
-    colour = jnp.asarray(value, dtype=float)
+    expected = "one number or three (red, green, blue)"
+    colour = jnp.asarray(real_numbers(value, f"the {what}", expected), dtype=float)
     if colour.shape not in ((), (3,)):
-        raise ValueError(f"the {what} is {value}; expected one number or three (red, green, blue)")
+        raise ValueError(f"the {what} is {value}; expected {expected}")
     if not bool(jnp.all(jnp.isfinite(colour))) or not bool(jnp.all(colour >= 0)):
         raise ValueError(f"the {what} is {value}; expected finite values of at least 0")
     return jnp.broadcast_to(colour, (3,))
 
 
 def _vector(value: ArrayLike | Sequence[float], what: str) -> Float[Array, "3"]:
-    vector = jnp.asarray(value, dtype=float)
+    vector = jnp.asarray(real_numbers(value, f"the {what}", "three finite numbers"), dtype=float)
     if vector.shape != (3,) or not bool(jnp.all(jnp.isfinite(vector))):
         raise ValueError(f"the {what} is {value}; expected three finite numbers")
     return vector

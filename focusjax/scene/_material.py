@@ -1,10 +1,11 @@
 """How a surface answers light: constants of one material, and the checks of their values."""
 
-import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
+
+from focusjax._arguments import real_number, real_numbers
 
 UNTEXTURED = -1
 """The texture number of a material that has none."""
@@ -51,10 +52,7 @@ def triple(value: object, what: str, *, largest: float = float("inf")) -> Float[
     Raises:
         ValueError: another number of values, or one out of range.
     """
-    try:
-        values = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{what} is {value!r}; expected one number or three (red, green, blue)") from error
+    values = real_numbers(value, what, "one number or three (red, green, blue)")
     if values.shape not in ((), (3,)):
         raise ValueError(f"{what} is {value!r}; expected one number or three (red, green, blue)")
     if not (np.isfinite(values).all() and (values >= 0).all() and (values <= largest).all()):
@@ -69,10 +67,7 @@ def opacity_of(value: float, what: str) -> float:
     Raises:
         ValueError: out of range, or not a number.
     """
-    try:
-        share = float(value)
-    except (TypeError, ValueError):
-        share = math.nan
+    share = real_number(value, what, "a number, 0 (not there) to 1 (opaque)")
     if not 0.0 <= share <= 1.0:
         raise ValueError(f"{what} is {value!r}; expected a number, 0 (not there) to 1 (opaque)")
     return share
@@ -84,6 +79,7 @@ def shininess_of(value: float) -> float:
     Raises:
         ValueError: below 1, where a lobe's slope has no bound, or not finite.
     """
-    if not 1.0 <= value < float("inf"):
-        raise ValueError(f"shininess is {value}; expected a finite Phong exponent of at least 1")
+    expected = "a finite Phong exponent of at least 1"
+    if not 1.0 <= real_number(value, "shininess", expected) < float("inf"):
+        raise ValueError(f"shininess is {value}; expected {expected}")
     return float(value)

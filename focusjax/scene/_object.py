@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from focusjax._arguments import real_number, real_numbers
 from focusjax.scene._images import decode_srgb, fill_hidden
 from focusjax.scene._material import Material, opacity_of, shininess_of, triple
 from focusjax.scene._normals import smooth_normals, unit_rows
@@ -124,11 +125,13 @@ def make_object(
         opacity_texture=0 if opacities else -1,
     )
     part = Part(
-        vertices=np.asarray(vertices, dtype=np.float64),
-        faces=np.asarray(faces, dtype=np.int64),
+        vertices=real_numbers(vertices, f"vertices of {what}", "three coordinates per vertex"),
+        faces=_whole(real_numbers(faces, f"faces of {what}", "three vertex numbers per face"), what),
         material=material if cut is None else material.cut_at(cut),
-        uv=None if uv is None else np.asarray(uv, dtype=np.float64),
-        colours=None if vertex_colours is None else np.asarray(vertex_colours, dtype=np.float64),
+        uv=None if uv is None else real_numbers(uv, f"uv of {what}", "two texture coordinates per vertex"),
+        colours=None
+        if vertex_colours is None
+        else real_numbers(vertex_colours, f"vertex colours of {what}", "three linear values per vertex"),
     )
     check_part(part, what)
     return assemble(
@@ -141,6 +144,13 @@ def make_object(
         smooth_angle=smooth_angle,
         keep_normals=False,
     )
+
+
+def _whole(faces: Float[np.ndarray, "..."], what: str) -> Int[np.ndarray, "..."]:
+    """Vertex numbers as such."""
+    if not (faces == np.floor(faces)).all():
+        raise ValueError(f"faces of {what} are not all whole numbers; expected those of its vertices")
+    return faces.astype(np.int64)
 
 
 def _base_colour(colour: object, tinted: bool, what: str) -> Float[np.ndarray, "3"]:
@@ -156,7 +166,7 @@ def _pictures(
     """The colours and the opacity, if any, of `texture`."""
     if texture is None:
         return (), ()
-    picture = np.asarray(texture, dtype=np.float32)
+    picture = real_numbers(texture, f"texture of {what}", "linear values [h, w, 3]").astype(np.float32)
     if picture.ndim != 3 or picture.shape[2] not in (3, 4):
         raise ValueError(f"texture of {what} has the shape {picture.shape}; expected [h, w, 3] or [h, w, 4]")
     bad = ~(np.isfinite(picture) & (picture >= 0)).all(axis=2)
@@ -192,8 +202,9 @@ def assemble(
     Raises:
         ValueError: a `smooth_angle` outside 0 to 180 degrees, or nothing that has an area and is in reach.
     """
-    if not 0.0 <= smooth_angle <= 180.0:
-        raise ValueError(f"smooth angle is {smooth_angle} degrees; expected 0 (facets) to 180 (smooth)")
+    expected = "0 (facets) to 180 (smooth)"
+    if not 0.0 <= real_number(smooth_angle, "smooth angle in degrees", expected) <= 180.0:
+        raise ValueError(f"smooth angle is {smooth_angle} degrees; expected {expected}")
     joined: dict[str, list[np.ndarray]] = {
         key: []
         for key in ("vertices", "faces", "normals", "uv", "colours", "opacity", "source", "face_material")

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from focusjax._arguments import real_numbers
+
 
 def placement(
     translate: Sequence[float], rotate: Sequence[float], scale: float | Sequence[float]
@@ -22,7 +24,7 @@ def placement(
     """
     shift = _numbers(translate, "translate", (3,))
     turn = _numbers(rotate, "rotate", (3, 4))
-    factors = _numbers(np.atleast_1d(scale).tolist(), "scale", (1, 3))
+    factors = _numbers(scale if isinstance(scale, Sequence) else np.atleast_1d(scale), "scale", (1, 3))
     if (factors == 0.0).any():
         raise ValueError(f"scale is {scale}; expected factors other than 0, which would flatten the object")
     if len(turn) == 4:
@@ -47,10 +49,12 @@ def _about(axis: Float[np.ndarray, "3"], degrees: float) -> Float[np.ndarray, "3
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
 
-def _numbers(values: Sequence[float], what: str, lengths: tuple[int, ...]) -> Float[np.ndarray, "n"]:
+def _numbers(
+    values: Sequence[float] | np.ndarray, what: str, lengths: tuple[int, ...]
+) -> Float[np.ndarray, "n"]:
     """`values` as an array of one of the `lengths`."""
-    array = np.asarray(values, dtype=np.float64)
+    expected = f"{' or '.join(str(length) for length in lengths)} finite numbers"
+    array = real_numbers(values, what, expected)
     if array.ndim != 1 or len(array) not in lengths or not np.isfinite(array).all():
-        expected = " or ".join(str(length) for length in lengths)
-        raise ValueError(f"{what} is {values}; expected {expected} finite numbers")
+        raise ValueError(f"{what} is {values}; expected {expected}")
     return array

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
+from focusjax._arguments import require_kind
 from focusjax._words import did_you_mean
 from focusjax.scene._atlas import atlas_of, make_atlas
 from focusjax.scene._background import AbstractBackground, constant_background
@@ -184,6 +185,17 @@ def make_scene(
     Raises:
         ValueError: no objects, two of the same name, or a negative ambient light.
     """
+    usage = "make_scene(objects, lights=, background=)"
+    for name, values, kind, remedy in (
+        ("objects", objects, SceneObject, "`make_object` and `load_mesh` make one"),
+        ("lights", lights, AbstractLight, "`directional_light` and `point_light` make one"),
+    ):
+        require_kind(values, Sequence, usage, "a list of them", name)
+        for value in values:
+            require_kind(value, kind, usage, remedy, f"one of {name}")
+    if background is not None:
+        remedy = "`constant_background`, `gradient_background` and `image_background` make one"
+        require_kind(background, AbstractBackground, usage, remedy, "background")
     if not objects:
         raise ValueError("the scene has no objects; expected at least one mesh")
     ranges: dict[str, range] = {}

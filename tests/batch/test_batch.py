@@ -78,7 +78,9 @@ def test_a_misspelt_object_is_told_with_item_key_and_nearest_name(config, tmp_pa
     status, printed, _ = batch(config, "--grid", 'focus.1.object=["far bix"]', "--out", tmp_path / "out")
     assert status == 1
     assert "boxes,focus.1.object=far_bix  failed: " in printed
-    assert "boxes.toml: focus.1.object: there is no object named 'far bix'; did you mean 'far box'?" in printed
+    assert (
+        "boxes.toml: focus.1.object: there is no object named 'far bix'; did you mean 'far box'?" in printed
+    )
 
 
 def test_the_summary_as_a_table(mixed):

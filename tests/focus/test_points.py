@@ -11,7 +11,10 @@ from focusjax.focus._points import Attachment, Wish, check_kind
     [
         (lambda: Blur(-3.0), "wished blur is -3.0 px; a diameter is not negative, unless the wish is signed"),
         (lambda: Blur(float("nan")), "wished blur is nan px; expected a finite diameter"),
-        (lambda: OnObject("spot", samples=0), "object 'spot' has 0 samples; expected at least 1"),
+        (
+            lambda: OnObject("spot", samples=0),
+            "the number of samples of object 'spot' is 0; expected a whole",
+        ),
         (
             lambda: FocusPoint(AtPixel(1, 1), Sharp(), weight=-1, name="face"),
             "focus point 'face' has weight -1.0; expected zero or a positive finite number",

@@ -105,7 +105,7 @@ def test_the_disk_map_keeps_neighbours_together():
 @pytest.mark.parametrize(
     ("blades", "roundness", "message"),
     [
-        (2, 0.0, "an aperture has 2 blades; expected at least 3, or a disk"),
+        (2, 0.0, "an aperture has 2 blades; expected a whole number, at least 3, or a disk"),
         (5, -0.1, r"blade roundness is -0\.1; expected between 0 \(straight\) and 1 \(round\)"),
         (5, 1.5, r"blade roundness is 1\.5; expected between 0 \(straight\) and 1 \(round\)"),
         (5, float("nan"), "blade roundness is nan; expected between 0"),

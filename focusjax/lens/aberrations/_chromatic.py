@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._arguments import real_numbers
+from focusjax._counts import require_counts
 from focusjax.lens._base import AbstractLens, Channel
 from focusjax.lens._coloured import AbstractColouredLens
 from focusjax.lens.aberrations._aberrated import AberratedLens
@@ -75,12 +77,16 @@ def chromatic_lens(
         >>> len(chromatic_lens(thin, focus_offset=(-0.02, 0, 0.02)).channels())
         3
     """
-    focus, size = (np.array([float(v) for v in values]) for values in (focus_offset, magnification))
+    focus, size = (
+        real_numbers(values, name, "finite numbers for red, green and blue")
+        for name, values in (("focus offset", focus_offset), ("magnification", magnification))
+    )
     for name, values in (("focus offset", focus), ("magnification", size)):
         if values.shape != (3,) or not np.isfinite(values).all():
             raise ValueError(f"{name} is {values.tolist()}; expected finite numbers for red, green and blue")
     if not (size > 0).all():
         raise ValueError(f"magnification is {size.tolist()}; expected positive numbers near 1")
+    require_counts(bands=bands)
     if bands < 3 or bands % 2 == 0:
         raise ValueError(f"there are {bands} bands; expected 3, 5, 7 or another odd number")
     place, primaries = np.linspace(0.0, 2.0, bands), np.arange(3.0)

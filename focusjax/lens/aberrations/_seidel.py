@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._arguments import real_number
 from focusjax.geometry import Camera
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._length import length
@@ -134,7 +135,7 @@ def seidel(
     """
     given = {"w040": w040, "w131": w131, "w222": w222, "w220": w220, "w311": w311}
     for name, value in given.items():
-        if not np.isfinite(float(value)):
+        if not np.isfinite(real_number(value, name, "a finite number of pixels")):
             raise ValueError(f"{name} is {value}; expected a finite number of pixels")
     radius = lens.parallax(camera) / camera.focal_px
     if not float(radius) > 0:
@@ -155,8 +156,20 @@ def pixels_per_wave(
         camera: whose pixels are meant.
         f_number: N at the full opening.
         wavelength: metres.
+
+    Raises:
+        ValueError: one that is not positive.
     """
-    return 2.0 * float(f_number) * float(wavelength) * camera.focal_px / camera.focal_length
+    number, wave = (
+        real_number(value, name, f"a positive number such as {usual}")
+        for name, value, usual in (
+            ("f-number", f_number, 2.8),
+            ("wavelength in metres", wavelength, 5e-7),
+        )
+    )
+    if not (number > 0 and wave > 0):
+        raise ValueError(f"f-number is {number} and wavelength {wave} m; expected positive numbers")
+    return 2.0 * number * wave * camera.focal_px / camera.focal_length
 
 
 def _half_diagonal(camera: Camera) -> float:

@@ -1,0 +1,111 @@
+"""Arguments that are not what they should be, refused in words where nobody checks types."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, NoReturn, SupportsFloat
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from focusjax._words import kind_of
+
+
+class ArgumentError(ValueError):
+    """An argument that cannot be as it is.
+
+    Attributes:
+        argument: which one, with its parts after dots: "f_number_range.0" is the range's start, and
+            "points.2.where" the place of the third wish.
+    """
+
+    def __init__(self, message: str, argument: str):
+        super().__init__(message)
+        self.argument = argument
+
+
+@contextmanager
+def about(argument: str) -> Iterator[None]:
+    """Says of every `ValueError` inside which argument it is about, unless that is known already."""
+    try:
+        yield
+    except ArgumentError:
+        raise
+    except ValueError as error:
+        raise ArgumentError(str(error), argument) from error
+
+
+def require_kind(
+    value: object, kinds: type | tuple[type, ...], usage: str, remedy: str, argument: str
+) -> None:
+    """Refuse a value of another class, for callers who do not check types.
+
+    Args:
+        value: what was given.
+        kinds: classes that will do.
+        usage: the call with its arguments in order, such as "solve(points, camera, lens)".
+        remedy: how to come by one.
+        argument: the argument's name.
+    """
+    if not isinstance(value, kinds):
+        names = " or ".join(kind.__name__ for kind in (kinds if isinstance(kinds, tuple) else (kinds,)))
+        raise ArgumentError(
+            f"{argument} of {usage} is {kind_of(value)}; expected {names}: {remedy}", argument.split()[-1]
+        )
+
+
+def real_number(value: Any, what: str, expected: str) -> float:
+    """A real number, in any range, of a Python or numpy type or an array without axes.
+
+    Args:
+        value: what was given.
+        what: the value's name, which starts the message.
+        expected: what it should have been, which ends the message.
+
+    Raises:
+        ValueError: text, True or False, None, several numbers, or anything else.
+
+    Example:
+        >>> real_number(np.float32(2), "the distance in metres", "a positive number")
+        2.0
+        >>> real_number("2", "the distance in metres", "a positive number")
+        Traceback (most recent call last):
+        ValueError: the distance in metres is '2'; expected a positive number
+    """
+    if type(value) in (float, int):
+        return float(value)
+    if not isinstance(value, SupportsFloat) or np.ndim(value) or not _real(value):  # pyright: ignore[reportArgumentType]  # any number has 0 axes
+        _refuse(value, what, expected)
+    return float(value)
+
+
+def real_numbers(value: Any, what: str, expected: str) -> Float[np.ndarray, "..."]:
+    """Real numbers in an array of any shape, which is not looked at; arguments as for `real_number`.
+
+    Raises:
+        ValueError: rows of several lengths, or what `real_number` refuses.
+    """
+    try:
+        array = np.asarray(value)
+        if array.dtype == object:
+            array = np.array([real_number(each, what, expected) for each in array.flat]).reshape(array.shape)
+    except ValueError:
+        _refuse(value, what, expected)
+    if not _real(array):
+        _refuse(value, what, expected)
+    return array.astype(float)
+
+
+def _real(value: Any) -> bool:
+    """Whether a number, or the numbers of an array, are neither true or false, complex, nor text."""
+    dtype = getattr(value, "dtype", None)
+    if dtype is None:
+        return not isinstance(value, bool | complex)
+    # Those of JAX include types that numpy takes for records.
+    return any(jax.dtypes.issubdtype(dtype, kind) for kind in (np.floating, np.integer))
+
+
+def _refuse(value: Any, what: str, expected: str) -> NoReturn:
+    plain = value is None or isinstance(value, str | bool | int | float)
+    said = repr(value) if plain or len(repr(value)) <= 40 else kind_of(value)
+    raise ValueError(f"{what} is {said}; expected {expected}") from None

@@ -299,7 +299,7 @@ def test_bad_files_are_refused_in_one_sentence(tmp_path, kind, message):
     ("arguments", "message"),
     [
         ({"scale": 0.0}, r"scale is 0\.0; expected factors other than 0"),
-        ({"scale": (1.0, 2.0)}, r"scale is \[1\.0, 2\.0\]; expected 1 or 3 finite numbers"),
+        ({"scale": (1.0, 2.0)}, r"scale is \(1\.0, 2\.0\); expected 1 or 3 finite numbers"),
         ({"translate": (0.0, np.nan, 0.0)}, r"translate is .*; expected 3 finite numbers"),
         ({"rotate": (0.0, 1.0)}, r"rotate is .*; expected 3 or 4 finite numbers"),
         ({"rotate": (0.0, 0.0, 0.0, 30.0)}, r"whose axis is zero"),

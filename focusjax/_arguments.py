@@ -93,7 +93,7 @@ def real_numbers(value: Any, what: str, expected: str) -> Float[np.ndarray, "...
         _refuse(value, what, expected)
     if not _real(array):
         _refuse(value, what, expected)
-    return array.astype(float)
+    return array.astype(float, copy=False)
 
 
 def _real(value: Any) -> bool:

@@ -126,7 +126,7 @@ def make_object(
     )
     part = Part(
         vertices=real_numbers(vertices, f"vertices of {what}", "three coordinates per vertex"),
-        faces=_whole(real_numbers(faces, f"faces of {what}", "three vertex numbers per face"), what),
+        faces=_vertex_numbers(faces, what),
         material=material if cut is None else material.cut_at(cut),
         uv=None if uv is None else real_numbers(uv, f"uv of {what}", "two texture coordinates per vertex"),
         colours=None
@@ -146,11 +146,13 @@ def make_object(
     )
 
 
-def _whole(faces: Float[np.ndarray, "..."], what: str) -> Int[np.ndarray, "..."]:
-    """Vertex numbers as such."""
-    if not (faces == np.floor(faces)).all():
-        raise ValueError(f"faces of {what} are not all whole numbers; expected those of its vertices")
-    return faces.astype(np.int64)
+def _vertex_numbers(faces: object, what: str) -> Int[np.ndarray, "..."]:
+    """Whole numbers, of whatever type."""
+    if not np.issubdtype(getattr(faces, "dtype", np.void), np.integer):
+        faces = real_numbers(faces, f"faces of {what}", "three vertex numbers per face")
+        if not (faces == np.floor(faces)).all():
+            raise ValueError(f"faces of {what} are not all whole numbers; expected those of its vertices")
+    return np.asarray(faces).astype(np.int64, copy=False)
 
 
 def _base_colour(colour: object, tinted: bool, what: str) -> Float[np.ndarray, "3"]:

@@ -56,7 +56,9 @@ from focusjax.inverse import widest_lens as widest_lens
 from focusjax.io import load_exr as load_exr
 from focusjax.io import save_exr as save_exr
 from focusjax.io import save_png as save_png
+from focusjax.job import ExposedSolution as ExposedSolution
 from focusjax.job import find_points as find_points
+from focusjax.job import solve_exposed as solve_exposed
 from focusjax.layers import Layers as Layers
 from focusjax.layers import decompose as decompose
 from focusjax.layers import disparity_map as disparity_map

@@ -7,9 +7,9 @@ from rich.table import Table
 
 from focusjax import bench, job
 from focusjax.focus import Solution, SurfaceSolution, WishResult, diagnose
+from focusjax.lens import depth_of_field
 from focusjax.report import (
     angle,
-    depth_of_field,
     f_number,
     glass_facts,
     glass_sentences,
@@ -51,7 +51,16 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
             highlight=False,
         )
         if taken.sentence() is not None:
-            console.print(taken.sentence(), highlight=False)
+            console.print(taken.sentence(), highlight=False, markup=False)
+    elif outcome.exposed is not None:
+        settings = outcome.exposed.chosen.settings
+        console.print(
+            f"{job.shutter(float(settings.time))} at ISO {float(settings.iso):.0f},"
+            f" EV {float(settings.exposure_value()):.1f}",
+            highlight=False,
+        )
+        if outcome.exposed.sentence() is not None:
+            console.print(outcome.exposed.sentence(), highlight=False, markup=False)
     if outcome.solution is not None:
         console.print(_wishes(outcome.solution))
     if outcome.solution is not None:

@@ -86,7 +86,7 @@ ALLOWED = {
         "_words",
     },
     "charts": {"geometry", "optics", "lens", "io"},
-    "_tell": {"focus", "job", "report", "shot", "bench"},
+    "_tell": {"focus", "lens", "job", "report", "shot", "bench"},
     "cli": {"charts", "io", "config", "job", "report", "shot", "bench", "batch", "_tell"},
 }
 # The public face re-exports from everywhere below the command line.

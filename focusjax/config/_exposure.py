@@ -60,6 +60,11 @@ class ExposureTable(Table):
         default=None, description="the highest speed that may be chosen, for example 6400"
     )
 
+    priority: Literal["focus", "exposure"] | None = Field(
+        default=None,
+        description='"focus" or "exposure", what goes first where they want different f-numbers',
+    )
+
     @property
     def luminance(self) -> float:
         """Of radiance 1, in cd/m^2."""
@@ -86,7 +91,7 @@ class ExposureTable(Table):
             if getattr(self, key) is not None and given is not None:
                 raise ValueError(f"has {key}, a limit to what is given anyway; leave one of the two out")
         if not self.free:
-            for key in ("meter", "zones", "compensation"):
+            for key in ("meter", "zones", "compensation", "priority"):
                 if getattr(self, key):
                     raise ValueError(
                         f"has time, iso and {key}, which only a chosen exposure has; leave one out"

@@ -93,6 +93,18 @@ class Config(Table):
         return self
 
     @model_validator(mode="after")
+    def _aperture_to_choose(self) -> "Config":
+        """Focus and light have to share an f-number that may change."""
+        if self.exposure is None or self.exposure.priority is None or self.lens.sharp_from_m is not None:
+            return self
+        if self.lens.focal_surface is not None or "f_number" not in self.solve.free:
+            raise ValueError(
+                "has exposure.priority, but no f-number that may change; give lens.sharp_from_m and"
+                ' sharp_to_m, or add "f_number" to solve.free'
+            )
+        return self
+
+    @model_validator(mode="after")
     def _one_shutter(self) -> "Config":
         """What moves is said by a shot, and how long light falls on it once."""
         table = self.shutter
@@ -111,6 +123,12 @@ class Config(Table):
                 " two out"
             )
         return self
+
+    def weighs(self, *, solving: bool) -> bool:
+        """Whether focus and light are to share an f-number, with a solve or without."""
+        if self.exposure is None or self.exposure.priority is None:
+            return False
+        return self.lens.sharp_from_m is not None or (solving and "f_number" in self.solve.free)
 
     @property
     def shutter_seconds(self) -> float | None:

@@ -9,6 +9,8 @@ from focusjax.film._display import encode_srgb as encode_srgb
 from focusjax.film._display import expose as expose
 from focusjax.film._display import to_bytes as to_bytes
 from focusjax.film._display import to_words as to_words
+from focusjax.film._f_numbers import FNumbersForLight as FNumbersForLight
+from focusjax.film._f_numbers import f_numbers_for_light as f_numbers_for_light
 from focusjax.film._film import AbstractFilm as AbstractFilm
 from focusjax.film._film import Film as Film
 from focusjax.film._film import Sensor as Sensor

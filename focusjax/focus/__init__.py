@@ -1,5 +1,6 @@
 """Wishes about what is sharp and what is blurred, and the lens that meets them best."""
 
+from focusjax.focus._bounds import F_NUMBERS as F_NUMBERS
 from focusjax.focus._by_rays import RayFocus as RayFocus
 from focusjax.focus._by_rays import focus_by_rays as focus_by_rays
 from focusjax.focus._by_rays import sharp_weights as sharp_weights

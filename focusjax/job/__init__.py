@@ -1,10 +1,13 @@
 """One run from a config to a picture."""
 
+from focusjax.job._exposed import ExposedLens as ExposedLens
+from focusjax.job._exposed import ExposedSolution as ExposedSolution
+from focusjax.job._exposed import open_for_light as open_for_light
+from focusjax.job._exposed import solve_exposed as solve_exposed
 from focusjax.job._glass import ThroughGlass as ThroughGlass
 from focusjax.job._photograph import Development as Development
 from focusjax.job._photograph import Photograph as Photograph
 from focusjax.job._photograph import find_development as find_development
-from focusjax.job._photograph import shutter as shutter
 from focusjax.job._photograph import take_photograph as take_photograph
 from focusjax.job._picture import Examined as Examined
 from focusjax.job._picture import Picture as Picture
@@ -15,3 +18,4 @@ from focusjax.job._run import Outcome as Outcome
 from focusjax.job._run import blur_map as blur_map
 from focusjax.job._run import find_points as find_points
 from focusjax.job._run import run as run
+from focusjax.job._shutter_words import shutter as shutter

@@ -44,6 +44,7 @@ class Photograph:
         metered: radiance that was to be grey; None where nothing was chosen.
         chosen: how that went; None where nothing was chosen.
         white_share: share of the picture's channels that are as bright as can be shown.
+        weighed: which of focus and exposure gave way, and by how much; None where neither had to.
     """
 
     image: Float[Array, "h w 3"]
@@ -53,10 +54,13 @@ class Photograph:
     metered: float | None
     chosen: ChosenSettings | None
     white_share: float
+    weighed: str | None = None
 
     def sentence(self) -> str | None:
-        """What keeps the exposure from being right, and the f-number that would be; None when it is."""
+        """What gave way, or what keeps the exposure from being right; None when nothing did."""
         chosen = self.chosen
+        if self.weighed is not None:
+            return self.weighed
         if chosen is None or not chosen.limits:
             return None
         off = float(chosen.stops_off)
@@ -137,12 +141,27 @@ def find_development(config: Config, image: Float[Array, "h w 3"] | None = None)
     )
 
 
+def metered_radiance(config: Config, image: Float[Array, "h w 3"]) -> float:
+    """The radiance that `[exposure]` makes grey, after the white balance of `[film]`.
+
+    Raises:
+        ValueError: zones that are not in the picture.
+    """
+    assert config.exposure is not None
+    balance = build_balance(config, image)
+    seen = image if balance is None else image * balance.astype(image.dtype).reshape(1, 1, 3)
+    return float(meter(seen, *build_zones(config.exposure)))
+
+
 def take_photograph(
     config: Config,
     camera: Camera,
     lens: ThinLens | TiltShiftLens,
     image: Float[Array, "h w 3"],
     pinhole: Float[Array, "h w 3"],
+    *,
+    grey: float | None = None,
+    weighed: str | None = None,
 ) -> Photograph | None:
     """Expose and develop as `[exposure]` and `[film]` say; None when the config has neither.
 
@@ -152,6 +171,8 @@ def take_photograph(
         lens: whose f-number and focus expose.
         image: radiance through the lens.
         pinhole: radiance with everything sharp.
+        grey: radiance that was metered before; metered in `image` if None.
+        weighed: what gave way, of focus and exposure.
 
     Raises:
         ConfigError: settings that no camera has, or nothing to meter.
@@ -164,9 +185,7 @@ def take_photograph(
         settings = development.settings(camera, lens)
         if config.exposure is not None and config.exposure.free:
             assert settings is not None
-            balance = development.balance
-            seen = image if balance is None else image * balance.astype(image.dtype).reshape(1, 1, 3)
-            metered = float(meter(seen, *build_zones(config.exposure)))
+            metered = metered_radiance(config, image) if grey is None else grey
             chosen = choose_settings(metered, settings, **build_choices(config.exposure))
             settings = chosen.settings
     except ValueError as error:
@@ -174,9 +193,4 @@ def take_photograph(
     shown, sharp = (development.shown(each, camera, settings) for each in (image, pinhole))
     white = float(np.mean(np.asarray(shown) >= _WHITE))
     luminance = None if config.exposure is None else config.exposure.luminance
-    return Photograph(shown, sharp, settings, luminance, metered, chosen, white)
-
-
-def shutter(seconds: float) -> str:
-    """A shutter time as it is engraved: 1/60 s, or 2.5 s."""
-    return f"1/{1 / seconds:.3g} s" if seconds < 0.3 else f"{seconds:.3g} s"
+    return Photograph(shown, sharp, settings, luminance, metered, chosen, white, weighed)

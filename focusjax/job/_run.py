@@ -1,8 +1,7 @@
 """One run from a config to a picture: load, find the points, solve, peel, render."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -30,13 +29,14 @@ from focusjax.focus import (
     Solution,
     SurfaceSolution,
     locate,
-    solve,
-    solve_focal_surface,
 )
 from focusjax.geometry import Camera
+from focusjax.job._exposed import ExposedLens, ExposedSolution
 from focusjax.job._glass import ThroughGlass, through_glass
 from focusjax.job._photograph import Photograph, take_photograph
 from focusjax.job._picture import Picture, Progress, make_picture
+from focusjax.job._solving import solved_lens, solved_surface
+from focusjax.job._weigh import metered_before, weighed_depth
 from focusjax.layers import Extent, disparity_map
 from focusjax.lens import (
     AbstractLens,
@@ -68,6 +68,7 @@ class Outcome:
         photograph: what the camera made of it, when the config has an exposure or a film.
         seconds: wall-clock seconds per stage, without compiling.
         compile_seconds: seconds per stage that went into compiling.
+        exposed: how focus and light share the f-number, when the config's exposure has a priority.
     """
 
     config: Config
@@ -82,6 +83,7 @@ class Outcome:
     seconds: dict[str, float]
     compile_seconds: dict[str, float]
     glass: ThroughGlass | None = None
+    exposed: ExposedLens | ExposedSolution | None = None
 
     @property
     def middle_lens(self) -> ThinLens | TiltShiftLens:
@@ -120,6 +122,14 @@ def run(
         scene = build_scene(config) if scene is None else scene
         wishes = build_focus_points(config, scene) if solving or config.focus else ()
         options = build_solve_options(config) if solving and config.lens.focal_surface is None else {}
+    grey, exposed = None, None
+    if config.weighs(solving=solving):
+        with watch.stage("meter"):
+            grey = metered_before(config, scene, camera)
+        if "f_number" not in config.solve.free or not solving:
+            assert isinstance(lens, ThinLens)
+            exposed = weighed_depth(config, camera, lens, grey)
+            lens = exposed.lens
     with watch.stage("locate"):
         disparity = np.asarray(disparity_map(scene, camera))
         points = _find(config, wishes, scene, camera, disparity) if wishes else None
@@ -128,24 +138,25 @@ def run(
     if surface is not None and solving:
         assert points is not None
         assert isinstance(lens, ThinLens)
-        solution = _solve_surface(config, points, camera, surface, lens, watch)
+        solution = solved_surface(config, points, camera, surface, lens, watch)
         lens = solution.lens
     elif surface is not None:
         assert isinstance(lens, ThinLens)
         lens = focal_surface_lens(surface, camera, lens)
     elif solving:
         assert points is not None
-        solution = _solve(config, options, points, camera, lens, watch)
-        lens, points = solution.lens, solution.points
+        light = grey if exposed is None else None
+        solution, weighed = solved_lens(config, options, points, camera, lens, light, watch)
+        exposed, lens, points = exposed or weighed, solution.lens, solution.points
         if set(config.solve.free) & {"focal_length", "shift", "rise"}:
             camera = solution.camera
             with watch.stage("locate_again"):
                 disparity = np.asarray(disparity_map(scene, camera))
         if set(config.solve.free) & {"shift", "rise"}:
             # The frame has moved, and with it what is inside.
-            with watch.stage("solve_again", compile_apart=False):
-                points = _find(config, wishes, scene, camera, disparity)
-                solution = solve(points, camera, lens, **options)
+            points = _find(config, wishes, scene, camera, disparity)
+            again = solved_lens(config, options, points, camera, lens, light, watch, ("solve_again",))
+            solution, exposed = again[0], again[1] or exposed
             lens, points, camera = solution.lens, solution.points, solution.camera
     glass = None
     if config.lens.prescription is not None:
@@ -158,7 +169,10 @@ def run(
         if config.exposure is not None or config.film is not None:
             with watch.stage("develop"):
                 middle = _in_the_middle(lens, camera)
-                photograph = take_photograph(config, camera, middle, picture.image, picture.pinhole)
+                told = None if exposed is None else exposed.sentence()
+                photograph = take_photograph(
+                    config, camera, middle, picture.image, picture.pinhole, grey=grey, weighed=told
+                )
     return Outcome(
         config=config,
         camera=camera,
@@ -174,6 +188,7 @@ def run(
         seconds=watch.seconds,
         compile_seconds=watch.compile_seconds,
         glass=glass,
+        exposed=exposed,
     )
 
 
@@ -257,37 +272,3 @@ def _find(
     """The wishes of a config in its picture; what cannot be found is told with its key."""
     with refusals_located(config):
         return find_points(wishes, scene, camera, disparity=disparity, favour_near=config.solve.favour_near)
-
-
-def _solve(
-    config: Config,
-    options: Mapping[str, Any],
-    points: ImagePoints,
-    camera: Camera,
-    lens: ThinLens | TiltShiftLens,
-    watch: Stopwatch,
-) -> Solution:
-    """Solve twice: the second time shows what a solve costs once it is compiled."""
-    for stage in ("solve_first", "solve"):
-        with watch.stage(stage, compile_apart=False), refusals_located(config):
-            solution = solve(points, camera, lens, **options)
-            jax.block_until_ready(eqx.filter(solution.lens, eqx.is_array))
-    return solution
-
-
-def _solve_surface(
-    config: Config,
-    points: ImagePoints,
-    camera: Camera,
-    surface: FocalSurface,
-    lens: ThinLens,
-    watch: Stopwatch,
-) -> SurfaceSolution:
-    """As `_solve`, for the control values of a focal surface."""
-    assert config.lens.focal_surface is not None
-    smoothness = config.lens.focal_surface.smoothness
-    for stage in ("solve_first", "solve"):
-        with watch.stage(stage, compile_apart=False), refusals_located(config):
-            solution = solve_focal_surface(points, camera, surface, lens, smoothness=smoothness)
-            jax.block_until_ready(solution.cost)
-    return solution

@@ -13,6 +13,8 @@ from focusjax.lens._base import in_colour as in_colour
 from focusjax.lens._control_points import FocalSurface as FocalSurface
 from focusjax.lens._control_points import focal_surface as focal_surface
 from focusjax.lens._depth_of_field import DIAGONAL_SHARE as DIAGONAL_SHARE
+from focusjax.lens._depth_of_field import DepthOfField as DepthOfField
+from focusjax.lens._depth_of_field import depth_of_field as depth_of_field
 from focusjax.lens._depth_of_field import depth_of_field_lens as depth_of_field_lens
 from focusjax.lens._falloff import AbstractFalloff as AbstractFalloff
 from focusjax.lens._falloff import CosineFalloff as CosineFalloff

@@ -1,7 +1,5 @@
 """What a run leaves behind for people and programs to read."""
 
-from focusjax.report._depth_of_field import DepthOfField as DepthOfField
-from focusjax.report._depth_of_field import depth_of_field as depth_of_field
 from focusjax.report._glass import glass_facts as glass_facts
 from focusjax.report._glass import glass_sentences as glass_sentences
 from focusjax.report._save import FILES as FILES

@@ -17,6 +17,7 @@ _TEMPLATES = jinja2.Environment(
 )
 _STAGES = {
     "load": "load the meshes",
+    "meter": "meter the sharp view",
     "locate": "find the focus points",
     "locate_again": "depths through the solved lens",
     "solve_first": "solve, first time (with its compile)",

@@ -12,8 +12,7 @@ from jaxtyping import Array, Float
 from focusjax.focus import Diagnosis, Result, SurfaceDiagnosis, SurfaceSolution, diagnose
 from focusjax.io import for_json
 from focusjax.job import Examined, Outcome, room_for_more, shutter
-from focusjax.lens import FocalSurfaceLens, as_tilt_shift
-from focusjax.report._depth_of_field import depth_of_field
+from focusjax.lens import FocalSurfaceLens, as_tilt_shift, depth_of_field
 from focusjax.report._glass import glass_facts
 
 _LIBRARIES = ("focusjax", "jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy", "trimesh", "OpenEXR")
@@ -80,10 +79,15 @@ def _lens(outcome: Outcome) -> dict[str, Any]:
 
 def _exposure(outcome: Outcome) -> dict[str, Any] | None:
     """What was set on the camera, and how that went; None where nothing was exposed."""
-    taken = outcome.photograph
-    if taken is None or taken.settings is None:
+    taken, exposed = outcome.photograph, outcome.exposed
+    if taken is not None and taken.settings is not None:
+        settings, chosen, sentence = taken.settings, taken.chosen, taken.sentence()
+    elif exposed is not None:
+        settings, chosen, sentence = exposed.chosen.settings, exposed.chosen, exposed.sentence()
+    else:
         return None
-    settings, chosen = taken.settings, taken.chosen
+    table = outcome.config.exposure
+    assert table is not None
     return {
         "f_number": float(settings.f_number),
         "effective_f_number": float(settings.effective_f_number()),
@@ -92,14 +96,15 @@ def _exposure(outcome: Outcome) -> dict[str, Any] | None:
         "shutter": shutter(float(settings.time)),
         "iso": float(settings.iso),
         "exposure_value": float(settings.exposure_value()),
-        "luminance_of_one_cd_m2": taken.luminance,
-        "lux_s_of_one": float(settings.exposure(jnp.ones(()))) * (taken.luminance or 0.0),
-        "chosen": list(outcome.config.exposure.free) if outcome.config.exposure else [],
-        "metered_radiance": taken.metered,
+        "luminance_of_one_cd_m2": table.luminance,
+        "lux_s_of_one": float(settings.exposure(jnp.ones(()))) * table.luminance,
+        "chosen": list(table.free),
+        "metered_radiance": None if taken is None else taken.metered,
         "stops_off": None if chosen is None else float(chosen.stops_off),
         "limits": [] if chosen is None else list(chosen.limits),
-        "sentence": taken.sentence(),
-        "white_share": taken.white_share,
+        "sentence": sentence,
+        "priority": table.priority,
+        "white_share": None if taken is None else taken.white_share,
     }
 
 

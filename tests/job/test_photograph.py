@@ -104,6 +104,14 @@ def test_depth_of_field_exposed_by_hand(boxes, tmp_path):
     assert taken["time_s"] == pytest.approx(1 / 60)
     assert 100 < taken["iso"] < 6400
     assert taken["stops_off"] == pytest.approx(0.0, abs=1e-6)
+    dim = ["--set", "exposure.light_ev=2", "--set", "exposure.priority=exposure"]
+    told, report = rendered(deep, tmp_path, *dim)
+    assert abs(report["exposure"]["stops_off"]) < 1e-3
+    assert report["lens"]["f_number"] < taken["f_number"] / 2
+    depth = report["lens"]["depth_of_field"]
+    left = f"Focus gives way: at f/{report['lens']['f_number']:.2g} it is sharp from {depth['near_m']:.3g} to"
+    assert left in told
+    assert left in (tmp_path / "report.html").read_text()
     with pytest.raises(ConfigError, match="has one of sharp_from_m and sharp_to_m; give both"):
         load_config(boxes, ["lens.sharp_from_m=2"])
     with pytest.raises(ConfigError, match="which gives focus and f-number, and f_number; leave one out"):
@@ -145,6 +153,11 @@ def test_depth_of_field_exposed_by_hand(boxes, tmp_path):
             "iso_min = 400, which is above",
         ),
         (["exposure.light_ev=9", "render.exposure=1"], "use exposure.compensation instead"),
+        (
+            ["exposure.light_ev=9", "exposure.priority=focus", "solve.free=['focus']"],
+            "has exposure.priority, but no f-number that may change; give lens.sharp_from_m",
+        ),
+        (["exposure.light_ev=9", "exposure.priority=both"], 'exposure.priority is "both"; expected'),
         (["film.preset=reversed"], "preset = \"reversed\", which is no film; did you mean 'reversal'?"),
         (["film.preset=negative", "film.curve=a.csv"], "has a preset and a curve"),
         (["film.paper=a.csv"], "has paper without a curve"),

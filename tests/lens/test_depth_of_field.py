@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from focusjax.geometry import make_camera
-from focusjax.lens import thin_lens
-from focusjax.report import depth_of_field, f_number, metres
+from focusjax.lens import depth_of_field, thin_lens
+from focusjax.report import f_number, metres
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from focusjax.lens import (
     AbstractLens,
     DarkenedLens,
     Disk,
+    ThinLens,
     apodized,
     chromatic_lens,
     cosine_falloff,
@@ -122,7 +123,15 @@ def _profiled(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLen
             profile = load_profile(config.source.parent / table.file)
         else:
             path = config.source.parent / table.file
-            profile = load_lensfun(path, table.lens, focal_length=float(camera.focal_length))
+            # Vignetting is of one opening and distance, and a pinhole has none.
+            radius = float(lens.parallax(camera)) / float(camera.focal_px)
+            profile = load_lensfun(
+                path,
+                table.lens,
+                focal_length=float(camera.focal_length),
+                aperture=float(camera.focal_length) / (2.0 * radius) if radius > 0 else None,
+                focus_distance=float(lens.focus_distance()) if isinstance(lens, ThinLens) else math.inf,
+            )
         darkens = profile.illumination is not None or profile.cats_eyes is not None
         own = [key for key in ("natural_falloff", "falloff", "cats_eyes") if getattr(config.lens, key)]
         if darkens and own:

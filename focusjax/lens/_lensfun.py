@@ -1,9 +1,8 @@
-"""Measured distortion and lateral colour from a lensfun database that the user has."""
+"""Measured distortion, lateral colour and vignetting from a lensfun database that the user has."""
 
-import dataclasses
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, SupportsFloat
 
@@ -12,6 +11,7 @@ import numpy as np
 
 from focusjax._words import did_you_mean
 from focusjax.lens._height_curve import HeightCurve, height_curve
+from focusjax.lens._lensfun_entries import Measured, between, measured, number, vignetting_near
 from focusjax.lens._profile import LensProfile
 from focusjax.lens._profile_file import ProfileError
 
@@ -20,19 +20,16 @@ _PLACES = 33
 _Radial = Callable[[np.ndarray], np.ndarray]
 
 
-@dataclasses.dataclass(frozen=True)
-class _Measured:
-    """One entry of a kind, at a focal length in mm, with the coefficients of its model."""
-
-    model: str
-    focal: float
-    terms: dict[str, float]
-
-
 def load_lensfun(
-    path: str | Path, lens: str, *, focal_length: SupportsFloat, f_number: tuple[float, float] = (1.0, 64.0)
+    path: str | Path,
+    lens: str,
+    *,
+    focal_length: SupportsFloat,
+    f_number: tuple[float, float] = (1.0, 64.0),
+    aperture: SupportsFloat | None = None,
+    focus_distance: SupportsFloat = math.inf,
 ) -> LensProfile:
-    """The profile of a lens in a lensfun file: its distortion (poly3, poly5, ptlens) and lateral colour.
+    """The profile of a lens in a lensfun file: its distortion, lateral colour, and vignetting at an aperture.
 
     Radii are in halves of the short side of the sensor that was measured with, given by crop factor and
     aspect ratio, and models give the radius r_d on the film of what an ideal lens puts at r:
@@ -43,17 +40,22 @@ def load_lensfun(
 
     The picture keeps its size on the axis, whatever the model does to it there. Lateral colour (linear,
     poly3) is that of red and blue against green. Of a zoom, coefficients between two focal lengths are in
-    proportion.
+    proportion. Vignetting (pa) is the share of light 1 + k1 r^2 + k2 r^4 + k3 r^6, with r in halves of the
+    sensor's diagonal, unlike the others' (lensfun's manual, "Lens calibration data format",
+    `lfDistortionModel`, `lfTCAModel`, `lfVignettingModel`; the two units in its mod-color.cpp). Between
+    apertures and distances it is found as lensfun does, by their inverse distances.
 
     Args:
         path: an XML file; focusjax comes with none.
         lens: the model's name as the file has it, or part of it that no other has.
         focal_length: metres; within the range that was measured.
         f_number: range of the profile, which lensfun does not tell.
+        aperture: f-number whose vignetting it has; no vignetting if None, or where none was measured.
+        focus_distance: metres, at which vignetting is wanted.
 
     Raises:
         ProfileError: a file that cannot be read, no such lens or several, one without distortion, an unknown
-            model, or a focal length that was not measured.
+            model, an element that makes no sense, or a focal length or an aperture that was not measured.
     """
     try:
         root = ET.parse(path).getroot()
@@ -63,16 +65,19 @@ def load_lensfun(
     focal = 1e3 * float(focal_length)
     try:
         unit, reach = _radii(entry)
-        spread = _between(list(_measured(entry, "distortion")), focal)
+        spread = between(list(measured(entry, "distortion")), focal)
         if spread is None:
             raise ValueError("has no measured distortion; choose another lens")
         radii = np.linspace(0.0, reach / unit, _PLACES)
         distortion = _distortion(_distorted(spread), radii, unit)
-        fringes = _between(list(_measured(entry, "tca")), focal)
+        fringes = between(list(measured(entry, "tca")), focal)
         lateral = None if fringes is None else _lateral(fringes, radii, unit)
+        light = None
+        if aperture is not None:
+            light = _illumination(entry, focal, float(aperture), float(focus_distance), reach)
     except ValueError as error:
         raise ProfileError(f"{path}: {name}: {error}") from None
-    tables = ["distortion"] + ([] if lateral is None else ["lateral_colour"])
+    known = {"distortion": distortion, "lateral_colour": lateral, "illumination": light}
     return LensProfile(
         title=name,
         focal_length=jnp.asarray(float(focal_length), dtype=float),
@@ -80,7 +85,8 @@ def load_lensfun(
         focus_distance=(1e-3, math.inf),
         distortion=distortion,
         lateral_colour=lateral,
-        sources=tuple((table, f"lensfun file {Path(path).name}") for table in tables),
+        illumination=light,
+        sources=tuple((name, f"lensfun file {Path(path).name}") for name, held in known.items() if held),
     )
 
 
@@ -107,11 +113,9 @@ def _find(root: Any, wanted: str, path: str | Path) -> tuple[str, Any]:
 
 def _radii(entry: Any) -> tuple[float, float]:
     """Metres of radius 1, and from the axis to the corner, on the sensor that was measured with."""
-    crop = _number(entry.findtext("cropfactor") or "1", "cropfactor")
+    crop = number(entry.findtext("cropfactor") or "1", "cropfactor")
     ratio = (entry.findtext("aspect-ratio") or "1.5").split(":")
-    aspect = _number(ratio[0], "aspect-ratio") / (
-        _number(ratio[1], "aspect-ratio") if len(ratio) > 1 else 1.0
-    )
+    aspect = number(ratio[0], "aspect-ratio") / (number(ratio[1], "aspect-ratio") if len(ratio) > 1 else 1.0)
     if not (crop > 0 and aspect >= 1):
         raise ValueError(
             f"has crop factor {crop:g} and aspect ratio {aspect:g}; expected above 0, and 1 or more"
@@ -120,37 +124,7 @@ def _radii(entry: Any) -> tuple[float, float]:
     return corner / math.hypot(1.0, aspect), corner
 
 
-def _measured(entry: Any, kind: str) -> Iterator[_Measured]:
-    for calibration in entry.iter("calibration"):
-        for each in calibration.iter(kind):
-            terms = {
-                key: _number(text, f"{kind} {key}") for key, text in each.attrib.items() if key != "model"
-            }
-            focal = terms.pop("focal", 0.0)
-            yield _Measured(each.get("model", "none"), focal, terms)
-
-
-def _between(found: list[_Measured], focal: float) -> _Measured | None:
-    """What holds at a focal length in mm, in proportion between the two nearest; None of none."""
-    found = sorted((each for each in found if each.model != "none"), key=lambda each: each.focal)
-    if not found:
-        return None
-    slack = 0.02 * focal
-    if not found[0].focal - slack <= focal <= found[-1].focal + slack:
-        span = f"{found[0].focal:g} mm" + (f" to {found[-1].focal:g} mm" if len(found) > 1 else "")
-        raise ValueError(f"was measured at {span}, and the camera's focal length is {focal:.4g} mm; use that")
-    below = [each for each in found if each.focal <= focal] or found[:1]
-    above = [each for each in found if each.focal >= focal] or found[-1:]
-    one, other = below[-1], above[0]
-    if one.model != other.model or one.focal == other.focal:
-        return min(one, other, key=lambda each: abs(each.focal - focal))
-    share = (focal - one.focal) / (other.focal - one.focal)
-    names = {**one.terms, **other.terms}
-    terms = {key: (1 - share) * one.terms.get(key, 0.0) + share * other.terms.get(key, 0.0) for key in names}
-    return _Measured(one.model, focal, terms)
-
-
-def _distorted(found: _Measured) -> _Radial:
+def _distorted(found: Measured) -> _Radial:
     """The radius on the film over that of the ideal lens."""
     k = found.terms.get
     if found.model == "poly3":
@@ -179,9 +153,7 @@ def _distortion(ratio: _Radial, radii: np.ndarray, unit: float) -> HeightCurve:
     return height_curve(unit * heights, ratios - 1.0)
 
 
-def _lateral(
-    found: _Measured, radii: np.ndarray, unit: float
-) -> tuple[HeightCurve, HeightCurve, HeightCurve]:
+def _lateral(found: Measured, radii: np.ndarray, unit: float) -> tuple[HeightCurve, HeightCurve, HeightCurve]:
     k = found.terms.get
     if found.model == "linear":
         ratios = [k("kr", 1.0) + 0.0 * radii, 1.0 + 0.0 * radii, k("kb", 1.0) + 0.0 * radii]
@@ -198,11 +170,36 @@ def _lateral(
     return red, green, blue
 
 
-def _number(text: str, what: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ValueError(f"{what} is {text!r}; expected a number")
-    return value
+def _illumination(
+    entry: Any, focal: float, f_number: float, distance: float, reach: float
+) -> HeightCurve | None:
+    """The share of light on the film by vignetting; None where none was measured."""
+    if not (f_number > 0 and distance > 0):
+        raise ValueError(
+            f"is asked for at f/{f_number:g}, focused on {distance:g} m; expected numbers above 0"
+        )
+    terms = vignetting_near(
+        list(measured(entry, "vignetting")), focal, f_number, distance, _zoom(entry, focal)
+    )
+    if terms is None:
+        return None
+    r = np.linspace(0.0, 1.0, _PLACES)
+    shares = 1.0 + terms[0] * r**2 + terms[1] * r**4 + terms[2] * r**6
+    if not shares.min() >= 0.0:
+        raise ValueError(
+            f"has vignetting near f/{f_number:g} that leaves {shares.min():.2g} of the light, below 0; its"
+            f" k1, k2, k3 are {terms[0]:g}, {terms[1]:g}, {terms[2]:g}"
+        )
+    return height_curve(reach * r, shares)
+
+
+def _zoom(entry: Any, focal: float) -> tuple[float, float]:
+    """Shortest and longest focal length in mm; those of all that was measured if the file does not say."""
+    stated = entry.find("focal")
+    if stated is not None:
+        ends = [stated.get(key, stated.get("value")) for key in ("min", "max")]
+        if None not in ends:
+            return number(ends[0], "focal min"), number(ends[1], "focal max")
+    kinds = ("distortion", "tca", "vignetting")
+    focals = [each.focal for kind in kinds for each in measured(entry, kind)] or [focal]
+    return min(focals), max(focals)

@@ -11,6 +11,7 @@ from focusjax.lens import (
     AberratedLens,
     Apodized,
     ChromaticLens,
+    DarkenedLens,
     FieldCurvature,
     Mask,
     Obstructed,
@@ -119,6 +120,26 @@ def test_a_profile_is_put_around_the_lens_and_refused_by_its_key(path):
     twice = load_config(path, [override, "lens.natural_falloff=true"])
     with pytest.raises(ConfigError, match=r"and so has lens\.natural_falloff"):
         build_look(twice, camera, lens)
+
+
+def test_a_lensfun_file_darkens_as_at_the_lens_s_opening(path):
+    entries = "".join(
+        f'<vignetting model="pa" focal="50" aperture="{number}" distance="2" k1="{k1}"/>'
+        for number, k1 in ((2, -0.6), (8, -0.1))
+    )
+    path.with_name("db.xml").write_text(
+        "<lensdatabase><lens><model>One</model><cropfactor>0.9</cropfactor><calibration>"
+        f'<distortion model="poly3" focal="50" k1="-0.01"/>{entries}</calibration></lens></lensdatabase>'
+    )
+    for number, share in ((2, 1 - 0.6), (8, 1 - 0.1)):
+        given = [f"lens.f_number={number}", 'lens.profile={file = "db.xml", lens = "One"}']
+        camera, lens = lens_of(path, *given)
+        made = build_look(load_config(path, given), camera, lens)
+        assert isinstance(made, DarkenedLens)
+        corner = jnp.array([float(made.falloff.heights[-1]) * float(camera.focal_px) / 0.05, 0.0])
+        film = camera.principal_point + corner
+        weight = [float(made.ray(camera, at, jnp.zeros(2)).weight) for at in (film, camera.principal_point)]
+        assert weight[0] / weight[1] == pytest.approx(share, rel=1e-6)
 
 
 def test_a_lens_without_a_look_stays_as_it_is(path):

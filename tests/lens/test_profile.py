@@ -42,7 +42,11 @@ source = "my light meter"
 LENSFUN = """<lensdatabase version="1">
 <lens><maker>M</maker><model>One 50mm</model><model lang="de">Eins</model><cropfactor>1.5</cropfactor>
 <calibration><distortion model="ptlens" focal="50" a="0.01" b="-0.03" c="0.005"/>
-<tca model="poly3" focal="50" vr="1.0002" br="0.0001" vb="0.9996"/></calibration></lens>
+<tca model="poly3" focal="50" vr="1.0002" br="0.0001" vb="0.9996"/>
+<vignetting model="pa" focal="50" aperture="2" distance="1000" k1="-0.9" k2="0.5" k3="-0.2"/>
+<vignetting model="pa" focal="50" aperture="4" distance="1000" k1="-0.3" k2="0.1" k3="-0.05"/>
+<vignetting model="pa" focal="50" aperture="2" distance="1" k1="-0.7" k2="0.3" k3="-0.1"/>
+</calibration></lens>
 <lens><model>Zoom 20-40mm</model><cropfactor>1</cropfactor>
 <calibration><distortion model="poly3" focal="20" k1="-0.02"/>
 <distortion model="poly3" focal="40" k1="0.01"/></calibration></lens>
@@ -201,6 +205,69 @@ def test_lensfun_models_say_where_light_lands(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("aperture", "distance", "shares"),
+    [
+        (2.0, 1000.0, (0.8581685628621223, 0.5502021426550813, 0.399999961853031)),
+        (2.8, 10.0, (0.9181119479100075, 0.7250389005998596, 0.6243987490004427)),
+        (4.0, 1.0, (0.9507634741516598, 0.8234977090890064, 0.7498128732144744)),
+    ],
+)
+def test_lensfun_vignettings_are_those_that_lensfun_finds(tmp_path, aperture, distance, shares):
+    """Half-way to the middle of the right edge, there, and in the corner of 601 x 401 pixels.
+
+    One over what lensfun 0.3.4 multiplies a white picture with (`scripts/make_lensfun_reference.py`).
+    """
+    path = tmp_path / "db.xml"
+    path.write_text(LENSFUN)
+    profile = load_lensfun(path, "One", focal_length=0.05, aperture=aperture, focus_distance=distance)
+    corner = float(profile.illumination.heights[-1])
+    assert corner == pytest.approx(np.hypot(18, 12) * 1e-3 / 1.5)
+    heights = corner * np.array([150.0, 300.0, np.hypot(300, 200)]) / np.hypot(300, 200)
+    # Observed 6e-6 off, between the table's heights.
+    found = [float(profile.illumination(jnp.array(height))) for height in heights]
+    np.testing.assert_allclose(found, shares, atol=2e-5)
+    assert ("illumination", "lensfun file db.xml") in profile.sources
+    made = profiled_lens(open_lens(f_number=aperture), profile, camera_of(0.05), extrapolate=True)
+    assert made.channels()
+    assert load_lensfun(path, "One", focal_length=0.05).illumination is None
+    assert load_lensfun(path, "Zoom", focal_length=0.03, aperture=2).illumination is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            'k1="-0.3"',
+            'k1="dark"',
+            "One 50mm: vignetting k1 is 'dark', in <vignetting .*aperture='4'.*expected a",
+        ),
+        (
+            'aperture="4"',
+            "",
+            "has <vignetting .*k1='-0.3'.*>, without an aperture and a distance above 0; mend",
+        ),
+        (
+            'model="pa" focal="50" aperture="4"',
+            'model="acm" focal="50"',
+            "by the model 'acm', in <vign.*expected pa",
+        ),
+        (
+            'k3="-0.2"',
+            'k3="-0.9"',
+            "vignetting near f/2 that leaves -0.3 of the light, below 0; its k1, k2, k3 are",
+        ),
+        ('vr="1.0002"', 'vr="red"', "tca vr is 'red', in <tca .*expected a number"),
+    ],
+)
+def test_lensfun_elements_that_make_no_sense_are_named(tmp_path, old, new, message):
+    path = tmp_path / "db.xml"
+    path.write_text(LENSFUN.replace(old, new))
+    with pytest.raises(ProfileError, match=message) as caught:
+        load_lensfun(path, "One", focal_length=0.05, aperture=2.0, focus_distance=1000.0)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize(
     ("name", "focal_length", "message"),
     [
         ("Two", 0.05, "has no lens 'Two'; it starts with One 50mm; Zoom"),
@@ -214,6 +281,8 @@ def test_lensfun_files_that_do_not_help_are_refused(tmp_path, name, focal_length
     path.write_text(LENSFUN)
     with pytest.raises(ProfileError, match=message):
         load_lensfun(path, name, focal_length=focal_length)
+    with pytest.raises(ProfileError, match=r"no vignetting that was measured near f/0.8 and 1000 m"):
+        load_lensfun(path, "One", focal_length=0.05, aperture=0.8, focus_distance=1000.0)
     path.write_text("<lens>")
     with pytest.raises(ProfileError, match="cannot be read"):
         load_lensfun(path, name, focal_length=focal_length)

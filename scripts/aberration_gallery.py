@@ -1,8 +1,8 @@
 """Aberrations over the field: a chart through lenses that bend it, blur it and fringe it.
 
-Rows are barrel, pincushion, sagittal and tangential blur, lateral colour, and the profile of a real lens
-beside the glass that it was computed from. All are traced. Small lights show the shapes of blur, lines show
-distortion. gallery.png holds all, sheet.jpg the same with names.
+Pictures are barrel, pincushion, tangential and sagittal blur, lateral colour, a curved field, and the profile
+of a real lens beside the glass that it was computed from. All are traced. Small lights show the shapes of
+blur, lines show distortion. gallery.png holds all, sheet.jpg the same with names.
 
     python scripts/aberration_gallery.py --out out/aberrations
     python scripts/aberration_gallery.py --out out/aberrations --only barrel pincushion --rays 256
@@ -24,6 +24,7 @@ from focusjax.layers import peel
 from focusjax.lens import (
     AberratedLens,
     AbstractLens,
+    HeightCurve,
     chromatic_lens,
     height_curve,
     lens_profile,
@@ -62,7 +63,7 @@ def opened(f_number: float = 2.0) -> AbstractLens:
     return thin_lens(focus_distance=FOCUS, focal_length=FOCAL, f_number=f_number)
 
 
-def table(corner: float, power: int = 2) -> object:
+def table(corner: float, power: int = 2) -> HeightCurve:
     """A table that grows with a power of the height, to so much in the corner."""
     heights = np.linspace(0.0, CORNER, 12)
     return height_curve(heights, corner * (heights / CORNER) ** power)

@@ -8,7 +8,7 @@ Needs lensfunpy (`pip install lensfunpy`), which focusjax does not.
 import tempfile
 from pathlib import Path
 
-import lensfunpy
+import lensfunpy  # type: ignore[import-not-found]
 import numpy as np
 
 DATABASE = """<lensdatabase version="1">

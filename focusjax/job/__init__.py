@@ -1,6 +1,7 @@
 """One run from a config to a picture."""
 
 from focusjax.job._glass import ThroughGlass as ThroughGlass
+from focusjax.job._glass import left_to_quality as left_to_quality
 from focusjax.job._photograph import Development as Development
 from focusjax.job._photograph import Photograph as Photograph
 from focusjax.job._photograph import find_development as find_development

@@ -13,6 +13,7 @@ ray at all gets through. W knows nothing of the scene, so that all is as linear 
 """
 
 import functools
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import equinox as eqx
@@ -91,7 +92,7 @@ def _light_map(lens: AbstractLens, camera: Camera) -> KnownLight:
 
     nodes = in_colour(seen, lens).reshape(rows, columns, 3)
 
-    def spread(values: Array, degree: int, to: tuple[np.ndarray, np.ndarray]) -> Array:
+    def spread(values: Array, degree: int, to: Sequence[np.ndarray]) -> Array:
         shares = (
             jnp.asarray(_spline(count, at, degree), dtype=real)
             for count, at in zip(values.shape[:2], to, strict=True)

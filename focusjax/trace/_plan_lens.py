@@ -3,13 +3,13 @@
 A ray that is off by d pixels brings what is d pixels away, so that a picture whose rays are off by r RMS, as
 much in one direction as in another, has a squared error of about
 
-    E = r^2 G / 2 + l^2 B / s,
+    E = r^2 G / 2 + l^2 B,
 
-with G the mean square of the slope of radiance per pixel, B that of radiance, l the share of light that is
-misplaced, and s the share of the frame in which it is, mostly the corners. That is 20 dB for each factor of
-ten in the error of rays. G is that of the sharp picture: defocus only smooths it, but for what is brighter
-than white, which it spreads. A source of radiance L > 1 makes a disk that is grey at the worst, of an outline
-longer by L^(1/2) than its own, so that of slopes above 1 their root counts, not their square.
+with G the mean square of the slope of radiance per pixel, B that of radiance, and l the share of light that
+is misplaced: more of it in the corners, but much of that is made up for by other rays of the same pixel. So a
+factor of ten in the errors is 20 dB. G is that of the sharp picture: defocus only smooths it, but for what is
+brighter than white, which it spreads. A source of radiance L > 1 makes a disk that is grey at the worst, with
+an outline longer by L^(1/2) than its own, so that of slopes above 1 their root counts, not their square.
 """
 
 import dataclasses
@@ -28,8 +28,6 @@ _WORST = 4.0
 """Most error of a ray over the RMS error allowed; of polynomials it is about six times their own."""
 _MOST = 0.25
 """Pixels by which no ray may be off, whatever the quality."""
-_CORNERS = 0.1
-"""The share of the frame in which light is misplaced."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,12 +77,8 @@ def plan_lens(
         return LensPlan(lens, None, str(error))
     reached = fit_decibels(fitted, slope, brightness)
     if reached < wanted + margin:
-        return LensPlan(
-            lens,
-            None,
-            f"of the picture, polynomials alone would make {reached:.0f} dB, and {wanted:g} dB are wanted,"
-            f" which takes {wanted + margin:.0f} dB of them",
-        )
+        why = f"polynomials alone would leave {reached:.0f} dB, not {margin:g} dB more than is wanted"
+        return LensPlan(lens, None, why)
     return LensPlan(fitted, reached, "")
 
 
@@ -99,8 +93,7 @@ def fit_decibels(lens: FittedLens | SpectralLens, slope: float, brightness: floa
     bands = lens.bands if isinstance(lens, SpectralLens) else (lens,)
     errors = [each.error for each in bands if isinstance(each, FittedLens)]
     squares = [
-        0.5 * float(error.rms.max()) ** 2 * slope + float(error.light) ** 2 * brightness / _CORNERS
-        for error in errors
+        0.5 * float(error.rms.max()) ** 2 * slope + float(error.light) ** 2 * brightness for error in errors
     ]
     return -10.0 * float(np.log10(max(*squares, 1e-12)))
 

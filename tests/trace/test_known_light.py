@@ -77,6 +77,7 @@ def expected() -> np.ndarray:
 def test_a_uniform_scene_shows_the_share_that_passes_and_no_rays():
     picture = np.asarray(render(sky(), tube(), rays=16, even=True))
     known = known_light(tube(), camera())
+    assert known is not None
     light, doubt = (np.asarray(part).reshape(48, 64, 3) for part in (known.share, known.doubt))
     # By the disk's soft edge and the spline. Observed: OBS1.
     np.testing.assert_allclose(light[..., 0], expected(), atol=0.02)

@@ -103,7 +103,7 @@ def _light_map(lens: AbstractLens, camera: Camera) -> KnownLight:
     off = jnp.abs(spread(nodes[::2, ::2], 3, (np.linspace(0, 1, rows), np.linspace(0, 1, columns))) - nodes)
     off = jax.lax.reduce_window(off, 0.0, jax.lax.max, (3, 3, 1), (1, 1, 1), "same")
     doubt = jnp.clip(spread(off, 1, centres) / _TRUSTED - 1.0, 0.0, 1.0)
-    share = jnp.maximum(spread(nodes, 3, centres), 0.0)
+    share = jnp.clip(spread(nodes, 3, centres), 0.0, nodes.max())
     return KnownLight(share.reshape(-1, 3), doubt.reshape(-1, 3))
 
 

@@ -54,7 +54,7 @@ def test_a_quality_decides_on_polynomials_unless_the_config_does(boxes, tmp_path
     assert "Rays are by polynomials" in told
     assert "They were chosen for the quality: " in told
     fit = json.loads((tmp_path / "report.json").read_text())["lens"]["glass"]["fit"]
-    # Ten more than are wanted. Observed: OBS.
+    # Ten more than are wanted. Observed: 52.2, and 0.038 px.
     assert fit["expected_db"] >= 40.0
     assert fit["worst_px"] <= 0.25
 

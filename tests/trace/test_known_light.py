@@ -79,11 +79,11 @@ def test_a_uniform_scene_shows_the_share_that_passes_and_no_rays():
     known = known_light(tube(), camera())
     assert known is not None
     light, doubt = (np.asarray(part).reshape(48, 64, 3) for part in (known.share, known.doubt))
-    # By the disk's soft edge and the spline. Observed: OBS1.
+    # By the disk's soft edge and the spline. Observed: 0.014, 0.0012 RMS.
     np.testing.assert_allclose(light[..., 0], expected(), atol=0.02)
     plain = (expected() > 0.3) & (doubt[..., 0] == 0)
     assert plain.mean() > 0.4
-    # Observed: OBS2. By its own rays alone: 0.35, and 0.09 RMS.
+    # Observed: 4e-16. By its own rays alone: 0.35, and 0.09 RMS.
     np.testing.assert_allclose((picture / SKY)[plain], light[plain], rtol=1e-5)
     assert (expected()[:2, :2] == 0).all()
     assert (picture[:2, :2] == 0).all()
@@ -96,7 +96,7 @@ def test_pictures_are_nearer_to_the_truth():
         by_known, by_rays = (
             ((np.asarray(render(varied(), lens, rays=rays)) - truth) ** 2).mean() for lens in (tube(), plain)
         )
-        # Observed: 2.3e-4 and 6.4e-4 with 16 rays, 3.8e-6 and 6.0e-6 with 512.
+        # Observed: 2.3e-4 and 6.4e-4 with 16 rays, 3.7e-6 and 6.0e-6 with 512.
         assert by_known < 0.8 * by_rays
 
 

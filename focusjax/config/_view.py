@@ -87,9 +87,10 @@ class LensTable(Look):
     spectral: bool = Field(
         default=False, description="true to trace red, green and blue through the glass of a prescription"
     )
-    fit_px: NotNegative = Field(
-        default=0.05,
-        description="pixels by which polynomials for a prescription's rays may be off; 0 traces each exactly",
+    fit_px: NotNegative | None = Field(
+        default=None,
+        description="pixels by which polynomials for a prescription's rays may be off, 0 for none; left out,"
+        " as little as render.quality asks for, or 0.05 without one",
     )
 
     @model_validator(mode="after")

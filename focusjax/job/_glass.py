@@ -1,6 +1,6 @@
 """The real lens of a run: focused by its rays, and fitted."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -18,6 +18,10 @@ from focusjax.lens import (
     ThinLens,
     fitted_lens,
 )
+from focusjax.trace import LensPlan
+
+_FIT_PX = 0.05
+"""Pixels by which polynomials may be off where nothing is said of them, nor of quality."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,10 @@ class ThroughGlass:
         by_rays: whether the spots of what is wished sharp set the focus, instead of the thin lens's distance.
         spots: RMS diameter in pixels of the spot of each wish for sharpness, the largest of its samples, by
             name.
-        poor_fit: why rays are traced exactly although polynomials were asked for; empty otherwise.
+        poor_fit: why rays are traced exactly although polynomials were asked for, or a quality was; empty
+            otherwise.
+        decibels: expected PSNR of the picture by polynomials against that through the glass, where they were
+            chosen for a quality; None otherwise.
     """
 
     exact: PrescriptionLens | SpectralLens
@@ -38,6 +45,7 @@ class ThroughGlass:
     by_rays: bool
     spots: dict[str, float]
     poor_fit: str
+    decibels: float | None = None
 
     @property
     def middle(self) -> PrescriptionLens:
@@ -45,6 +53,10 @@ class ThroughGlass:
         lens = self.exact.lens if isinstance(self.exact, SpectralLens) else self.exact
         assert isinstance(lens, PrescriptionLens)
         return lens
+
+    def planned(self, plan: LensPlan) -> "ThroughGlass":
+        """The same with the lens that was chosen for a quality."""
+        return replace(self, traced=plan.lens, poor_fit=plan.why_glass, decibels=plan.decibels)
 
     @property
     def errors(self) -> tuple[FitError, ...]:
@@ -74,7 +86,7 @@ def through_glass(
         lens: the thin lens that was solved for.
         points: the wishes; None when nothing was solved for.
         disparity: of the first surface at every pixel, for the nearest.
-        fit: whether to look for polynomials.
+        fit: whether to look for polynomials, of a config that does not leave that to its quality.
 
     Raises:
         ConfigError: as `build_real_lens`.
@@ -96,11 +108,17 @@ def through_glass(
             mine = (np.asarray(points.wish) == number) & (sharp > 0)
             sizes[points.names[number]] = float(found[mine].max())
     traced, poor_fit = exact, ""
-    if fit and config.lens.fit_px > 0:
+    error_px = _FIT_PX if config.lens.fit_px is None else config.lens.fit_px
+    if fit and error_px > 0 and not left_to_quality(config):
         nearest = float(disparity.max())
         try:
             distances = {"nearest": 1.0 / nearest} if nearest > 0 else {}
-            traced = fitted_lens(exact, camera, error_px=config.lens.fit_px, **distances)
+            traced = fitted_lens(exact, camera, error_px=error_px, **distances)
         except PoorFitError as error:
             poor_fit = str(error)
     return ThroughGlass(exact, traced, by_rays, sizes, poor_fit)
+
+
+def left_to_quality(config: Config) -> bool:
+    """Whether the quality of the picture decides between the glass and polynomials."""
+    return config.lens.fit_px is None and config.render.quality is not None

@@ -22,10 +22,19 @@ from focusjax.layers import (
     peel,
     umbra_saving,
 )
-from focusjax.lens import AbstractLens
+from focusjax.lens import AbstractLens, PrescriptionLens, SpectralLens
 from focusjax.post import closed_lens, post_process, view_in_layers
 from focusjax.scene import Scene
-from focusjax.trace import RayPlan, nearest_in_layers, plan_rays, quality_of, render, render_pinhole
+from focusjax.trace import (
+    LensPlan,
+    RayPlan,
+    nearest_in_layers,
+    plan_lens,
+    plan_rays,
+    quality_of,
+    render,
+    render_pinhole,
+)
 
 Progress = Callable[[str, float | None], None]
 """Told the stage that runs and, where that is known, the share of it that is done."""
@@ -66,6 +75,7 @@ class Picture:
         extent: how large layers may be for compiled programs to serve again: the `like` of another run.
         plan: what was expected of them, when a quality was asked for.
         decibels: PSNR of the rays then, told from a sample of the pixels.
+        lens_plan: polynomials or the glass of a real lens, when the quality was to decide.
     """
 
     image: Float[Array, "h w 3"]
@@ -80,6 +90,7 @@ class Picture:
     examined: Examined | None = None
     plan: RayPlan | None = None
     decibels: float | None = None
+    lens_plan: LensPlan | None = None
 
 
 def make_picture(
@@ -90,6 +101,8 @@ def make_picture(
     like: Extent | None,
     watch: Stopwatch,
     tell: Progress,
+    *,
+    choose_lens: bool = False,
 ) -> Picture:
     """Layers, rays and picture as `table` has them.
 
@@ -101,6 +114,7 @@ def make_picture(
         like: `Picture.extent` of another run, whose compiled programs serve again.
         watch: told the stages.
         tell: told how far the rays are.
+        choose_lens: whether polynomials may take the place of a real lens, if the quality of `table` allows.
     """
     if table.method == "post":
         return _post_processed(table, scene, camera, lens, watch)
@@ -112,9 +126,13 @@ def make_picture(
     if table.examine_layers:
         with watch.stage("examine_layers"):
             examined = _examine(layers, scene, camera, lens)
-    rays, plan, decibels = table.rays, None, None
+    rays, plan, decibels, lens_plan = table.rays, None, None, None
     if table.quality is not None:
         with watch.stage("plan"):
+            if choose_lens:
+                assert isinstance(lens, PrescriptionLens | SpectralLens)
+                lens_plan = plan_lens(layers, lens, table.quality)
+                lens = lens_plan.lens
             plan = plan_rays(layers, lens, table.quality, seed=table.seed)
             rays = plan.rays
     with watch.stage("render"):
@@ -136,6 +154,7 @@ def make_picture(
         extent=layers.extent.for_others(like),
         plan=plan,
         decibels=decibels,
+        lens_plan=lens_plan,
     )
 
 

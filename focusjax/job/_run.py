@@ -32,7 +32,7 @@ from focusjax.focus import (
 )
 from focusjax.geometry import Camera
 from focusjax.job._exposed import ExposedLens, ExposedSolution
-from focusjax.job._glass import ThroughGlass, through_glass
+from focusjax.job._glass import ThroughGlass, left_to_quality, through_glass
 from focusjax.job._photograph import Photograph, take_photograph
 from focusjax.job._picture import Picture, Progress, make_picture
 from focusjax.job._solving import solved_lens, solved_surface
@@ -165,7 +165,10 @@ def run(
     picture, photograph = None, None
     if rendering:
         look = build_look(config, camera, lens) if glass is None else glass.traced
-        picture = make_picture(config.render, scene, camera, look, like, watch, tell)
+        choose = glass is not None and left_to_quality(config)
+        picture = make_picture(config.render, scene, camera, look, like, watch, tell, choose_lens=choose)
+        if glass is not None and picture.lens_plan is not None:
+            glass = glass.planned(picture.lens_plan)
         if config.exposure is not None or config.film is not None:
             with watch.stage("develop"):
                 middle = _in_the_middle(lens, camera)

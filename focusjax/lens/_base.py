@@ -43,6 +43,13 @@ class AbstractLens(eqx.Module):
         """
         return ()
 
+    def vignettes(self) -> bool:
+        """Whether some rays of a film point may arrive with less of their light than others.
+
+        Where they do not, all of a film point have one weight, whatever it is, and no ray is spent on it.
+        """
+        return False
+
     @abc.abstractmethod
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         """The ray that carries light from the scene through `pupil_point` to `film_point`.

@@ -53,6 +53,9 @@ class FittedLens(AbstractLens):
     def opening(self) -> Disk:
         return self.exact.opening()
 
+    def vignettes(self) -> bool:
+        return self.exact.vignettes()
+
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         aim = self.exact.aim(camera, film_point, pupil_point)
         (x, y), crossing, clearance = self.transfer(aim.tangents, aim.target)

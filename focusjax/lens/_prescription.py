@@ -73,6 +73,9 @@ class PrescriptionLens(AbstractLens):
     def opening(self) -> Disk:
         return Disk()
 
+    def vignettes(self) -> bool:
+        return True
+
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         aim = self.aim(camera, film_point, pupil_point)
         return line_of(camera, film_point, aim, *self.passing(aim))

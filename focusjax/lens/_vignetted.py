@@ -36,6 +36,9 @@ class VignettedLens(AbstractDimmedLens):
     disk_radius: Float[Array, ""]
     disk_distance: Float[Array, ""]
 
+    def vignettes(self) -> bool:
+        return True
+
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         ray = self.lens.ray(camera, film_point, pupil_point)
         passes = (ray.b + self.disk_distance * (ray.a - camera.principal_point)) / camera.focal_px

@@ -20,6 +20,9 @@ class AbstractLensWrapper(AbstractLens):
     def opening(self) -> AbstractAperture:
         return self.lens.opening()
 
+    def vignettes(self) -> bool:
+        return self.lens.vignettes()
+
     def blur(
         self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
     ) -> Float[Array, ""]:

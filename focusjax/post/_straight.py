@@ -20,6 +20,9 @@ class StraightenedLens(AbstractLensWrapper):
 
     lens: AbstractLens
 
+    def vignettes(self) -> bool:
+        return False
+
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         ray = self.lens.ray(camera, film_point, pupil_point)
         lit = jnp.where(ray.weight > 0.0, 1.0, 0.0)

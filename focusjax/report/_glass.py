@@ -30,6 +30,7 @@ def glass_facts(outcome: Outcome) -> dict[str, Any] | None:
             "outline_px": max(float(error.outline.max()) for error in found.errors),
             "light_misplaced": max(float(error.light) for error in found.errors),
             "nearest_m": 1.0 / float(found.errors[0].disparities.max()),
+            "expected_db": found.decibels,
         }
     return facts
 
@@ -51,6 +52,10 @@ def glass_sentences(facts: dict[str, Any]) -> list[str]:
             f"Rays are by polynomials, {fit['worst_px']:.2g} px off at most, {fit['rms_px']:.2g} px RMS down"
             f" to {metres(fit['nearest_m'])}, outlines {fit['outline_px']:.2g} px."
         )
+        if fit["expected_db"] is not None:
+            sentences.append(
+                f"They were chosen for the quality: {fit['expected_db']:.0f} dB are expected of them alone."
+            )
     if facts["poor_fit"]:
         sentences.append(f"Rays are traced exactly: {facts['poor_fit']}.")
     return sentences

@@ -13,6 +13,8 @@ from focusjax.trace._plan import RayPlan as RayPlan
 from focusjax.trace._plan import decibels_of as decibels_of
 from focusjax.trace._plan import plan_rays as plan_rays
 from focusjax.trace._plan import quality_of as quality_of
+from focusjax.trace._plan_lens import LensPlan as LensPlan
+from focusjax.trace._plan_lens import plan_lens as plan_lens
 from focusjax.trace._reach import check_reach as check_reach
 from focusjax.trace._reach import widest_opening as widest_opening
 from focusjax.trace._render import render as render

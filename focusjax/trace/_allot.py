@@ -18,10 +18,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.ndimage import map_coordinates
 from jaxtyping import Array, Float, Int
 
-from focusjax.geometry import Camera, filter_radius
+from focusjax.geometry import filter_radius
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._gloss import radiance_from_centre
@@ -29,10 +28,6 @@ from focusjax.trace._gloss import radiance_from_centre
 FEWEST = 4
 """Rays of a pixel where nothing differs. All counts are this times a power of two."""
 _MOST_TIMES_MEAN = 8
-_LOOKS = 4
-"""Squared, the points of the opening at which weights are looked at."""
-_WEIGHTS_APART = 8
-"""Pixels between film points at which they are: rays through glass cost more than all else here."""
 
 
 def counts_for(rays: float) -> list[int]:
@@ -41,6 +36,10 @@ def counts_for(rays: float) -> list[int]:
 
 
 _EXPONENT = 0.4
+_PASSING = 0.8
+"""The share of the opening from which on the fewest rays are enough; of half of it, so are twice as many."""
+_MOST_DARK = 4
+"""Part of the mean that a pixel gets at most for being dark."""
 _BINS = 64
 """Per octave of rays, in which pixels are counted."""
 
@@ -68,6 +67,21 @@ def allot(variance: Float[np.ndarray, " p"], rays: float) -> Int[np.ndarray, " p
     return counts_at(low)[number]
 
 
+def allot_through(
+    variance: Float[np.ndarray, " p"], light: Float[np.ndarray, " p"], rays: float
+) -> Int[np.ndarray, " p"]:
+    """As `allot`, with so many for each pixel that some get through a lens that lets pass a share of `light`.
+
+    However plain a pixel is, rays that are all cut off tell nothing of it. But where it is nearly dark little
+    is missed, so that it gets a quarter of the mean at most for that.
+    """
+    most = max(int(rays / _MOST_DARK // FEWEST).bit_length() - 1, 0)
+    octave = np.ceil(np.log2(_PASSING / np.maximum(light, 1e-9)))
+    least = np.where(light > 0, FEWEST << np.clip(octave, 0, most).astype(np.int64), FEWEST)
+    beyond = np.maximum(least - allot(variance, rays), 0).mean()
+    return np.maximum(allot(variance, max(rays - beyond, FEWEST)), least)
+
+
 def contrast(
     layers: Layers,
     lens: AbstractLens,
@@ -78,7 +92,7 @@ def contrast(
     """Variance of what the lens centre sees, all channels together, around each pixel.
 
     Over the box that holds its rays between the disparities `least` and `largest`, each pixel's own, from all
-    film points of its filter. Where the lens lets rays through in part, that of their weights comes on top.
+    film points of its filter. The weights of rays add none, as the light that gets through a lens is known.
     """
     grid, edge = layers.grid, layers.grid.supersampling
     rows, columns = grid.rows // edge, grid.columns // edge
@@ -86,7 +100,7 @@ def contrast(
     table[1:, 1:] = _moments(layers)
     np.cumsum(np.cumsum(table, axis=0, out=table), axis=1, out=table)
     table = table.reshape(-1, 4)
-    low, high, uneven = (np.asarray(a) for a in _boxes(layers, lens, least, largest, pixel_filter))
+    low, high = (np.asarray(a) for a in _boxes(layers, lens, least, largest, pixel_filter))
     size = np.array([columns, rows])
     first = np.clip(np.floor(low), 0, size - 1).astype(np.intp)
     last = np.clip(np.ceil(high), first + 1, size).astype(np.intp)
@@ -99,7 +113,7 @@ def contrast(
     mean = total / ((right - left) * (bottom - top))[:, None]
     white = np.maximum(mean[:, :3].max(axis=1), 1.0)
     square = (mean[:, :3] ** 2).sum(axis=1)
-    return (np.maximum(mean[:, 3] - square, 0.0) + uneven * square) / white**2
+    return np.maximum(mean[:, 3] - square, 0.0) / white**2
 
 
 @eqx.filter_jit
@@ -141,17 +155,11 @@ def _boxes(
     least: Float[Array, " p"],
     largest: Float[Array, " p"],
     pixel_filter: str,
-) -> tuple[Float[Array, "p 2"], Float[Array, "p 2"], Float[Array, " p"]]:
-    """Corners, in pixels from that of the grid, of boxes around all places that each pixel's rays pass.
-
-    And the variance of the rays' weights.
-    """
+) -> tuple[Float[Array, "p 2"], Float[Array, "p 2"]]:
+    """Corners, in pixels from that of the grid, of boxes around all places that each pixel's rays pass."""
     camera, grid, wide = layers.camera, layers.grid, filter_radius(pixel_filter)
-    uneven = _uneven(camera, lens, least.dtype)
-    size = jnp.array([camera.width, camera.height], dtype=least.dtype)
-    intervals = jnp.array(uneven.shape[::-1], dtype=least.dtype) - 1.0
 
-    def one(index: Int[Array, ""], least: Array, largest: Array) -> tuple[Array, Array, Array]:
+    def one(index: Int[Array, ""], least: Array, largest: Array) -> tuple[Array, Array]:
         film = jnp.stack([index % camera.width, index // camera.width]).astype(least.dtype) + 0.5
         ends = [lens.footprint(camera, film, disparity) for disparity in (least, largest)]
         low, high = (
@@ -159,24 +167,6 @@ def _boxes(
             for sign, sum_ in ((-1.0, lambda a: jnp.minimum(*a)), (1.0, lambda a: jnp.maximum(*a)))
         )
         margin = grid.margin / grid.supersampling
-        place = (film / size * intervals)[::-1, None]
-        return low + margin, high + margin, map_coordinates(uneven, [*place], order=1, mode="nearest")[0]
+        return low + margin, high + margin
 
     return jax.vmap(one)(jnp.arange(camera.width * camera.height), least, largest)
-
-
-def _uneven(camera: Camera, lens: AbstractLens, dtype: np.dtype) -> Float[Array, "rows columns"]:
-    """Variance of the weights of rays, of film points in even steps from one edge to the other."""
-    middles = (jnp.arange(_LOOKS, dtype=dtype) + 0.5) / _LOOKS
-    samples = jnp.stack(jnp.meshgrid(middles, middles), axis=-1).reshape(-1, 2)
-    pupil = jax.vmap(lens.pupil_point)(samples)
-    down, across = (
-        jnp.linspace(0.0, size, -(-size // _WEIGHTS_APART) + 1, dtype=dtype)
-        for size in (camera.height, camera.width)
-    )
-
-    def of(film: Float[Array, "2"]) -> Float[Array, ""]:
-        # Of a lens that lets all pass this is the number 0, which compilers find out.
-        return jnp.var(jax.vmap(lambda point: lens.ray(camera, film, point).weight)(pupil))
-
-    return jax.vmap(lambda y: jax.vmap(lambda x: of(jnp.stack([x, y])))(across))(down)

@@ -14,6 +14,7 @@ from focusjax._counts import require_counts
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._flux import Means, Rays, Still, in_blocks, picture_flow
+from focusjax.trace._known_light import evened, known_light
 from focusjax.trace._radiances import disparity_ranges, traced_scene
 from focusjax.trace._reach import check_reach, out_of_reach
 from focusjax.trace._samples import ray_samples
@@ -156,4 +157,6 @@ def _traced(look: tuple[Array, Array], lens: AbstractLens, layers: Layers, rays:
     found = in_blocks(block, column, row, max(1, rays.at_once // rays.number))
     picture, of_few, light, few_light = (found[:, k] for k in range(4))
     radiance = jnp.where(light > 0, picture / jnp.where(light > 0, light, 1.0), 0.0)
+    known = known_light(lens, camera)
+    picture = picture if known is None else evened(picture, light, known)
     return Means(picture, radiance, of_few - radiance * few_light)

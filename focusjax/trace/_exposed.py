@@ -12,8 +12,9 @@ from jaxtyping import Array, Bool, Float, Int, UInt
 from focusjax.geometry import Camera
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens, in_colour
-from focusjax.trace._allot import FEWEST, allot
+from focusjax.trace._allot import FEWEST
 from focusjax.trace._devices import Workforce
+from focusjax.trace._known_light import evened, known_light
 from focusjax.trace._moving import Front, MovingLayers, in_front
 from focusjax.trace._timed import TimedSamples, Timing, timed_samples
 from focusjax.trace._tracer import ready_tracer
@@ -65,7 +66,8 @@ def moving_means(
     real = samples.moment.dtype
     quantiles = jnp.asarray(timing.quantiles, dtype=real)
     delay = jnp.asarray(timing.delay, dtype=real)
-    sums = np.zeros((len(pixels), 3))
+    known = known_light(lens, camera)
+    sums = np.zeros((len(pixels), 3 if known is None else 6))
     size = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together)
     work = [
         (span, part)
@@ -85,14 +87,18 @@ def moving_means(
                 front = in_front(
                     front, body, camera, lens, starts.film, starts.pupil, starts.time, starts.chance
                 )
-            return _sums(front, starts.mine)
+            return _sums(front, starts.mine, with_light=known is not None)
 
-        return part, np.asarray(in_colour(seen, lens))[: part.count]
+        found = np.asarray(in_colour(seen, lens))[: part.count]
+        return part, found.reshape(len(found), -1)
 
     for (part, values), done in Workforce(None).each(trace, len(work), samples):
         np.add.at(sums, part.place[: part.count], values)
         if progress is not None:
             progress(done)
+    if known is not None:
+        here = jax.tree.map(lambda values: values[pixels], known)
+        return np.asarray(evened(sums[:, :3] / rays, sums[:, 3:] / rays, here))
     return sums / rays
 
 
@@ -197,10 +203,14 @@ def _starts(
 
 
 @eqx.filter_jit
-def _sums(front: Front, mine: Bool[Array, "p s"]) -> Float[Array, "p 3"]:
-    """What the rays bring that are to be counted."""
+def _sums(front: Front, mine: Bool[Array, "p s"], *, with_light: bool) -> Float[Array, "p *two 3"]:
+    """What the rays bring that are to be counted; and, `with_light`, the share of it that arrives."""
     share = jnp.where(mine, front[1], 0.0)
-    return jnp.stack([(share * front[0][..., k]).sum(axis=1) for k in range(3)], axis=-1)
+    brought = jnp.stack([(share * front[0][..., k]).sum(axis=1) for k in range(3)], axis=-1)
+    if not with_light:
+        return brought
+    light = jnp.broadcast_to(share.sum(axis=1)[:, None], brought.shape)
+    return jnp.stack([brought, light], axis=1)
 
 
 def some_means(
@@ -219,5 +229,5 @@ def some_means(
         whole = np.full(len(wanted), rays) if rays < FEWEST else tracer.counts(rays)
         counts[wanted] = whole[wanted]
         if rays >= FEWEST and not wanted.all():
-            counts[wanted] = allot(tracer.contrast[wanted], max(whole.mean(), FEWEST))
+            counts[wanted] = tracer.allotted(max(whole.mean(), FEWEST), wanted)
     return tracer.means(counts, rays, seed, progress)

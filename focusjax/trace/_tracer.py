@@ -8,15 +8,16 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._aimed import Aimed
-from focusjax.trace._allot import FEWEST, allot, contrast, counts_for
+from focusjax.trace._allot import FEWEST, allot, allot_through, contrast, counts_for
 from focusjax.trace._blocks import Block, Blocks
 from focusjax.trace._devices import Device, Workforce
 from focusjax.trace._highlights import split_highlights
+from focusjax.trace._known_light import KnownLight, evened, known_light
 from focusjax.trace._radiances import TracedScene, radiances, ranges_at_once, traced_scene
 from focusjax.trace._reach import check_reach
 from focusjax.trace._samples import RaySamples, ray_samples
@@ -55,6 +56,11 @@ class Tracer:
         self._aimed = None if highlights is None else Aimed(highlights, self._scene, lens, pixel_filter)
 
     @functools.cached_property
+    def known_light(self) -> KnownLight | None:
+        """Mean weights of each pixel's rays; None where all pass alike."""
+        return known_light(self.lens, self.layers.camera)
+
+    @functools.cached_property
     def contrast(self) -> Float[np.ndarray, " p"]:
         """Variance [p] of what the rays of each pixel may meet; see `_allot`."""
         return contrast(self.layers, self.lens, self.least, self.largest, self.pixel_filter)
@@ -64,7 +70,15 @@ class Tracer:
         aimed = 0.0
         if self._aimed is not None:
             aimed = self._aimed.rays(rays) * len(self._aimed.pixels) / len(self.contrast)
-        return allot(self.contrast, max(rays - aimed, FEWEST))
+        return self.allotted(max(rays - aimed, FEWEST))
+
+    def allotted(self, rays: float, wanted: Bool[np.ndarray, " p"] | None = None) -> Int[np.ndarray, " n"]:
+        """Rays of each of all pixels, or of the wanted ones, by what differs there; `rays` on the average."""
+        chosen = slice(None) if wanted is None else wanted
+        if self.known_light is None:
+            return allot(self.contrast[chosen], rays)
+        light = np.asarray(self.known_light.share[:, 1])
+        return allot_through(self.contrast[chosen], light[chosen], rays)
 
     def means(
         self,
@@ -89,7 +103,8 @@ class Tracer:
         together = max(k for k in range(1, FEWEST + 1) if fewest % k == 0)
         at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together)
         blocks = Blocks(counts // together, self._depth, self.layers.count, camera.width, at_once)
-        sums = np.zeros((len(counts), 3), dtype=self.least.dtype)
+        known = self.known_light
+        sums = np.zeros((len(counts), 3 if known is None else 6), dtype=self.least.dtype)
         ends = self.least, self.largest
 
         def trace(number: int, shared: _Shared) -> tuple[Block, np.ndarray]:
@@ -98,7 +113,10 @@ class Tracer:
             first = jnp.asarray(counts[block.pixels] - fewest + together * block.part)
             scene, lens, samples, ends = shared
             chosen = samples, jnp.asarray(block.pixels), first, *ends
-            return block, np.asarray(trace_block(scene, lens, *chosen, together=together, depth=block.depth))
+            found = trace_block(
+                scene, lens, *chosen, together=together, depth=block.depth, with_light=known is not None
+            )
+            return block, np.asarray(found)
 
         shared = self._scene, self.lens, samples, ends
         for (block, values), done in self._workforce.each(trace, len(blocks), shared):
@@ -106,6 +124,10 @@ class Tracer:
             if progress is not None:
                 progress(done)
         sums *= (together / np.maximum(counts, 1))[:, None].astype(sums.dtype)
+        if known is not None:
+            # Of a pixel other processes may have traced a part.
+            light = self._workforce.total(sums[:, 3:])
+            sums = np.array(evened(sums[:, :3], light, known))
         if self._aimed is not None:
             self._aimed.add_to(sums, counts > 0, ends, self._aimed.rays(rays), seed, self._workforce)
         return self._workforce.total(sums)
@@ -139,17 +161,25 @@ def trace_block(
     *,
     together: int,
     depth: int,
-) -> Float[Array, "p 3"]:
-    """Mean radiance of `together` rays of each of some `pixels`, those from `first` on."""
+    with_light: bool = False,
+) -> Float[Array, "p 3"] | Float[Array, "p 6"]:
+    """Mean radiance of `together` rays of each of some `pixels`, those from `first` on.
 
-    def seen(lens: AbstractLens) -> Float[Array, "p 3"]:
+    And, `with_light`, the mean of the shares of it that arrive, in each colour.
+    """
+
+    def seen(lens: AbstractLens) -> Float[Array, "p *two 3"]:
         along, share = block_radiances(
             scene, lens, samples, pixels, first, least, largest, together=together, depth=depth
         )
         # Each colour for itself: of large blocks XLA for CPU takes one for all in the product of all three.
-        return jnp.stack([(share * along[..., k]).mean(axis=1) for k in range(3)], axis=-1)
+        brought = jnp.stack([(share * along[..., k]).mean(axis=1) for k in range(3)], axis=-1)
+        if not with_light:
+            return brought
+        light = jnp.broadcast_to(share.mean(axis=1)[:, None], brought.shape)
+        return jnp.stack([brought, light], axis=1)
 
-    return in_colour(seen, lens)
+    return in_colour(seen, lens).reshape(len(pixels), -1)
 
 
 def block_radiances(

@@ -44,6 +44,9 @@ class AberratedLens(AbstractLens):
     def opening(self) -> AbstractAperture:
         return self.lens.opening()
 
+    def vignettes(self) -> bool:
+        return self.lens.vignettes()
+
     def channels(self) -> tuple[Channel, ...]:
         return tuple(
             Channel(dataclasses.replace(self, lens=each.lens), each.colour) for each in self.lens.channels()

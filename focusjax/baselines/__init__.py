@@ -2,6 +2,7 @@
 
 from focusjax.baselines._accumulation import accumulate as accumulate
 from focusjax.baselines._gather import gather as gather
+from focusjax.baselines._mitsuba import SAMPLER as SAMPLER
 from focusjax.baselines._mitsuba import UnlitScene as UnlitScene
 from focusjax.baselines._mitsuba import load_unlit as load_unlit
 from focusjax.baselines._mitsuba import mitsuba as mitsuba

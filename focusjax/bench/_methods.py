@@ -105,8 +105,14 @@ def _filtered(method: Callable[..., Any], knob: str) -> Callable[[Case, Any, Any
 
 
 def _mitsuba(
-    variant: str, sampler: str = SAMPLER
-) -> tuple[Callable[[Case], Any], Callable[[Case, Any, Any], Any]]:
+    name: str,
+    title: str,
+    settings: tuple[int, ...],
+    *,
+    variant: str = "llvm_ad_rgb",
+    sampler: str = SAMPLER,
+    default: bool = False,
+) -> Method:
     def prepare(case: Case) -> Any:
         scene = unlit_scene(case.scene)
         load_unlit(scene, variant)
@@ -117,37 +123,19 @@ def _mitsuba(
             scene, case.camera, case.lens, samples=samples, variant=variant, sampler=sampler
         )
 
-    return prepare, picture
+    return Method(name, title, "samples", settings, prepare, picture, needs=("mitsuba",), default=default)
 
 
 METHODS: tuple[Method, ...] = (
     Method("tracer", "focusjax, 2 x 2 samples a pixel", "rays", (4, 8, 16, 32, 64, 128), _peeled(2), _traced),
     Method("tracer-1", "focusjax, 1 sample a pixel", "rays", (4, 8, 16, 32, 64, 128), _peeled(1), _traced),
-    Method(
-        "mitsuba",
-        "Mitsuba, LLVM",
-        "samples",
-        (4, 16, 64, 256),
-        *_mitsuba("llvm_ad_rgb"),
-        needs=("mitsuba",),
-    ),
-    Method(
-        "mitsuba-scalar",
-        "Mitsuba, scalar",
-        "samples",
-        (4, 16, 64),
-        *_mitsuba("scalar_rgb"),
-        needs=("mitsuba",),
-        default=False,
-    ),
-    Method(
+    _mitsuba("mitsuba", "Mitsuba, LLVM", (4, 16, 64, 256), default=True),
+    _mitsuba("mitsuba-scalar", "Mitsuba, scalar", (4, 16, 64), variant="scalar_rgb"),
+    _mitsuba(
         "mitsuba-independent",
         "Mitsuba, LLVM, by its default sampler",
-        "samples",
         (4, 16, 64, 256),
-        *_mitsuba("llvm_ad_rgb", "independent"),
-        needs=("mitsuba",),
-        default=False,
+        sampler="independent",
     ),
     Method(
         "raycast",

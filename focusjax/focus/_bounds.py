@@ -9,7 +9,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
-from focusjax.focus._checks import ArgumentError, require_number
+from focusjax._arguments import ArgumentError
+from focusjax.focus._checks import require_number
 from focusjax.geometry import Camera
 from focusjax.lens import MAX_TILT
 

@@ -16,8 +16,8 @@ from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 from scipy.stats import qmc
 
+from focusjax._arguments import ArgumentError
 from focusjax._words import kind_of
-from focusjax.focus._checks import ArgumentError
 from focusjax.focus._image_points import BLUR, EQUAL, ImagePoints
 from focusjax.focus._refine import forgiving
 from focusjax.focus._refuse import require_points

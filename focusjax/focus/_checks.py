@@ -9,10 +9,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from focusjax._arguments import ArgumentError as ArgumentError
-from focusjax._arguments import about as about
-from focusjax._arguments import real_number
-from focusjax._arguments import require_kind as require_kind
+from focusjax._arguments import ArgumentError, about, real_number
 from focusjax._words import shown
 
 

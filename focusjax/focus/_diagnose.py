@@ -6,7 +6,7 @@ from typing import overload
 import numpy as np
 from jaxtyping import Bool
 
-from focusjax.focus._checks import ArgumentError, require_kind
+from focusjax._arguments import ArgumentError, require_kind
 from focusjax.focus._diagnose_frames import FramesDiagnosis, diagnose_frames
 from focusjax.focus._diagnose_picture import Diagnosis, diagnose_picture
 from focusjax.focus._diagnose_surface import SurfaceDiagnosis, diagnose_surface

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from focusjax._arguments import ArgumentError
 from focusjax._words import listed
-from focusjax.focus._checks import ArgumentError
 from focusjax.focus._diagnose_picture import idle_sentences, missed_sentences, picture_verdict, weightiest
 from focusjax.focus._findings import (
     NOTABLE_PX,

@@ -11,9 +11,10 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
+from focusjax._arguments import ArgumentError, require_kind
 from focusjax._words import kind_of
 from focusjax.focus._bounds import Limits
-from focusjax.focus._checks import ArgumentError, require_kind, require_number
+from focusjax.focus._checks import require_number
 from focusjax.focus._image_points import ImagePoints, anonymous, padded, room_for, stacked, together
 from focusjax.focus._priors import Numbers
 from focusjax.focus._refuse import require_lens, require_points

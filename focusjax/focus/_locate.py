@@ -6,9 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Integer
 
-from focusjax._arguments import real_number, real_numbers
+from focusjax._arguments import ArgumentError, about, real_number, real_numbers, require_kind
 from focusjax._words import did_you_mean, kind_of, shown
-from focusjax.focus._checks import ArgumentError, about, require_kind
 from focusjax.focus._framing import ends, frames, with_framing
 from focusjax.focus._image_points import AT_LEAST, AT_MOST, EQUAL, SAME, ImagePoints
 from focusjax.focus._places import BEHIND, OUTSIDE, Finder, Place

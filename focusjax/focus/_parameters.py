@@ -22,8 +22,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from focusjax._arguments import ArgumentError
 from focusjax._words import did_you_mean
-from focusjax.focus._checks import ArgumentError
 from focusjax.focus._image_points import ACROSS, BLUR, DOWN, ImagePoints
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens, as_tilt_shift, view_tangents

@@ -8,9 +8,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from focusjax._arguments import real_number
+from focusjax._arguments import ArgumentError, real_number, require_kind
 from focusjax._words import kind_of, shown
-from focusjax.focus._checks import ArgumentError, require_kind
 from focusjax.focus._parameters import PARAMETERS
 from focusjax.geometry import Camera
 

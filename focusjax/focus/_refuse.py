@@ -9,9 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
+from focusjax._arguments import ArgumentError, require_kind
 from focusjax._words import shown
 from focusjax.focus._bounds import Limits
-from focusjax.focus._checks import ArgumentError, require, require_kind
+from focusjax.focus._checks import require
 from focusjax.focus._image_points import ImagePoints
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens

@@ -9,8 +9,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._arguments import ArgumentError
 from focusjax.focus._bounds import LOWER_NAMES, UPPER_NAMES, Limits
-from focusjax.focus._checks import ArgumentError
 from focusjax.focus._image_points import ACROSS, AT_LEAST, AT_MOST, BLUR, EQUAL, SAME, ImagePoints
 from focusjax.focus._parameters import PARAMETERS
 from focusjax.focus._priors import Numbers

@@ -11,9 +11,9 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool
 
+from focusjax._arguments import ArgumentError, about
 from focusjax._counts import require_counts
 from focusjax.focus._bounds import Box, Range, make_limits, refuse_idle
-from focusjax.focus._checks import ArgumentError, about
 from focusjax.focus._global import find_optimum
 from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, named_like, padded, room_for
 from focusjax.focus._objective import make_objective

@@ -10,7 +10,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
-from focusjax.focus._checks import ArgumentError, require_kind, require_number
+from focusjax._arguments import ArgumentError, require_kind
+from focusjax.focus._checks import require_number
 from focusjax.focus._image_points import EQUAL, ImagePoints, anonymous, blurs, errors, root_weight
 from focusjax.focus._refuse import checked_points, opened, require_points
 from focusjax.focus._solution import WishResult, wish_table

@@ -141,16 +141,16 @@ def find_development(config: Config, image: Float[Array, "h w 3"] | None = None)
     )
 
 
-def metered_radiance(config: Config, image: Float[Array, "h w 3"]) -> float:
-    """The radiance that `[exposure]` makes grey, after the white balance of `[film]`.
+def metered_radiance(
+    exposure: ExposureTable, balance: Float[Array, "3"] | None, image: Float[Array, "h w 3"]
+) -> float:
+    """The radiance that `[exposure]` makes grey, after a white balance.
 
     Raises:
         ValueError: zones that are not in the picture.
     """
-    assert config.exposure is not None
-    balance = build_balance(config, image)
     seen = image if balance is None else image * balance.astype(image.dtype).reshape(1, 1, 3)
-    return float(meter(seen, *build_zones(config.exposure)))
+    return float(meter(seen, *build_zones(exposure)))
 
 
 def take_photograph(
@@ -185,7 +185,9 @@ def take_photograph(
         settings = development.settings(camera, lens)
         if config.exposure is not None and config.exposure.free:
             assert settings is not None
-            metered = metered_radiance(config, image) if grey is None else grey
+            metered = grey
+            if metered is None:
+                metered = metered_radiance(config.exposure, development.balance, image)
             chosen = choose_settings(metered, settings, **build_choices(config.exposure))
             settings = chosen.settings
     except ValueError as error:

@@ -3,14 +3,15 @@
 from collections.abc import Mapping
 from typing import Any
 
-from focusjax.config import Config, ConfigError, build_choices
+from focusjax.config import Config, ConfigError, build_balance, build_choices
 from focusjax.film import CameraSettings, camera_settings
 from focusjax.focus import ImagePoints
 from focusjax.geometry import Camera
 from focusjax.job._exposed import ExposedLens, ExposedSolution, open_for_light, solve_exposed
 from focusjax.job._photograph import metered_radiance
 from focusjax.layers import peel
-from focusjax.lens import ThinLens, TiltShiftLens, thin_lens
+from focusjax.lens import ThinLens, TiltShiftLens
+from focusjax.post import closed_lens
 from focusjax.scene import Scene
 from focusjax.trace import render_pinhole
 
@@ -21,10 +22,11 @@ def metered_before(config: Config, scene: Scene, camera: Camera) -> float:
     Raises:
         ConfigError: nothing to meter.
     """
-    closed = thin_lens(focus_distance=1.0, aperture_radius=0.0)
-    view = render_pinhole(peel(scene, camera, closed, supersampling=1, max_layers=config.render.max_layers))
+    assert config.exposure is not None
+    layers = peel(scene, camera, closed_lens(), supersampling=1, max_layers=config.render.max_layers)
+    view = render_pinhole(layers)
     try:
-        return metered_radiance(config, view)
+        return metered_radiance(config.exposure, build_balance(config, view), view)
     except ValueError as error:
         raise ConfigError(f"{config.source}: exposure: {error}") from error
 

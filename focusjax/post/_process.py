@@ -1,23 +1,16 @@
 """The whole camera as passes over one sharp view."""
 
-import jax
-import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._counts import require_counts
 from focusjax.baselines import gather
 from focusjax.geometry import Camera
-from focusjax.lens import AbstractLens, FocalSurfaceLens, ThinLens, TiltShiftLens, illumination, in_colour
+from focusjax.lens import AbstractLens, FocalSurfaceLens, ThinLens, TiltShiftLens, in_colour
 from focusjax.post._motion import motion_blur
 from focusjax.post._straight import StraightenedLens
 from focusjax.post._view import PinholeView
 from focusjax.post._warp import warped
-
-_GRID = 13
-"""Places along the frame's longer side at which vignetting is worked out."""
-_SIDE = 24
-"""Rays along each side of the opening for it."""
+from focusjax.trace import light_map
 
 
 def post_process(
@@ -32,7 +25,7 @@ def post_process(
        shape of the opening, spherical aberration, coma, astigmatism and curvature of field; for each colour,
        where the lens treats them differently;
     3. distortion and lateral colour, by resampling (`warped`);
-    4. vignetting, as light that is lost from the corners (`illumination`).
+    4. vignetting, as light that is lost from the corners (`light_map`).
 
     `photograph` exposes and develops it like any other picture. What the view does not see is nowhere:
     blurred foregrounds end where they are sharp and hide what is behind them, the frame's edge goes on
@@ -68,33 +61,4 @@ def post_process(
         return found if ideal else warped(found, camera, one)
 
     found = in_colour(through, lens)
-    return found if ideal else found * vignetting(camera, lens).astype(found.dtype)
-
-
-def vignetting(camera: Camera, lens: AbstractLens) -> Float[Array, "h w 1"]:
-    """The share of light that each pixel gets, from a few places with smooth pieces between."""
-    longest = max(camera.width, camera.height)
-    rows, columns = (max(3, round(_GRID * side / longest)) for side in (camera.height, camera.width))
-    y, x = np.meshgrid(
-        np.linspace(0.0, camera.height, rows), np.linspace(0.0, camera.width, columns), indexing="ij"
-    )
-    places = jnp.asarray(np.column_stack([x.ravel(), y.ravel()]), dtype=float)
-    shares = illumination(lens, camera, places, side=_SIDE).reshape(rows, columns)
-    for axis in (0, 1):
-        # One more on either side, where a parabola goes on.
-        first, last = jnp.moveaxis(shares, axis, 0)[:3], jnp.moveaxis(shares, axis, 0)[:-4:-1]
-        ends = [jnp.expand_dims(3.0 * (end[0] - end[1]) + end[2], axis) for end in (first, last)]
-        shares = jnp.concatenate([ends[0], shares, ends[1]], axis=axis)
-    # Resized as if places were pixels' centres, then cut to the frame.
-    scale = [camera.height / (rows - 1), camera.width / (columns - 1)]
-    shift = [1.5 * each for each in scale]
-    smooth = jax.image.scale_and_translate(
-        shares,
-        (camera.height, camera.width),
-        (0, 1),
-        jnp.array(scale),
-        -jnp.array(shift),
-        method="cubic",
-        antialias=False,
-    )
-    return smooth[..., None]
+    return found if ideal else found * light_map(lens, camera).share.reshape(found.shape).astype(found.dtype)

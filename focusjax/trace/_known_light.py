@@ -54,7 +54,7 @@ class KnownLight(eqx.Module):
 
 def known_light(lens: AbstractLens, camera: Camera) -> KnownLight | None:
     """What is known of the light; None where all rays pass alike."""
-    return _light_map(lens, camera) if lens.vignettes() else None
+    return light_map(lens, camera) if lens.vignettes() else None
 
 
 def evened(brought: _Colours, light: _Colours, known: KnownLight) -> Float[Array, "p 3"]:
@@ -70,7 +70,8 @@ def evened(brought: _Colours, light: _Colours, known: KnownLight) -> Float[Array
 
 
 @eqx.filter_jit
-def _light_map(lens: AbstractLens, camera: Camera) -> KnownLight:
+def light_map(lens: AbstractLens, camera: Camera) -> KnownLight:
+    """The same of any lens."""
     real = jnp.zeros(()).dtype
     longest = max(camera.width, camera.height)
     along = min(max(longest // _PIXELS_APART + 1, _NODES[0]), _NODES[1])

@@ -1,6 +1,7 @@
 """From the light that a lens brings to a picture: exposure, film and sensor, and what a screen shows."""
 
 from focusjax.film._choose import ChosenSettings as ChosenSettings
+from focusjax.film._choose import FNumbersForLight as FNumbersForLight
 from focusjax.film._choose import choose_settings as choose_settings
 from focusjax.film._curve import ResponseCurve as ResponseCurve
 from focusjax.film._curve import load_curve as load_curve
@@ -9,8 +10,6 @@ from focusjax.film._display import encode_srgb as encode_srgb
 from focusjax.film._display import expose as expose
 from focusjax.film._display import to_bytes as to_bytes
 from focusjax.film._display import to_words as to_words
-from focusjax.film._f_numbers import FNumbersForLight as FNumbersForLight
-from focusjax.film._f_numbers import f_numbers_for_light as f_numbers_for_light
 from focusjax.film._film import AbstractFilm as AbstractFilm
 from focusjax.film._film import Film as Film
 from focusjax.film._film import Sensor as Sensor

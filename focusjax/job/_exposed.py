@@ -15,7 +15,6 @@ from focusjax.film import (
     FNumbersForLight,
     camera_settings,
     choose_settings,
-    f_numbers_for_light,
     magnification,
 )
 from focusjax.focus import F_NUMBERS, ArgumentError, ImagePoints, Solution, solve
@@ -49,15 +48,13 @@ class ExposedLens(eqx.Module):
         lens: focus and f-number to use.
         camera: the camera it is for.
         wanted: f-number that focus takes, were there light enough.
-        light: f-numbers at which there are a time and a speed that expose rightly.
-        chosen: time and speed at the lens's f-number.
+        chosen: time and speed at the lens's f-number, and the f-numbers for the light.
         priority: what went first (static).
     """
 
     lens: ThinLens | TiltShiftLens
     camera: Camera
     wanted: Float[Array, ""]
-    light: FNumbersForLight
     chosen: ChosenSettings
     priority: Priority = eqx.field(static=True)
 
@@ -66,9 +63,9 @@ class ExposedLens(eqx.Module):
 
         Above 0 it needs more light than there is, below 0 less.
         """
-        wanted = float(self.wanted)
-        over = 2.0 * math.log2(wanted / float(self.light.narrowest))
-        under = 2.0 * math.log2(wanted / float(self.light.widest))
+        wanted, light = float(self.wanted), self.chosen.f_numbers
+        over = 2.0 * math.log2(wanted / float(light.narrowest))
+        under = 2.0 * math.log2(wanted / float(light.widest))
         return over if over > _STOP else under if under < -_STOP else 0.0
 
     def sentence(self, lost: str | None = None) -> str | None:
@@ -81,7 +78,8 @@ class ExposedLens(eqx.Module):
         if not apart:
             return None
         settings = self.chosen.settings
-        limit = self.light.narrowest if apart > 0 else self.light.widest
+        light = self.chosen.f_numbers
+        limit = light.narrowest if apart > 0 else light.widest
         off = float(self.chosen.stops_off)
         wrong = f"{abs(off):.1f} stops too {'dark' if off < 0 else 'bright'}"
         told = (
@@ -145,7 +143,7 @@ def solve_exposed(
     blur do, it is the widest that meets them, as far as that lowers the speed, and else as near to the
     starting lens's as the light allows. Time and speed follow (`choose_settings`). Where the wishes want an
     f-number for which no time and speed are right, "focus" first leaves the picture too dark or too bright,
-    and "exposure" first solves again within the f-numbers for the light (`f_numbers_for_light`), in which
+    and "exposure" first solves again within the f-numbers for the light, in which
     focus may find another place. It looks at values on the way, and is not to be traced by JAX; `solution`
     is what `solve` finds from a good start, and that can be.
 
@@ -191,8 +189,8 @@ def solve_exposed(
     base = camera_settings(f_number=1.0, time=1.0) if settings is None else settings
     widest, narrowest = options.pop("f_number_range", None) or F_NUMBERS
 
-    def light_of(solution: Solution) -> FNumbersForLight:
-        return f_numbers_for_light(grey, _on(base, solution.camera, solution.lens), **exposure)
+    def chosen_for(solution: Solution) -> ChosenSettings:
+        return choose_settings(grey, _on(base, solution.camera, solution.lens), **exposure)
 
     def within(least: float, most: float, start: ThinLens | TiltShiftLens = lens) -> Solution:
         least = min(max(least, widest), narrowest * (1.0 - _NARROW))
@@ -202,10 +200,10 @@ def solve_exposed(
 
     wished = solve(points, camera, lens, free=free, f_number_range=(widest, narrowest), **options)
     if points.relation is not None or "f_number" in wished.undetermined:
-        wished = _settled(within, wished, light_of(wished), widest, narrowest)
+        wished = _settled(within, wished, chosen_for(wished).f_numbers, widest, narrowest)
     found = wished
     for _ in range(_ROUNDS if priority == "exposure" else 0):
-        light, before = light_of(found), float(found.lens.f_number(found.camera))
+        light, before = chosen_for(found).f_numbers, float(found.lens.f_number(found.camera))
         found = within(float(light.widest), float(light.narrowest), wished.lens)
         if abs(2.0 * math.log2(float(found.lens.f_number(found.camera)) / before)) < 0.1 * _STOP:
             break
@@ -213,8 +211,7 @@ def solve_exposed(
         lens=found.lens,
         camera=found.camera,
         wanted=wished.lens.f_number(wished.camera),
-        light=light_of(found),
-        chosen=choose_settings(grey, _on(base, found.camera, found.lens), **exposure),
+        chosen=chosen_for(found),
         priority=priority,
     )
     return ExposedSolution(found, wished, exposed)
@@ -272,11 +269,11 @@ def open_for_light(
     """
     base = camera_settings(f_number=1.0, time=1.0) if settings is None else settings
     wanted = lens.f_number(camera)
-    light = f_numbers_for_light(grey, _on(base, camera, lens), **exposure)
     if priority == "exposure":
+        light = choose_settings(grey, _on(base, camera, lens), **exposure).f_numbers
         lens = _stopped(_stopped(lens, camera, light.widest, light.narrowest), camera, *f_number_range)
     chosen = choose_settings(grey, _on(base, camera, lens), **exposure)
-    return ExposedLens(lens, camera, wanted, light, chosen, priority)
+    return ExposedLens(lens, camera, wanted, chosen, priority)
 
 
 def _stopped(

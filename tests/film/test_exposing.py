@@ -104,6 +104,17 @@ def test_what_is_not_free_stays_and_compensation_counts():
     assert chosen.settings.time == BASE.time
 
 
+def test_f_numbers_for_light_are_those_of_the_times_and_speeds_that_are_left():
+    base = camera_settings(f_number=4, time=1 / 30, iso=400)
+    found = choose_settings(GREY, base, luminance=50.0, free=("time",), longest_time=1 / 60).f_numbers
+    # Where pi L g t S / (4 N^2) is the 10 ISO seconds of a grey.
+    for number, time in ((found.narrowest, 1 / 60), (found.widest, 1 / 8000)):
+        assert float(number) == pytest.approx(np.sqrt(np.pi / 4 * 50.0 * GREY * time * 400 / 10), rel=1e-9)
+    assert found.quietest == found.narrowest
+    both = choose_settings(GREY, base, luminance=50.0).f_numbers
+    assert float(both.narrowest / both.quietest) == pytest.approx(8.0)
+
+
 def test_depth_of_field_at_correct_exposure_held_by_hand():
     """Aperture, time and speed from what is to be sharp, the light, and a limit of 1/60 s."""
     camera = look_at((0, 0, 0), (0, 0, -1), width=600, height=400, focal_length=0.05)

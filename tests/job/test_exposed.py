@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from focusjax.film import GREY, camera_settings, f_numbers_for_light
+from focusjax.film import GREY
 from focusjax.focus import ArgumentError, AtLeast, AtMost, AtPoint, FocusPoint, locate, solve
 from focusjax.geometry import look_at
 from focusjax.job import open_for_light, solve_exposed
@@ -106,14 +106,6 @@ def test_a_given_depth_of_field_shrinks_where_exposure_goes_first():
     assert "Focus gives way: at f/2.7 it is sharp from 2.46 to 2.91 m." in found.sentence()
     same = open_for_light(lens, CAMERA, GREY, dim)
     assert same.lens.f_number(CAMERA) == lens.f_number(CAMERA)
-
-
-def test_f_numbers_for_light_are_those_of_the_settings_that_are_left():
-    settings = camera_settings(f_number=4, time=1 / 30, iso=400)
-    found = f_numbers_for_light(GREY, settings, luminance=50.0, free=("time",), longest_time=1 / 60)
-    assert float(found.narrowest) == pytest.approx(f_number_for(50.0, 1 / 60, 400.0, 0.0), rel=1e-9)
-    assert float(found.widest) == pytest.approx(f_number_for(50.0, 1 / 8000, 400.0, 0.0), rel=1e-9)
-    assert found.quietest == found.narrowest
 
 
 def test_what_cannot_be_weighed_is_refused(points):

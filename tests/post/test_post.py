@@ -95,8 +95,8 @@ def test_vignetting_is_the_lenss_own():
     shown = np.asarray(post_process(white, camera(), DarkenedLens(lens_of(0.0), cosine_falloff())))
     y, x = np.mgrid[0.5:32, 0.5:48]
     tangent = np.hypot(x - 24, y - 16) / float(camera().focal_px)
-    # Observed: 3e-4, by cubic pieces between few places.
-    np.testing.assert_allclose(shown[..., 0], np.cos(np.arctan(tangent)) ** 4, atol=1e-3)
+    # Observed: 5e-6, by a cubic spline between few places.
+    np.testing.assert_allclose(shown[..., 0], np.cos(np.arctan(tangent)) ** 4, atol=2e-5)
 
 
 def test_motion_blurs_along_the_velocity_and_keeps_what_stands():

@@ -54,7 +54,9 @@ def against_rays(case: SpecialCase, truth: np.ndarray, options: argparse.Namespa
     layers = peel(case.scene, case.camera, lens, supersampling=options.supersampling)
 
     def picture(rays: int, seed: int, *, even: bool) -> np.ndarray:
-        return np.asarray(render(layers, lens, rays=rays, seed=seed, even=even), dtype=np.float64)
+        return np.asarray(
+            render(layers, lens, rays=rays, seed=seed, even=even, smooth=False), dtype=np.float64
+        )
 
     halves = [picture(options.reference_rays // 2, seed, even=True) for seed in (101, 102)]
     converged = np.mean(halves, axis=0)

@@ -49,7 +49,7 @@ def picture(blur: float, blades: int = 0, rotation: float = 0.0) -> np.ndarray:
     """What becomes of the dot: light per pixel [h, w]."""
     lens = lens_for(blur, polygon(blades, rotation=rotation) if blades else Disk())
     layers = peel(dot_scene(), camera(), lens)
-    return np.asarray(render(layers, lens, rays=RAYS))[..., 0]
+    return np.asarray(render(layers, lens, rays=RAYS, smooth=False))[..., 0]
 
 
 def spread(light: np.ndarray) -> np.ndarray:

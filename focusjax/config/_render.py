@@ -21,6 +21,10 @@ class RenderTable(Table):
         default=64,
         description="lens rays per pixel on the average, for example 64; places to look at with 'post'",
     )
+    smooth: bool = Field(
+        default=True,
+        description="false to leave the noise of few rays in what is blurred; still pictures that are traced",
+    )
     quality: str | Number | None = Field(
         default=None, description="'draft', 'good', 'reference' or decibels such as '40 dB', instead of rays"
     )
@@ -74,7 +78,15 @@ class RenderTable(Table):
 
     @model_validator(mode="after")
     def _what_post_ignores(self) -> "RenderTable":
-        names = ("quality", "max_layers", "slabs", "slab_blur_px", "examine_layers", "view_dependent")
+        names = (
+            "quality",
+            "max_layers",
+            "slabs",
+            "slab_blur_px",
+            "examine_layers",
+            "view_dependent",
+            "smooth",
+        )
         idle = [name for name in (*names, "pixel_filter") if name in self.model_fields_set]
         if self.method == "post" and idle:
             raise ValueError(f"has {idle[0]}, which is about tracing, and method = 'post'; leave one out")

@@ -133,10 +133,17 @@ def make_picture(
                 assert isinstance(lens, PrescriptionLens | SpectralLens)
                 lens_plan = plan_lens(layers, lens, table.quality)
                 lens = lens_plan.lens
-            plan = plan_rays(layers, lens, table.quality, seed=table.seed)
+            plan = plan_rays(layers, lens, table.quality, smooth=table.smooth, seed=table.seed)
             rays = plan.rays
     with watch.stage("render"):
-        image = render(layers, lens, rays=rays, seed=table.seed, progress=lambda share: tell("render", share))
+        image = render(
+            layers,
+            lens,
+            rays=rays,
+            smooth=table.smooth,
+            seed=table.seed,
+            progress=lambda share: tell("render", share),
+        )
         image.block_until_ready()
     if plan is not None:
         with watch.stage("examine"):

@@ -42,6 +42,13 @@ class AbstractAperture(eqx.Module):
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         """Light per area at a point between hole and outline, relative to its mean there."""
 
+    @abc.abstractmethod
+    def finest(self) -> Float[Array, ""]:
+        """Half the width of the narrowest part of its light, in aperture radii; less is on the safe side.
+
+        Points out of focus become pictures of the opening, in which nothing is finer than that.
+        """
+
     def at(self, place: Float[Array, "2"]) -> Float[Array, "2"]:
         """The point at a place (s, t) of the unit square, uniform by area whatever the density.
 
@@ -89,6 +96,9 @@ class Disk(AbstractAperture):
 
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return jnp.ones_like(point[0])
+
+    def finest(self) -> Float[Array, ""]:
+        return jnp.ones(())
 
 
 class Polygon(AbstractAperture):
@@ -144,6 +154,10 @@ class Polygon(AbstractAperture):
 
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return jnp.ones_like(point[0])
+
+    def finest(self) -> Float[Array, ""]:
+        straight = (1.0 - self.roundness) * jnp.cos(jnp.pi / self.blades) ** 2
+        return jnp.sqrt(straight + self.roundness)
 
 
 def polygon(blades: int, *, rotation: SupportsFloat = 0.0, roundness: SupportsFloat = 0.0) -> Polygon:

@@ -47,6 +47,10 @@ class Mask(AbstractAperture):
         light = jnp.where(within, self.light.at(0.5 + 0.5 * point / self.half), 0.0)
         return light * jnp.pi / (self.light.mean() * 4.0 * jnp.prod(self.half))
 
+    def finest(self) -> Float[Array, ""]:
+        rows, columns = self.light.values.shape
+        return (2.0 * self.half / jnp.array([columns - 1, rows - 1])).min()
+
 
 def mask(image: ArrayLike | Sequence[Sequence[float]]) -> Mask:
     """A `Mask` from an image.

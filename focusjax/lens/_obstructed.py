@@ -38,6 +38,9 @@ class Obstructed(AbstractAperture):
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return self.outline.density(point)
 
+    def finest(self) -> Float[Array, ""]:
+        return 0.5 * (1.0 - self.obstruction) * self.outline.finest()
+
 
 def obstructed(obstruction: SupportsFloat, outline: AbstractAperture | None = None) -> Obstructed:
     """An `Obstructed` opening with checked values; around a disk when no outline is given.

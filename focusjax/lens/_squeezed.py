@@ -37,6 +37,9 @@ class Squeezed(AbstractAperture):
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return self.whole.density(self._widened(point))
 
+    def finest(self) -> Float[Array, ""]:
+        return self.whole.finest() / self.squeeze
+
     def _widened(self, point: Float[Array, "2"]) -> Float[Array, "2"]:
         return jnp.stack([point[0] * self.squeeze, point[1]])
 

@@ -94,6 +94,7 @@ def build_settings(config: Config) -> FrameSettings:
         )
     return FrameSettings(
         rays=table.rays,
+        smooth=table.smooth,
         quality=table.quality,
         supersampling=table.supersampling,
         max_layers=table.max_layers,

@@ -58,6 +58,7 @@ class FrameSettings:
 
     Attributes:
         rays: lens rays per pixel on the average.
+        smooth: whether the noise of what is blurred is taken out, in frames of one instant.
         quality: decibels or a name instead of `rays`: planned once, for the most blurred frame.
         supersampling: layer samples along a pixel's side.
         max_layers: most layers to peel.
@@ -73,6 +74,7 @@ class FrameSettings:
     """
 
     rays: int = 64
+    smooth: bool = True
     quality: str | float | None = None
     supersampling: int = 2
     max_layers: int = 8
@@ -171,7 +173,7 @@ def render_frames(
         else:
             layers = make_layers(settings, scene, camera, lens, widest)
             complete &= layers.complete
-            image = np.asarray(render(layers, lens, rays=rays, seed=settings.seed))
+            image = np.asarray(render(layers, lens, rays=rays, smooth=settings.smooth, seed=settings.seed))
         for kind, path in zip(kinds, files[-1], strict=True):
             unfinished = path.with_name(f".{path.name}")
             if kind == "png":
@@ -298,7 +300,7 @@ def _widest(solved: SolvedShot, wanted: Sequence[int], settings: FrameSettings) 
     layers = make_layers(settings, solved.shot.scene.at(number), camera, lens)
     if settings.quality is None:
         return layers, settings.rays
-    return layers, plan_rays(layers, lens, settings.quality, seed=settings.seed).rays
+    return layers, plan_rays(layers, lens, settings.quality, smooth=settings.smooth, seed=settings.seed).rays
 
 
 @eqx.filter_jit

@@ -3,7 +3,7 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from focusjax.trace._samples import z_order
 
@@ -16,20 +16,17 @@ class Block:
         pixels: row-major number [p] of each part's pixel; parts of one pixel follow each other. The last one
             is repeated to fill the block.
         part: which [p] of the pixel's parts it is.
-        count: how many parts there are but for what fills the block.
+        places: numbers of the pixels that it has parts of, each once.
+        place: which [p] of these each part belongs to; for what only fills the block as many as there are
+            parts.
         depth: layers that any of them can meet, rounded up to one of a few numbers.
     """
 
     pixels: Int[np.ndarray, " p"]
     part: Int[np.ndarray, " p"]
-    count: int
+    places: Int[np.ndarray, " d"]
+    place: Int[np.ndarray, " p"]
     depth: int
-
-    def add_to(self, picture: Float[np.ndarray, "n c"], values: Float[np.ndarray, "p c"]) -> None:
-        """Add what each part brought to its pixel."""
-        pixels = self.pixels[: self.count]
-        start = np.flatnonzero(np.diff(pixels, prepend=-1))
-        picture[pixels[start]] += np.add.reduceat(values[: self.count], start, axis=0)
 
 
 class Blocks:
@@ -81,4 +78,7 @@ class Blocks:
         low, high = np.searchsorted(self._ends, [work[0], work[-1]], side="right")
         pixel = low + np.searchsorted(self._ends[low : high + 1], work, side="right")
         part = work - (self._ends[pixel] - self._parts[pixel])
-        return Block(self._order[pixel].astype(part.dtype), part, min(self.size, end - start), variant)
+        place = (pixel - low).astype(np.int32)
+        place[end - start :] = self.size
+        places = self._order[low : high + 1]
+        return Block(self._order[pixel].astype(part.dtype), part, places, place, variant)

@@ -50,6 +50,12 @@ def surface_of(layers: Layers) -> Surface:
     )
 
 
+def disparity_of(surface: Surface, hit: Int[Array, ""]) -> Float[Array, ""]:
+    """Disparity of sample `hit`, 0 if that is -1."""
+    number = surface.places.number(jnp.maximum(hit, 0))
+    return jnp.where(hit >= 0, surface.disparity[number], 0.0)
+
+
 Corners = tuple[tuple[Int[Array, ""], Float[Array, ""]], ...]
 """Samples around a hit by their number, and the share of each; the first is the one that was hit."""
 
@@ -69,8 +75,7 @@ def corners_at(
     (a_x, a_y), (b_x, b_y) = ray.a, ray.b
     columns, layer_size = surface.columns, surface.columns * surface.rows
     index = jnp.maximum(hit, 0)
-    number = surface.places.number(index)
-    disparity = jnp.where(hit >= 0, surface.disparity[number], 0.0)
+    number, disparity = surface.places.number(index), disparity_of(surface, hit)
     x, y = a_x + b_x * disparity, a_y + b_y * disparity
     column = jnp.clip(jnp.floor(x).astype(jnp.int32), 0, columns - 1)
     row = jnp.clip(jnp.floor(y).astype(jnp.int32), 0, surface.rows - 1)

@@ -85,7 +85,7 @@ class Workforce:
             for done, found in enumerate(pool.map(one, numbers), start=1):
                 yield found, done / len(numbers)
 
-    def total(self, sums: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3"]:
+    def total(self, sums: Float[np.ndarray, "p c"]) -> Float[np.ndarray, "p c"]:
         """The sum over all processes of what each has."""
         if self._processes == 1:
             return sums

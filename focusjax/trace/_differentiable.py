@@ -132,7 +132,7 @@ def _traced(look: tuple[Array, Array], lens: AbstractLens, layers: Layers, rays:
         first = jnp.zeros_like(pixels)
 
         def seen(lens: AbstractLens) -> Float[Array, "b 4 3"]:
-            along, share = block_radiances(
+            along, share, _ = block_radiances(
                 scene,
                 lens,
                 starts,

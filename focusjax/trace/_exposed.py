@@ -230,4 +230,4 @@ def some_means(
         counts[wanted] = whole[wanted]
         if rays >= FEWEST and not wanted.all():
             counts[wanted] = tracer.allotted(max(whole.mean(), FEWEST), wanted)
-    return tracer.means(counts, rays, seed, progress)
+    return tracer.trace(counts, rays, seed, progress, apart=False).raw()

@@ -13,7 +13,6 @@ ray at all gets through. W knows nothing of the scene, so that all is as linear 
 """
 
 import functools
-from collections.abc import Sequence
 from typing import TypeAlias
 
 import equinox as eqx
@@ -21,20 +20,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.interpolate import make_interp_spline
 from scipy.stats import qmc
 
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, in_colour
+from focusjax.trace._frame_nodes import frame_nodes
 
 _Colours: TypeAlias = Float[Array, "p 3"] | Float[np.ndarray, "p 3"]
 
-_NODES = 17, 25
-"""Along the longer side of the frame at least and at most. Of 25, cubic splines are off by up to 3e-4 RMS."""
-_FEWEST_NODES = 7
-_PIXELS_APART = 8
 _RAYS = 1 << 11
-"""Through each node: off by 2e-4 to 1e-3 RMS."""
+"""Through each of the nodes, whose cubic splines are off by up to 3e-4 RMS: off by 2e-4 to 1e-3 RMS."""
 _TRUSTED = 0.02
 """By how much splines of every other node may be off; those of all are off by a fraction of it."""
 
@@ -72,17 +67,9 @@ def evened(brought: _Colours, light: _Colours, known: KnownLight) -> Float[Array
 @eqx.filter_jit
 def light_map(lens: AbstractLens, camera: Camera) -> KnownLight:
     """The same of any lens."""
+    nodes = frame_nodes(camera)
     real = jnp.zeros(()).dtype
-    longest = max(camera.width, camera.height)
-    along = min(max(longest // _PIXELS_APART + 1, _NODES[0]), _NODES[1])
-    # Odd numbers, so that every other node is one at each end, too.
-    rows, columns = (
-        max(_FEWEST_NODES, round(along * side / longest)) | 1 for side in (camera.height, camera.width)
-    )
-    y, x = np.meshgrid(
-        np.linspace(0.0, camera.height, rows), np.linspace(0.0, camera.width, columns), indexing="ij"
-    )
-    places = jnp.asarray(np.stack([x.ravel(), y.ravel()], axis=1), dtype=real)
+    places = jnp.asarray(nodes.places(), dtype=real)
     pupil = jax.vmap(lens.pupil_point)(jnp.asarray(_square(), dtype=real))
 
     def seen(lens: AbstractLens) -> Float[Array, "n 3"]:
@@ -91,29 +78,12 @@ def light_map(lens: AbstractLens, camera: Camera) -> KnownLight:
 
         return jnp.broadcast_to(jax.lax.map(one, places)[:, None], (len(places), 3))
 
-    nodes = in_colour(seen, lens).reshape(rows, columns, 3)
-
-    def spread(values: Array, degree: int, to: Sequence[np.ndarray]) -> Array:
-        shares = (
-            jnp.asarray(_spline(count, at, degree), dtype=real)
-            for count, at in zip(values.shape[:2], to, strict=True)
-        )
-        return jnp.einsum("yr,rcb,xc->yxb", next(shares), values, next(shares), precision="highest")
-
-    centres = tuple((np.arange(size) + 0.5) / size for size in (camera.height, camera.width))
-    off = jnp.abs(spread(nodes[::2, ::2], 3, (np.linspace(0, 1, rows), np.linspace(0, 1, columns))) - nodes)
-    off = jax.lax.reduce_window(off, 0.0, jax.lax.max, (3, 3, 1), (1, 1, 1), "same")
-    doubt = jnp.clip(spread(off, 1, centres) / _TRUSTED - 1.0, 0.0, 1.0)
-    share = jnp.clip(spread(nodes, 3, centres), 0.0, nodes.max())
-    return KnownLight(share.reshape(-1, 3), doubt.reshape(-1, 3))
+    light = in_colour(seen, lens)
+    doubt = jnp.clip(nodes.in_pixels(nodes.off(light, 3), 1) / _TRUSTED - 1.0, 0.0, 1.0)
+    return KnownLight(jnp.clip(nodes.in_pixels(light, 3), 0.0, light.max()), doubt)
 
 
 @functools.cache
 def _square() -> Float[np.ndarray, "s 2"]:
     """Points of the unit square, the same for all nodes, so that what they miss changes smoothly."""
     return np.minimum(qmc.Sobol(2, rng=np.random.default_rng(0)).random(_RAYS), 1.0 - 2.0**-24)
-
-
-def _spline(count: int, at: Float[np.ndarray, " p"], degree: int) -> Float[np.ndarray, "p n"]:
-    """Shares of `count` nodes from 0 to 1 in a spline `at` some places."""
-    return make_interp_spline(np.linspace(0.0, 1.0, count), np.eye(count), k=degree)(at)

@@ -1,5 +1,7 @@
 """What given lens rays bring back from prepared layers."""
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,7 +12,7 @@ from focusjax._parallel import in_parallel
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers import Grid, Layers
 from focusjax.lens import AbstractLens
-from focusjax.trace._colour import Surface, radiance_at, surface_of
+from focusjax.trace._colour import Surface, disparity_of, radiance_at, surface_of
 from focusjax.trace._march import first_hits
 from focusjax.trace._ranges import disparity_range
 from focusjax.trace._starts import lens_rays
@@ -126,11 +128,11 @@ def radiances(
     largest: Float[Array, " p"],
     *,
     depth: int,
-) -> tuple[Float[Array, "p s 3"], Float[Array, "p s"]]:
-    """The radiance along s rays of each of p places in the picture, and the share of it that arrives.
+) -> tuple[Float[Array, "p s 3"], Float[Array, "p s"], Float[Array, "p s"]]:
+    """The radiance along s rays of each of p places, the share of it that arrives, and where it is from.
 
-    Arguments are those of `first_met`.
+    That is a disparity. Arguments are those of `first_met`.
     """
     rays, hits = first_met(scene, lens, film, pupil, chance, least, largest, depth=depth)
     along = jax.vmap(jax.vmap(lambda ray, hit: radiance_at(scene.surface, ray, hit)))(rays, hits)
-    return along, rays.weight
+    return along, rays.weight, jax.vmap(jax.vmap(functools.partial(disparity_of, scene.surface)))(hits)

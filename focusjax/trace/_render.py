@@ -20,6 +20,7 @@ def render(
     *,
     rays: int = 64,
     even: bool = False,
+    smooth: bool | None = None,
     pixel_filter: str | None = None,
     seed: int = 0,
     devices: Sequence[Device] | None = None,
@@ -35,6 +36,9 @@ def render(
             `_allot`. Fewer than four are the same for all. Up to half of them are aimed at small highlights
             out of focus, where there are such; see `_highlights`.
         even: give just `rays` to every pixel, be it plain or not, those that are aimed apart.
+        smooth: take the noise out of what is blurred, by averaging over a few tenths of its blur with the
+            pixels around, less the more rays there are; see `_reconstruct`. Otherwise each pixel is the mean
+            of its own rays, as it is with `even` unless this says otherwise.
         pixel_filter: "box", "tent" or "gaussian", how the light around a pixel's centre counts: its rays are
             spread with that density. The one that the layers were peeled for if not given.
         seed: chooses the rays; the same seed gives the same picture.
@@ -51,5 +55,6 @@ def render(
     tracer, camera = ready_tracer(layers, lens, pixel_filter, devices), layers.camera
     alike = even or rays < FEWEST
     counts = np.full(camera.width * camera.height, rays) if alike else tracer.counts(rays)
-    means = tracer.means(counts, rays, seed, progress)
+    traced = tracer.trace(counts, rays, seed, progress, apart=not even if smooth is None else smooth)
+    means = traced.smooth()
     return jnp.asarray(means.reshape(camera.height, camera.width, 3))

@@ -15,15 +15,22 @@ from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._aimed import Aimed
 from focusjax.trace._allot import FEWEST, allot, allot_through, contrast, counts_for
 from focusjax.trace._blocks import Block, Blocks
+from focusjax.trace._blur_classes import BlurClasses, blur_classes
 from focusjax.trace._devices import Device, Workforce
+from focusjax.trace._focal_zone import focal_zone
 from focusjax.trace._highlights import split_highlights
-from focusjax.trace._known_light import KnownLight, evened, known_light
+from focusjax.trace._known_light import KnownLight, known_light
 from focusjax.trace._radiances import TracedScene, radiances, ranges_at_once, traced_scene
 from focusjax.trace._reach import check_reach
 from focusjax.trace._samples import RaySamples, ray_samples
+from focusjax.trace._traced import Traced
 
 _Shared: TypeAlias = tuple[
-    TracedScene, AbstractLens, RaySamples, tuple[Float[Array, " p"], Float[Array, " p"]]
+    TracedScene,
+    AbstractLens,
+    RaySamples,
+    tuple[Float[Array, " p"], Float[Array, " p"]],
+    BlurClasses | None,
 ]
 
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 23}
@@ -61,6 +68,11 @@ class Tracer:
         return known_light(self.lens, self.layers.camera)
 
     @functools.cached_property
+    def classes(self) -> BlurClasses | None:
+        """By how blurred it is what rays meet can be told apart; None where nothing is."""
+        return blur_classes(focal_zone(self.lens, self.layers.camera), self.largest, self.least)
+
+    @functools.cached_property
     def contrast(self) -> Float[np.ndarray, " p"]:
         """Variance [p] of what the rays of each pixel may meet; see `_allot`."""
         return contrast(self.layers, self.lens, self.least, self.largest, self.pixel_filter)
@@ -80,21 +92,48 @@ class Tracer:
         light = np.asarray(self.known_light.share[:, 1])
         return allot_through(self.contrast[chosen], light[chosen], rays)
 
-    def means(
+    def trace(
         self,
         counts: Int[np.ndarray, " p"],
         rays: int,
         seed: int,
         progress: Callable[[float], None] | None = None,
-    ) -> Float[np.ndarray, "p 3"]:
-        """Mean radiance of each pixel over as many rays as `counts` says: 0 (nothing is traced), or others.
+        *,
+        apart: bool = True,
+    ) -> Traced:
+        """As many rays of each pixel as `counts` says: 0 (nothing is traced), or others.
 
         Args:
             counts: all alike, or those of `counts` for some of the pixels.
             rays: the mean that they were made for.
             seed: chooses the rays.
             progress: is told the share done.
+            apart: tell classes of blur apart, so that the picture may be smoothed.
         """
+        classes = self.classes if apart else None
+        sums = self._sums(counts, rays, seed, progress, classes)
+        least = (0.0,) if classes is None else classes.least
+        over = 0.0 if classes is None else sums[:, -3:]
+        by_class = sums if classes is None else sums[:, :-3]
+        return Traced(
+            by_class.reshape(len(sums), len(least), -1),
+            over,
+            self._by_aimed(counts, rays, seed),
+            least,
+            self.layers.camera.width,
+            rays,
+            self.known_light,
+        )
+
+    def _sums(
+        self,
+        counts: Int[np.ndarray, " p"],
+        rays: int,
+        seed: int,
+        progress: Callable[[float], None] | None,
+        classes: BlurClasses | None,
+    ) -> Float[np.ndarray, "p n"]:
+        """Means over the rays of each pixel of what `trace_block` tells."""
         camera = self.layers.camera
         levels = [rays] if np.isin(counts, (0, rays)).all() else counts_for(rays)
         fewest = levels[0]
@@ -103,34 +142,49 @@ class Tracer:
         together = max(k for k in range(1, FEWEST + 1) if fewest % k == 0)
         at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together)
         blocks = Blocks(counts // together, self._depth, self.layers.count, camera.width, at_once)
-        known = self.known_light
-        sums = np.zeros((len(counts), 3 if known is None else 6), dtype=self.least.dtype)
-        ends = self.least, self.largest
+        with_light = self.known_light is not None
+        if classes is None:
+            numbers = 6 if with_light else 3
+        else:
+            numbers = len(classes.least) * (6 if self.lens.channels() else 4) + 3
+        sums = np.zeros((len(counts), numbers), dtype=self.least.dtype)
 
         def trace(number: int, shared: _Shared) -> tuple[Block, np.ndarray]:
             block = blocks[number]
             # The rays of the smaller counts come before those of a pixel's own.
             first = jnp.asarray(counts[block.pixels] - fewest + together * block.part)
-            scene, lens, samples, ends = shared
-            chosen = samples, jnp.asarray(block.pixels), first, *ends
+            scene, lens, samples, ends, classes = shared
             found = trace_block(
-                scene, lens, *chosen, together=together, depth=block.depth, with_light=known is not None
+                scene,
+                lens,
+                samples,
+                jnp.asarray(block.pixels),
+                first,
+                *ends,
+                classes,
+                together=together,
+                depth=block.depth,
+                with_light=with_light,
             )
-            return block, np.asarray(found)
+            return block, np.asarray(_in_places(found, jnp.asarray(block.place)))[: len(block.places)]
 
-        shared = self._scene, self.lens, samples, ends
+        shared = self._scene, self.lens, samples, (self.least, self.largest), classes
         for (block, values), done in self._workforce.each(trace, len(blocks), shared):
-            block.add_to(sums, values)
+            sums[block.places] += values
             if progress is not None:
                 progress(done)
         sums *= (together / np.maximum(counts, 1))[:, None].astype(sums.dtype)
-        if known is not None:
-            # Of a pixel other processes may have traced a part.
-            light = self._workforce.total(sums[:, 3:])
-            sums = np.array(evened(sums[:, :3], light, known))
-        if self._aimed is not None:
-            self._aimed.add_to(sums, counts > 0, ends, self._aimed.rays(rays), seed, self._workforce)
+        # Of a pixel other processes may have traced a part.
         return self._workforce.total(sums)
+
+    def _by_aimed(self, counts: Int[np.ndarray, " p"], rays: int, seed: int) -> np.ndarray | float:
+        """What rays aimed at highlights bring to the pixels that are traced."""
+        if self._aimed is None:
+            return 0.0
+        found = np.zeros((len(counts), 3), dtype=self.least.dtype)
+        ends = self.least, self.largest
+        self._aimed.add_to(found, counts > 0, ends, self._aimed.rays(rays), seed, self._workforce)
+        return self._workforce.total(found)
 
 
 def ready_tracer(
@@ -158,28 +212,47 @@ def trace_block(
     first: Int[Array, " p"],
     least: Float[Array, " n"],
     largest: Float[Array, " n"],
+    classes: BlurClasses | None = None,
     *,
     together: int,
     depth: int,
     with_light: bool = False,
-) -> Float[Array, "p 3"] | Float[Array, "p 6"]:
-    """Mean radiance of `together` rays of each of some `pixels`, those from `first` on.
+) -> Float[Array, "p c"]:
+    """Mean radiance of `together` rays of each of some `pixels`, those from `first` on, in three colours.
 
-    And, `with_light`, the mean of the shares of it that arrive, in each colour.
+    And, `with_light`, the mean of the shares of it that arrive, in each colour. With `classes`, both are told
+    for each class, the second once if it is the same in all colours, and radiance up to white, 1; and at the
+    end what is beyond that.
     """
+    in_each = with_light if classes is None else bool(lens.channels())
 
-    def seen(lens: AbstractLens) -> Float[Array, "p *two 3"]:
-        along, share = block_radiances(
+    def seen(lens: AbstractLens) -> Float[Array, "p _k _c"]:
+        along, share, disparity = block_radiances(
             scene, lens, samples, pixels, first, least, largest, together=together, depth=depth
         )
-        # Each colour for itself: of large blocks XLA for CPU takes one for all in the product of all three.
-        brought = jnp.stack([(share * along[..., k]).mean(axis=1) for k in range(3)], axis=-1)
-        if not with_light:
-            return brought
-        light = jnp.broadcast_to(share.mean(axis=1)[:, None], brought.shape)
-        return jnp.stack([brought, light], axis=1)
 
-    return in_colour(seen, lens).reshape(len(pixels), -1)
+        def mean(share: Float[Array, "p s"], along: Float[Array, "p s 3"]) -> list[Float[Array, " p"]]:
+            # Each colour for itself: of large blocks XLA for CPU takes one for all in their product.
+            return [(share * along[..., k]).mean(axis=1) for k in range(3)]
+
+        if classes is None:
+            found = [mean(share, along)] + [[share.mean(axis=1)] * 3] * in_each
+            return jnp.stack([jnp.stack(some, axis=-1) for some in found], axis=1)
+        number, white, found = classes.of(pixels, disparity), jnp.minimum(along, 1.0), []
+        for k in range(len(classes.least)):
+            mine = jnp.where(number == k, share, 0.0)
+            found += mean(mine, white) + [mine.mean(axis=1)] * (3 if in_each else 1)
+        found += mean(share, along - white)
+        return jnp.stack(found, axis=1).reshape(len(pixels), -1, 3 if in_each else len(found))
+
+    mixed = in_colour(seen, lens) if lens.channels() else seen(lens)
+    return mixed.reshape(len(pixels), -1)
+
+
+@jax.jit
+def _in_places(found: Float[Array, "p n"], place: Int[Array, " p"]) -> Float[Array, "p n"]:
+    """The sums of what belongs together; what is for a place beyond the last is for none."""
+    return jax.ops.segment_sum(found, place, num_segments=len(found), indices_are_sorted=True)
 
 
 def block_radiances(
@@ -193,8 +266,8 @@ def block_radiances(
     *,
     together: int,
     depth: int,
-) -> tuple[Float[Array, "p s 3"], Float[Array, "p s"]]:
-    """The radiance along each ray of `trace_block`, and the share of it that arrives, by one lens's light."""
+) -> tuple[Float[Array, "p s 3"], Float[Array, "p s"], Float[Array, "p s"]]:
+    """What `radiances` tells of each ray of `trace_block`, by one lens's light."""
     width = scene.camera.width
     column, row = pixels % width, pixels // width
     offsets, pupil, chance = jax.vmap(samples.of_pixel, in_axes=(0, 0, 0, None))(column, row, first, together)

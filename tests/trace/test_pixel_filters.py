@@ -156,9 +156,10 @@ def test_a_slanted_edge_in_focus_is_antialiased(name: str):
 
 def test_the_quality_of_a_filtered_picture_is_told():
     layers = wide_layers(varied_scene)
-    pictures = [np.asarray(render(layers, layers.lens, rays=16, seed=seed)) for seed in (0, 1)]
-    expected = psnr(*pictures) + 10 * np.log10(2)
-    assert quality_of(layers, layers.lens, pictures[0], rays=16) == pytest.approx(expected, abs=1.5)
+    picture = np.asarray(render(layers, layers.lens, rays=16))
+    expected = psnr(picture, np.asarray(render(layers, layers.lens, rays=1024, even=True, seed=5)))
+    # Observed: 35.7 for 36.3 dB.
+    assert quality_of(layers, layers.lens, picture, rays=16) == pytest.approx(expected, abs=1.5)
 
 
 def test_filters_wider_than_the_layers_are_refused():

@@ -51,7 +51,7 @@ def test_each_thing_is_where_it_belongs():
     blurred = patch("blurred", camera, (20, 15, 26, 19), 0.1, (1, 0, 0))
     lens = wide_lens(camera)
     layers = peel(make_scene([sharp, blurred], unlit=True), camera, lens)
-    picture = np.asarray(render(layers, lens, rays=64))
+    picture = np.asarray(render(layers, lens, rays=64, smooth=False))
     assert picture.shape == (HEIGHT, WIDTH, 3)
     green = np.zeros((HEIGHT, WIDTH))
     green[4:9, 4:10] = 1.0

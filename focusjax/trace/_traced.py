@@ -1,0 +1,53 @@
+"""What the rays of a picture have brought, and the picture it makes, smoothed or not."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float
+
+from focusjax.trace._known_light import KnownLight, evened
+from focusjax.trace._reconstruct import reconstruct
+
+
+@dataclasses.dataclass(frozen=True)
+class Traced:
+    """Means over the rays of each pixel, row-major.
+
+    Attributes:
+        sums: of weight times radiance in red, green and blue, and of weight, once or in each colour; for each
+            class of blur, or for all together. Weights may be missing where all are alike and classes are
+            not told apart.
+        over: of what is brighter than white, 1, what is beyond that, where classes are told apart; else 0 and
+            part of `sums`. A kernel that is right for a thing of its own brightness may be off by 1 % of it
+            beside, which is much beside a lamp; so that is left as the rays have it.
+        aimed: what rays aimed at small highlights bring beside; 0 where there are none.
+        least: least blur of each class, as `BlurClasses` has it; one number if they are not told apart.
+        width: pixels per row.
+        rays: per pixel on the average.
+        known: the light that is known to get through the lens; None where all passes.
+    """
+
+    sums: Float[np.ndarray, "p k c"]
+    over: Float[np.ndarray, "p 3"] | float
+    aimed: Float[np.ndarray, "p 3"] | float
+    least: tuple[float, ...]
+    width: int
+    rays: int
+    known: KnownLight | None
+
+    def raw(self) -> Float[np.ndarray, "p 3"]:
+        """Each pixel by its own rays."""
+        return self._evened(self.sums[..., :3].sum(axis=1) + self.over) + self.aimed
+
+    def smooth(self) -> Float[np.ndarray, "p 3"]:
+        """With those of the pixels around, as far as what they meet is blurred."""
+        if len(self.least) == 1:
+            return self.raw()
+        means = reconstruct(self.sums, self.width, self.least, self.rays) * self._light()
+        return self._evened(means + self.over) + self.aimed
+
+    def _evened(self, brought: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3"]:
+        return brought if self.known is None else np.asarray(evened(brought, self._light(), self.known))
+
+    def _light(self) -> Float[np.ndarray, "p 3"]:
+        return np.broadcast_to(self.sums[..., 3:].sum(axis=1), (len(self.sums), 3))

@@ -160,20 +160,21 @@ class Tracer:
                 samples,
                 jnp.asarray(block.pixels),
                 first,
+                jnp.asarray(block.place),
                 *ends,
                 classes,
                 together=together,
                 depth=block.depth,
                 with_light=with_light,
             )
-            return block, np.asarray(_in_places(found, jnp.asarray(block.place)))[: len(block.places)]
+            return block, np.asarray(found)[: len(block.places)]
 
         shared = self._scene, self.lens, samples, (self.least, self.largest), classes
         for (block, values), done in self._workforce.each(trace, len(blocks), shared):
             sums[block.places] += values
             if progress is not None:
                 progress(done)
-        sums *= (together / np.maximum(counts, 1))[:, None].astype(sums.dtype)
+        sums /= np.maximum(counts, 1)[:, None].astype(sums.dtype)
         # Of a pixel other processes may have traced a part.
         return self._workforce.total(sums)
 
@@ -210,6 +211,7 @@ def trace_block(
     samples: RaySamples,
     pixels: Int[Array, " p"],
     first: Int[Array, " p"],
+    place: Int[Array, " p"],
     least: Float[Array, " n"],
     largest: Float[Array, " n"],
     classes: BlurClasses | None = None,
@@ -218,41 +220,43 @@ def trace_block(
     depth: int,
     with_light: bool = False,
 ) -> Float[Array, "p c"]:
-    """Mean radiance of `together` rays of each of some `pixels`, those from `first` on, in three colours.
+    """Sums over `together` rays of each of some `pixels`, those from `first` on, of what they bring.
 
-    And, `with_light`, the mean of the shares of it that arrive, in each colour. With `classes`, both are told
-    for each class, the second once if it is the same in all colours, and radiance up to white, 1; and at the
-    end what is beyond that.
+    What has the same `place`, 0 to p - 1, is added up; what has none counts for nothing. It is weight times
+    radiance in three colours and, `with_light`, weight, in three colours as well. With `classes`, both are
+    told for each class, the second once if it is the same in all colours, and radiance up to white, 1; and at
+    the end what is beyond that.
     """
-    in_each = with_light if classes is None else bool(lens.channels())
+    count, in_each = len(pixels), bool(lens.channels())
 
     def seen(lens: AbstractLens) -> Float[Array, "p _k _c"]:
         along, share, disparity = block_radiances(
             scene, lens, samples, pixels, first, least, largest, together=together, depth=depth
         )
 
-        def mean(share: Float[Array, "p s"], along: Float[Array, "p s 3"]) -> list[Float[Array, " p"]]:
+        def arrives(along: Float[Array, "p s 3"]) -> list[Float[Array, "p s"]]:
             # Each colour for itself: of large blocks XLA for CPU takes one for all in their product.
-            return [(share * along[..., k]).mean(axis=1) for k in range(3)]
+            return [share * along[..., k] for k in range(3)]
 
+        def added(
+            values: list[Float[Array, "p s"]], to: Int[Array, "p s"], kinds: int
+        ) -> Float[Array, "p _"]:
+            rows = jnp.stack(values, axis=-1).reshape(-1, len(values))
+            found = jax.ops.segment_sum(rows, to.reshape(-1), num_segments=count * kinds)
+            return found.reshape(count, -1)
+
+        whole = jnp.broadcast_to(place[:, None], share.shape)
         if classes is None:
-            found = [mean(share, along)] + [[share.mean(axis=1)] * 3] * in_each
-            return jnp.stack([jnp.stack(some, axis=-1) for some in found], axis=1)
-        number, white, found = classes.of(pixels, disparity), jnp.minimum(along, 1.0), []
-        for k in range(len(classes.least)):
-            mine = jnp.where(number == k, share, 0.0)
-            found += mean(mine, white) + [mine.mean(axis=1)] * (3 if in_each else 1)
-        found += mean(share, along - white)
-        return jnp.stack(found, axis=1).reshape(len(pixels), -1, 3 if in_each else len(found))
+            found = added(arrives(along) + [share] * 3 * with_light, whole, 1)
+            return found.reshape(count, -1, 3)
+        kinds, white = len(classes.least), jnp.minimum(along, 1.0)
+        told = arrives(white) + [share] * (3 if in_each else 1)
+        by_class = added(told, whole * kinds + classes.of(pixels, disparity), kinds)
+        found = jnp.concatenate([by_class, added(arrives(along - white), whole, 1)], axis=1)
+        return found.reshape(count, -1, 3) if in_each else found[:, None]
 
-    mixed = in_colour(seen, lens) if lens.channels() else seen(lens)
-    return mixed.reshape(len(pixels), -1)
-
-
-@jax.jit
-def _in_places(found: Float[Array, "p n"], place: Int[Array, " p"]) -> Float[Array, "p n"]:
-    """The sums of what belongs together; what is for a place beyond the last is for none."""
-    return jax.ops.segment_sum(found, place, num_segments=len(found), indices_are_sorted=True)
+    mixed = in_colour(seen, lens) if in_each else seen(lens)
+    return mixed.reshape(count, -1)
 
 
 def block_radiances(

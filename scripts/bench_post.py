@@ -168,7 +168,7 @@ def main() -> None:
             layers, peeling, peeling_wall = timed(
                 lambda lens=lens: layers_of(scene, camera, lens), options.repeats
             )
-            truth = np.asarray(render(layers, lens, rays=options.truth, seed=7))
+            truth = np.asarray(render(layers, lens, rays=options.truth, smooth=False, seed=7))
             found, seconds, wall = timed(
                 lambda lens=lens: post_process(view, camera, lens, taps=options.taps), options.repeats
             )

@@ -90,7 +90,9 @@ def against_layers(case: SpecialCase, truth: np.ndarray, options: argparse.Names
         )
         if layers.count < most:
             break
-        picture = np.asarray(render(layers, case.lens, rays=max(options.rays)), dtype=np.float64)
+        picture = np.asarray(
+            render(layers, case.lens, rays=max(options.rays), smooth=False), dtype=np.float64
+        )
         rows.append({"layers": layers.count, "error": rms(picture - truth), "complete": layers.complete})
     return rows
 

@@ -166,7 +166,7 @@ def study(path: Path, options: argparse.Namespace) -> list[list[str]]:
     # Another lens: a smaller opening, and a pixel more of blur by focus and by tilt.
     by_focus, _, by_tilt = 3.0 * steps(case, lens)
     other = moved(lens, jnp.array([by_focus, -0.2, by_tilt]))
-    pictures = [np.asarray(render(layers, one, rays=256)) for one in (lens, other)]
+    pictures = [np.asarray(render(layers, one, rays=256, smooth=False)) for one in (lens, other)]
     difference = pictures[0] - pictures[1]
     rows: list[tuple[str, np.ndarray, float]] = []
     for rays in options.rays:

@@ -119,7 +119,9 @@ def study(name: str, scene: Scene, camera: Camera, lens: ThinLens, aperture: flo
     rows = []
     for way, build in ways(scene, camera, lens, options).items():
         layers, build_seconds = second_call(build)
-        picture, trace_seconds = second_call(lambda these=layers: render(these, lens, rays=options.rays))
+        picture, trace_seconds = second_call(
+            lambda these=layers: render(these, lens, rays=options.rays, smooth=False)
+        )
         missed = missed_light(layers, nearest, rays=options.examined)
         rows.append(
             {

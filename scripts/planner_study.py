@@ -46,7 +46,7 @@ def study(path: Path, options: argparse.Namespace) -> list[dict]:
     camera = resized(outcome.camera, *(int(edge) for edge in options.size.split("x")))
     lens = outcome.lens
     layers = peel(baked(build_scene(config)), camera, lens, max_layers=16)
-    truth = np.asarray(render(layers, lens, rays=options.reference_rays, seed=99))
+    truth = np.asarray(render(layers, lens, rays=options.reference_rays, smooth=False, seed=99))
     rows = []
     for quality in options.qualities:
         plan = plan_rays(layers, lens, quality)

@@ -76,8 +76,8 @@ def render_moving(
     axes, each by its own time. That is exact however fast it moves, and leaves no ghosts. Spans are as short
     as it takes for a body to be seen from directions within `turn` of that in which its layers see it. What
     deforms is peeled for each span as it is in the middle; spans are so short that it goes by at most
-    `step_px` from one to the next. Pixels where nothing moves are those of `render`, and a scene where
-    nothing does is peeled and traced as without a shutter.
+    `step_px` from one to the next. Pixels where nothing moves are those of `render` without smoothing, and
+    a scene where nothing does is peeled and traced as without a shutter.
 
     Highlights and shading are those of a span's middle. No rays are aimed at small highlights where something
     moves.
@@ -116,7 +116,7 @@ def render_moving(
     bodies, scene, known = bodies_that_move(moving, times), moving.at(frame), dict(like or {})
     if not bodies and not cameras.move(times):
         layers = layers_of(scene, cameras.still, lens, known.get(BACKDROP))
-        image = render(layers, lens, rays=rays, seed=seed, progress=progress)
+        image = render(layers, lens, rays=rays, smooth=False, seed=seed, progress=progress)
         return MovingPicture(image, 1, 1, 0.0, 0.0, 0.0, layers.complete, {BACKDROP: layers.extent})
     plans = plan_bodies(moving, scene, bodies, cameras, lens, times, Care(turn, step_px, most_spans))
     edges = _edges(shutter, plans.spans, frame, fps)

@@ -56,7 +56,8 @@ class Blocks:
         variants = np.unique(np.minimum([4, 8, 16, most_layers], most_layers))
         level = np.searchsorted(variants, np.maximum(depth, 1))
         row, column = np.divmod(np.arange(len(parts), dtype=np.int32), np.int32(columns))
-        self._order = np.lexsort((z_order(column, row), level)).astype(np.int32)
+        order = np.lexsort((z_order(column, row), level)).astype(np.int32)
+        self._order = order[parts[order] > 0]
         self._parts = parts[self._order]
         self._ends = np.cumsum(self._parts, dtype=np.int64)
         self.size = min(size, 1 << max(int(self._ends[-1]) - 1, 0).bit_length())

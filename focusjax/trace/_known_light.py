@@ -46,6 +46,10 @@ class KnownLight(eqx.Module):
     share: Float[Array, "p 3"]
     doubt: Float[Array, "p 3"]
 
+    def of(self, light: _Colours) -> Float[Array, "p 3"]:
+        """The light that each pixel gets, of whose rays the mean weight is `light`."""
+        return self.share + self.doubt * (light - self.share)
+
 
 def known_light(lens: AbstractLens, camera: Camera) -> KnownLight | None:
     """What is known of the light; None where all rays pass alike."""
@@ -60,8 +64,7 @@ def evened(brought: _Colours, light: _Colours, known: KnownLight) -> Float[Array
         light: the same of weights alone; pixels without any stay black.
         known: as of `known_light`.
     """
-    share = known.share + known.doubt * (light - known.share)
-    return jnp.where(light > 0, brought / jnp.where(light > 0, light, 1.0), 0.0) * share
+    return jnp.where(light > 0, brought / jnp.where(light > 0, light, 1.0), 0.0) * known.of(light)
 
 
 @eqx.filter_jit

@@ -5,11 +5,10 @@ right on the average, the mean of
 
     (S - R1) (S - R2)
 
-is the squared error of S, what smoothing makes wrong included. Two pictures of other random numbers, each
-plain and smoothed, tell it twice. A trial traces small squares of the picture, a twelfth of it, as smoothing
-takes what is around. From one number of rays to another the error goes about as rays^-1, so the second or
-third trial is at the number that is wanted. Only the error of the rays is meant; that of the layers stays,
-about 45 dB at one sample per pixel and 50 dB at two where things are in focus.
+is the squared error of S, what smoothing makes wrong included. A trial traces small squares of the picture, a
+twelfth of it, as smoothing takes what is around. From one number of rays to another the error goes about as
+rays^-1, so the second or third trial is at the number that is wanted. Only the error of the rays is meant;
+that of the layers stays, about 45 dB at one sample per pixel and 50 dB at two where things are in focus.
 """
 
 import dataclasses
@@ -166,7 +165,9 @@ def quality_of(
     share = max(1.0 / _PIXELS_PER_TRIED, min(1.0, _LEAST_PIXELS / len(whole)))
     told = np.random.default_rng(seed + 2).random(len(whole)) < share
     told[np.argmax(whole)] = True
-    one, other = (tracer.trace(np.where(told, whole, 0), rays, seed + k).raw()[told] for k in (2, 3))
+    one, other = (
+        tracer.trace(np.where(told, whole, 0), rays, seed + k, independent=True).raw()[told] for k in (2, 3)
+    )
     given = np.asarray(picture).reshape(-1, 3)[told]
     return _decibels((given - one) * (given - other), (given, one, other))
 
@@ -176,17 +177,16 @@ def _trial(tracer: Tracer, rays: int, seed: int, *, smooth: bool) -> tuple[float
     whole, camera = tracer.counts(rays), tracer.layers.camera
     traced, told = _squares(camera.height, camera.width, seed)
     counts = np.where(traced, whole, 0)
-    first = tracer.trace(counts, rays, seed, apart=smooth)
-    one, plain = first.smooth()[told], first.raw()[told]
+    one, other = (tracer.trace(counts, rays, seed + k, independent=True).raw()[told] for k in (1, 2))
+    # Programs are compiled by now, but for those of smoothing.
+    tracer.trace(counts, rays, seed, apart=smooth).smooth()
     start = time.perf_counter()
-    second = tracer.trace(counts, rays, seed + 1, apart=smooth)
+    found = tracer.trace(counts, rays, seed, apart=smooth)
     seconds = (time.perf_counter() - start) * float(whole.sum()) / float(counts.sum())
     start = time.perf_counter()
-    other = second.smooth()[told]
+    picture = found.smooth()[told]
     seconds += time.perf_counter() - start
-    again = second.raw()[told]
-    wrong = 0.5 * ((one - again) ** 2 + (other - plain) ** 2 - (plain - again) ** 2)
-    return _decibels(wrong, (one, other)), seconds
+    return _decibels((picture - one) * (picture - other), (picture, one, other)), seconds
 
 
 def _decibels(wrong: Float[np.ndarray, "n 3"], seen: tuple[Float[np.ndarray, "n 3"], ...]) -> float:

@@ -16,9 +16,14 @@ and the picture per light is composed from front to back,
 
     I = sum_k T_k l_k,        T_k = (1 - a_0) ... (1 - a_(k-1)).
 
-Without smoothing all of that cancels to sum_k L_k / m_0, the plain mean. A pixel of which no ray passes the
+Without smoothing all of that cancels to sum_k L_k / m_0, the plain mean; how much light there is does not
+matter. A pixel of which no ray passes the
 nearer classes, although T_k says that some light does, borrows from around: tents a few pixels wide are added
-with small weights. Everything is linear in radiances.
+with small weights. Radiances are at most 1 here, and so is what is made of them; but for that, and for
+weights below 0 that nothing is made darker than black by, all is linear in them.
+
+Where something less blurred cuts off part of the opening, what is behind it does change faster than its own
+blur says, within the blur of the edge; and the pixels of the border are left to their own rays.
 
 The more rays, the less is smoothed: noise falls as rays^-1 or faster and the bias as a power of the width
 above three, so that widths go as rays^-0.3 and the error of the picture still falls to that of the rays.
@@ -78,7 +83,8 @@ def reconstruct(
                 more = (count * _smoothed(planes[number], tent, halo=halo) for (_, count), tent in borrowed)
                 smooth[number] = sum(more, smooth[number])
         most = tuple(math.inf if len(own) == 1 else _MOST_TIMES for own in taps)
-        return np.asarray(_composed(smooth, most))
+        whole = _smoothed(planes[0][(3 + planes[0].shape[0]) // 2 :], jnp.ones_like(taps[0][:1]), halo=halo)
+        return np.asarray(_composed(smooth, whole, most))
 
     out = np.empty((height, width, 3), dtype=sums.dtype)
     for start, found in zip(starts, in_parallel(strip, starts), strict=True):
@@ -149,11 +155,15 @@ def _planes(around: Float[Array, "r w n"], *, classes: int) -> list[Float[Array,
 
 
 @functools.partial(jax.jit, static_argnames="most_times")
-def _composed(smooth: list[Float[Array, "c r w"]], most_times: tuple[float, ...]) -> Float[Array, "r w 3"]:
-    """Radiance per light, of the smoothed planes, each taken so many times at most."""
+def _composed(
+    smooth: list[Float[Array, "c r w"]], whole: Float[Array, "l r w"], most_times: tuple[float, ...]
+) -> Float[Array, "r w 3"]:
+    """Radiance per light, of the smoothed planes, each taken so many times at most, and of all light."""
     lights = (smooth[0].shape[0] - 3) // 2
     picture = jnp.zeros_like(smooth[0][:3])
-    through, told = (jnp.full_like(smooth[0][:lights], share) for share in (1.0, 0.0))
+    # Of the light that there is: lenses may let pass next to none.
+    through = jnp.maximum(whole, smooth[0][3 + lights :])
+    told = jnp.zeros_like(through)
     for found, most in zip(smooth, most_times, strict=True):
         stopped, light = found[3 : 3 + lights], found[3 + lights :]
         # Nothing is brighter than white.

@@ -66,14 +66,20 @@ def ray_samples(
     *,
     with_chances: bool = False,
     pixel_filter: str = "box",
+    independent: bool = False,
 ) -> RaySamples:
     """Samples through `lens` for pixels with each of the increasing `counts` of rays, fixed by `seed`.
 
     Their places in the pixel have the density of `pixel_filter`. `with_chances` says whether there is
-    anything that lets rays through.
+    anything that lets rays through. Scrambled sequences share what is coarse about them, but for a few random
+    bits, so that the noise of pictures of two seeds may go together by half; that of `independent` starts, in
+    which each pixel of the tile has a shift of its own, does not.
     """
     edge = tile_edge(counts[-1])
     points = np.concatenate([_starts(edge, count, seed) for count in counts], axis=1)
+    if independent:
+        shift = np.random.default_rng(seed).random((edge**2, 1, 4))
+        points = np.minimum((points + shift) % 1.0, 1.0 - 2.0**-24).astype(np.float32)
     chance = None
     if with_chances:
         chance = jnp.asarray(np.concatenate([chances(edge, count, seed) for count in counts], axis=1))

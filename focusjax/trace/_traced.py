@@ -43,8 +43,10 @@ class Traced:
         """With those of the pixels around, as far as what they meet is blurred."""
         if len(self.least) == 1:
             return self.raw()
-        means = reconstruct(self.sums, self.width, self.least, self.rays) * self._light()
-        return self._evened(means + self.over) + self.aimed
+        light = self._light()
+        share = light if self.known is None else np.asarray(self.known.of(light))
+        means = reconstruct(self.sums, self.width, self.least, self.rays) * share
+        return means + self._evened(np.broadcast_to(self.over, means.shape)) + self.aimed
 
     def _evened(self, brought: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3"]:
         return brought if self.known is None else np.asarray(evened(brought, self._light(), self.known))

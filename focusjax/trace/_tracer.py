@@ -69,7 +69,12 @@ class Tracer:
 
     @functools.cached_property
     def classes(self) -> BlurClasses | None:
-        """By how blurred it is what rays meet can be told apart; None where nothing is."""
+        """By how blurred it is what rays meet can be told apart; None where nothing is.
+
+        Nor where rays see highlights and mirrors for themselves: what these show is not blurred as they are.
+        """
+        if self.layers.samples.gloss is not None:
+            return None
         return blur_classes(focal_zone(self.lens, self.layers.camera), self.largest, self.least)
 
     @functools.cached_property
@@ -100,6 +105,7 @@ class Tracer:
         progress: Callable[[float], None] | None = None,
         *,
         apart: bool = True,
+        independent: bool = False,
     ) -> Traced:
         """As many rays of each pixel as `counts` says: 0 (nothing is traced), or others.
 
@@ -109,9 +115,10 @@ class Tracer:
             seed: chooses the rays.
             progress: is told the share done.
             apart: tell classes of blur apart, so that the picture may be smoothed.
+            independent: of pictures of other seeds, for their differences to tell of noise.
         """
         classes = self.classes if apart else None
-        sums = self._sums(counts, rays, seed, progress, classes)
+        sums = self._sums(counts, rays, seed, progress, classes, independent=independent)
         least = (0.0,) if classes is None else classes.least
         over = 0.0 if classes is None else sums[:, -3:]
         by_class = sums if classes is None else sums[:, :-3]
@@ -132,13 +139,22 @@ class Tracer:
         seed: int,
         progress: Callable[[float], None] | None,
         classes: BlurClasses | None,
+        *,
+        independent: bool = False,
     ) -> Float[np.ndarray, "p n"]:
         """Means over the rays of each pixel of what `trace_block` tells."""
         camera = self.layers.camera
         levels = [rays] if np.isin(counts, (0, rays)).all() else counts_for(rays)
         fewest = levels[0]
         opacity, wanted = self.layers.samples.opacity, self.pixel_filter
-        samples = ray_samples(self.lens, levels, seed, with_chances=opacity is not None, pixel_filter=wanted)
+        samples = ray_samples(
+            self.lens,
+            levels,
+            seed,
+            with_chances=opacity is not None,
+            pixel_filter=wanted,
+            independent=independent,
+        )
         together = max(k for k in range(1, FEWEST + 1) if fewest % k == 0)
         at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together)
         blocks = Blocks(counts // together, self._depth, self.layers.count, camera.width, at_once)

@@ -125,6 +125,18 @@ def test_blocks_hold_every_part_once():
     np.testing.assert_array_equal(total[:, 0], parts)
 
 
+def test_blocks_know_only_pixels_with_rays():
+    parts = np.zeros(4000, dtype=int)
+    parts[np.random.default_rng(4).random(4000) < 0.02] = 3
+    made = Blocks(parts, np.zeros(4000, dtype=int), 4, 80, 64)
+    total = np.zeros(4000, dtype=int)
+    for number in range(len(made)):
+        block = made[number]
+        assert len(block.places) <= 64
+        total[block.places] += np.bincount(block.place, minlength=65)[: len(block.places)]
+    np.testing.assert_array_equal(total, parts)
+
+
 def test_a_constant_background_is_seen_as_it_is():
     camera = front_camera()
     layers = peel(

@@ -161,3 +161,24 @@ def test_a_pinhole_is_not_smoothed():
     closed = ThinLens(jnp.array(0.5), jnp.array(0.0))
     one, other = (np.asarray(render(layers, closed, rays=8, smooth=smooth)) for smooth in (True, False))
     np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("light", [0.5, 0.01, 1e-4])
+def test_how_much_light_there_is_does_not_matter(light: float):
+    weights = shares()[..., None]
+    sums = np.concatenate(
+        [weights * np.random.default_rng(2).random((*weights.shape[:2], 3)), weights], axis=2
+    )
+    # Observed: 2e-16.
+    np.testing.assert_allclose(
+        reconstruct(light * sums, WIDE, LEAST, 16), reconstruct(sums, WIDE, LEAST, 16), atol=1e-12
+    )
+
+
+def test_a_near_bar_stays_dark_through_a_lens_that_lets_little_pass():
+    """Half the light stopped by something black and near, the other half by something white in focus."""
+    sums = np.zeros((WIDE * HIGH, len(LEAST), 4))
+    sums[:, 0, 3] = 0.05
+    sums[:, 2] = 0.05
+    # Observed: 1e-16.
+    np.testing.assert_allclose(reconstruct(sums, WIDE, LEAST, 16), 0.5, atol=1e-12)

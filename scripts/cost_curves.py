@@ -101,7 +101,8 @@ def curve(name: str, places: list, repeats: int) -> list[dict]:
     if name == "layers":
         camera = view(400, 300)
         scene, lens = bars(camera, 12), lens_with(camera, 0.8, 1.5, 24.0)
-        most = np.asarray(render(peel(scene, camera, lens, supersampling=1, max_layers=32), lens, rays=64))
+        whole = peel(scene, camera, lens, supersampling=1, max_layers=32)
+        most = np.asarray(render(whole, lens, rays=64, smooth=False))
     for place in places:
         if name == "pixels":
             row = point(scene, *balls_view(*place), repeats)
@@ -128,7 +129,7 @@ def by_layers(
 ) -> dict[str, float]:
     """As `point`, of so many layers, against the picture of all."""
     layers = peel(scene, camera, lens, supersampling=1, max_layers=count)
-    picture = np.asarray(render(layers, lens, rays=64))
+    picture = np.asarray(render(layers, lens, rays=64, smooth=False))
     return {
         "peel s": seconds_of(lambda: peel(scene, camera, lens, supersampling=1, max_layers=count), repeats),
         "render s": seconds_of(lambda: render(layers, lens, rays=64), repeats),

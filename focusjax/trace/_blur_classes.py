@@ -5,6 +5,7 @@ A class's rays are summed for themselves, as `focusjax.trace._reconstruct` asks 
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from focusjax.trace._focal_zone import FocalZone
@@ -39,25 +40,29 @@ class BlurClasses(eqx.Module):
         return found
 
 
-def blur_classes(
-    zone: FocalZone, nearest: Float[Array, " p"], farthest: Float[Array, " p"]
-) -> BlurClasses | None:
-    """The classes that a picture has; None where nothing in it is blurred.
+def one_class(pixels: int, dtype: np.dtype) -> BlurClasses:
+    """Nothing told apart."""
+    none = jnp.zeros((pixels, 0), dtype=dtype)
+    return BlurClasses(none, none, (0.0,))
+
+
+def blur_classes(zone: FocalZone, nearest: Float[Array, " p"], farthest: Float[Array, " p"]) -> BlurClasses:
+    """The classes that a picture has; one where nothing in it is blurred.
 
     Args:
         zone: the lens's.
         nearest: largest disparity that the rays of each pixel can meet.
         farthest: least one; 0 where the background can be seen.
     """
-    near, far = (jnp.max(zone.parallax * depth) for depth in (nearest - zone.near, zone.far - farthest))
+    near, far = (
+        float(jnp.max(zone.parallax * depth)) for depth in (nearest - zone.near, zone.far - farthest)
+    )
     edges = [_LEAST * 2.0**k for k in range(_OCTAVES)]
-    near_edges = [edge for edge in reversed(edges) if edge < float(near)]
-    far_edges = [edge for edge in edges if edge < float(far)]
-    if not near_edges and not far_edges:
-        return None
-    none = jnp.zeros((len(zone.near), 0), dtype=zone.near.dtype)
+    near_edges = [edge for edge in reversed(edges) if edge < near]
+    far_edges = [edge for edge in edges if edge < far]
+    none = one_class(len(zone.near), zone.near.dtype)
     return BlurClasses(
-        near=jnp.stack([zone.reach(edge)[0] for edge in near_edges], axis=1) if near_edges else none,
-        far=jnp.stack([zone.reach(edge)[1] for edge in far_edges], axis=1) if far_edges else none,
+        near=jnp.stack([zone.reach(edge)[0] for edge in near_edges], axis=1) if near_edges else none.near,
+        far=jnp.stack([zone.reach(edge)[1] for edge in far_edges], axis=1) if far_edges else none.far,
         least=(*near_edges, 0.0, *far_edges),
     )

@@ -76,7 +76,7 @@ def _zone_at(lens: AbstractLens, camera: Camera, film: Float[Array, "2"]) -> Flo
             ray = lens.ray(camera, film, point)
             return jnp.stack([ray.a, ray.b]), ray.weight
 
-        (a, b), weight = jax.jacfwd(both)(point)[0], both(point)[1]
+        (a, b), weight = jax.jacfwd(both, has_aux=True)(point)
         square = _det(b)
         linear = a[0, 0] * b[1, 1] + b[0, 0] * a[1, 1] - a[0, 1] * b[1, 0] - b[0, 1] * a[1, 0]
         safe = jnp.where(square == 0, 1.0, square)

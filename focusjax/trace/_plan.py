@@ -177,9 +177,10 @@ def _trial(tracer: Tracer, rays: int, seed: int, *, smooth: bool) -> tuple[float
     whole, camera = tracer.counts(rays), tracer.layers.camera
     traced, told = _squares(camera.height, camera.width, seed)
     counts = np.where(traced, whole, 0)
-    one, other = (tracer.trace(counts, rays, seed + k, independent=True).raw()[told] for k in (1, 2))
-    # Programs are compiled by now, but for those of smoothing.
-    tracer.trace(counts, rays, seed, apart=smooth).smooth()
+    checks = [tracer.trace(counts, rays, seed + k, apart=smooth, independent=True) for k in (1, 2)]
+    one, other = (check.raw()[told] for check in checks)
+    # For its programs to be compiled.
+    checks[0].smooth()
     start = time.perf_counter()
     found = tracer.trace(counts, rays, seed, apart=smooth)
     seconds = (time.perf_counter() - start) * float(whole.sum()) / float(counts.sum())

@@ -83,8 +83,7 @@ def reconstruct(
                 more = (count * _smoothed(planes[number], tent, halo=halo) for (_, count), tent in borrowed)
                 smooth[number] = sum(more, smooth[number])
         most = tuple(math.inf if len(own) == 1 else _MOST_TIMES for own in taps)
-        whole = _smoothed(planes[0][(3 + planes[0].shape[0]) // 2 :], jnp.ones_like(taps[0][:1]), halo=halo)
-        return np.asarray(_composed(smooth, whole, most))
+        return np.asarray(_composed(smooth, planes[0][:, halo:-halo, halo:-halo], most))
 
     out = np.empty((height, width, 3), dtype=sums.dtype)
     for start, found in zip(starts, in_parallel(strip, starts), strict=True):
@@ -117,30 +116,14 @@ def _tent(reach: int) -> Float[np.ndarray, " n"]:
 
 
 def _with_halo(picture: Float[np.ndarray, "h w n"], start: int, rows: int, halo: int) -> np.ndarray:
-    """Some rows and those around them; beyond the picture they go on as a line would, mirrored in the point.
+    """Some rows with a halo around them; beyond the picture it goes on mirrored in the points of the border.
 
-    A copy, as wide halos on either side of each row, too.
+    That leaves ramps as they are, and the border itself to its own rays.
     """
-    height, width = picture.shape[:2]
-
-    def mirrored(count: int, first: int, last: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Places, the borders that they are mirrored in, and where they are."""
-        at = np.arange(first, last)
-        border = np.clip(at, 0, count - 1)
-        beyond = at != border
-        return np.where(beyond, np.clip(2 * border - at, 0, count - 1), at), border, beyond
-
-    y, y_border, y_beyond = mirrored(height, start - halo, start + rows + halo)
-    x, x_border, x_beyond = mirrored(width, -halo, width + halo)
-    found = picture[y][:, x]
-    if y_beyond.any():
-        found[y_beyond] = 2 * picture[y_border[y_beyond]][:, x] - found[y_beyond]
-    edge = np.empty((len(y), int(x_beyond.sum()), picture.shape[2]), dtype=picture.dtype)
-    edge[:] = picture[y][:, x_border[x_beyond]]
-    if y_beyond.any():
-        edge[y_beyond] = 2 * picture[y_border[y_beyond]][:, x_border[x_beyond]] - edge[y_beyond]
-    found[:, x_beyond] = 2 * edge - found[:, x_beyond]
-    return found
+    first, last = start - halo, start + rows + halo
+    beyond = max(-first, 0), max(last - len(picture), 0)
+    inside = picture[max(first, 0) : last]
+    return np.pad(inside, (beyond, (halo, halo), (0, 0)), mode="reflect", reflect_type="odd")
 
 
 # Three programs instead of one, in which XLA for CPU would work out much of each step anew for the next.
@@ -156,13 +139,13 @@ def _planes(around: Float[Array, "r w n"], *, classes: int) -> list[Float[Array,
 
 @functools.partial(jax.jit, static_argnames="most_times")
 def _composed(
-    smooth: list[Float[Array, "c r w"]], whole: Float[Array, "l r w"], most_times: tuple[float, ...]
+    smooth: list[Float[Array, "c r w"]], nearest: Float[Array, "c r w"], most_times: tuple[float, ...]
 ) -> Float[Array, "r w 3"]:
-    """Radiance per light, of the smoothed planes, each taken so many times at most, and of all light."""
+    """Radiance per light, of smoothed planes, each taken so many times at most, and the nearest as it was."""
     lights = (smooth[0].shape[0] - 3) // 2
     picture = jnp.zeros_like(smooth[0][:3])
     # Of the light that there is: lenses may let pass next to none.
-    through = jnp.maximum(whole, smooth[0][3 + lights :])
+    through = jnp.maximum(nearest, smooth[0])[3 + lights :]
     told = jnp.zeros_like(through)
     for found, most in zip(smooth, most_times, strict=True):
         stopped, light = found[3 : 3 + lights], found[3 + lights :]

@@ -14,21 +14,20 @@ class Traced:
     """Means over the rays of each pixel, row-major.
 
     Attributes:
-        sums: of weight times radiance in red, green and blue, and of weight, once or in each colour; for each
-            class of blur, or for all together. Weights may be missing where all are alike and classes are
-            not told apart.
-        over: of what is brighter than white, 1, what is beyond that, where classes are told apart; else 0 and
-            part of `sums`. A kernel that is right for a thing of its own brightness may be off by 1 % of it
-            beside, which is much beside a lamp; so that is left as the rays have it.
+        sums: of weight times radiance, up to white, 1, in red, green and blue, and of weight, once or in each
+            colour; for each class of blur.
+        over: of what is brighter than white, what is beyond that. A kernel that is right for a thing of its
+            own brightness may be off by 1 % of it beside, which is much beside a lamp; so that is left as
+            the rays have it.
         aimed: what rays aimed at small highlights bring beside; 0 where there are none.
-        least: least blur of each class, as `BlurClasses` has it; one number if they are not told apart.
+        least: least blur of each class, as `BlurClasses` has it.
         width: pixels per row.
         rays: per pixel on the average.
         known: the light that is known to get through the lens; None where all passes.
     """
 
     sums: Float[np.ndarray, "p k c"]
-    over: Float[np.ndarray, "p 3"] | float
+    over: Float[np.ndarray, "p 3"]
     aimed: Float[np.ndarray, "p 3"] | float
     least: tuple[float, ...]
     width: int
@@ -46,7 +45,7 @@ class Traced:
         light = self._light()
         share = light if self.known is None else np.asarray(self.known.of(light))
         means = reconstruct(self.sums, self.width, self.least, self.rays) * share
-        return means + self._evened(np.broadcast_to(self.over, means.shape)) + self.aimed
+        return means + self._evened(self.over) + self.aimed
 
     def _evened(self, brought: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3"]:
         return brought if self.known is None else np.asarray(evened(brought, self._light(), self.known))

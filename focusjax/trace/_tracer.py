@@ -1,6 +1,7 @@
 """Rays of chosen pixels through prepared layers, vmapped, in blocks of bounded memory."""
 
 import functools
+import math
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
@@ -15,7 +16,7 @@ from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._aimed import Aimed
 from focusjax.trace._allot import FEWEST, allot, allot_through, contrast, counts_for
 from focusjax.trace._blocks import Block, Blocks
-from focusjax.trace._blur_classes import BlurClasses, blur_classes
+from focusjax.trace._blur_classes import BlurClasses, blur_classes, one_class
 from focusjax.trace._devices import Device, Workforce
 from focusjax.trace._focal_zone import focal_zone
 from focusjax.trace._highlights import split_highlights
@@ -30,7 +31,7 @@ _Shared: TypeAlias = tuple[
     AbstractLens,
     RaySamples,
     tuple[Float[Array, " p"], Float[Array, " p"]],
-    BlurClasses | None,
+    BlurClasses,
 ]
 
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 23}
@@ -68,13 +69,13 @@ class Tracer:
         return known_light(self.lens, self.layers.camera)
 
     @functools.cached_property
-    def classes(self) -> BlurClasses | None:
-        """By how blurred it is what rays meet can be told apart; None where nothing is.
+    def classes(self) -> BlurClasses:
+        """By how blurred it is what rays meet can be told apart.
 
-        Nor where rays see highlights and mirrors for themselves: what these show is not blurred as they are.
+        Not where rays see highlights and mirrors for themselves: what these show is not blurred as they are.
         """
         if self.layers.samples.gloss is not None:
-            return None
+            return one_class(len(self.least), self.least.dtype)
         return blur_classes(focal_zone(self.lens, self.layers.camera), self.largest, self.least)
 
     @functools.cached_property
@@ -117,72 +118,31 @@ class Tracer:
             apart: tell classes of blur apart, so that the picture may be smoothed.
             independent: of pictures of other seeds, for their differences to tell of noise.
         """
-        classes = self.classes if apart else None
-        sums = self._sums(counts, rays, seed, progress, classes, independent=independent)
-        least = (0.0,) if classes is None else classes.least
-        over = 0.0 if classes is None else sums[:, -3:]
-        by_class = sums if classes is None else sums[:, :-3]
-        return Traced(
-            by_class.reshape(len(sums), len(least), -1),
-            over,
-            self._by_aimed(counts, rays, seed),
-            least,
-            self.layers.camera.width,
-            rays,
-            self.known_light,
-        )
-
-    def _sums(
-        self,
-        counts: Int[np.ndarray, " p"],
-        rays: int,
-        seed: int,
-        progress: Callable[[float], None] | None,
-        classes: BlurClasses | None,
-        *,
-        independent: bool = False,
-    ) -> Float[np.ndarray, "p n"]:
-        """Means over the rays of each pixel of what `trace_block` tells."""
         camera = self.layers.camera
         levels = [rays] if np.isin(counts, (0, rays)).all() else counts_for(rays)
         fewest = levels[0]
-        opacity, wanted = self.layers.samples.opacity, self.pixel_filter
         samples = ray_samples(
             self.lens,
             levels,
             seed,
-            with_chances=opacity is not None,
-            pixel_filter=wanted,
+            with_chances=self.layers.samples.opacity is not None,
+            pixel_filter=self.pixel_filter,
             independent=independent,
         )
         together = max(k for k in range(1, FEWEST + 1) if fewest % k == 0)
         at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together)
         blocks = Blocks(counts // together, self._depth, self.layers.count, camera.width, at_once)
-        with_light = self.known_light is not None
-        if classes is None:
-            numbers = 6 if with_light else 3
-        else:
-            numbers = len(classes.least) * (6 if self.lens.channels() else 4) + 3
-        sums = np.zeros((len(counts), numbers), dtype=self.least.dtype)
+        classes = self.classes if apart else one_class(len(self.least), self.least.dtype)
+        each = len(classes.least), 6 if self.lens.channels() else 4
+        sums = np.zeros((len(counts), math.prod(each) + 3), dtype=self.least.dtype)
 
         def trace(number: int, shared: _Shared) -> tuple[Block, np.ndarray]:
             block = blocks[number]
             # The rays of the smaller counts come before those of a pixel's own.
             first = jnp.asarray(counts[block.pixels] - fewest + together * block.part)
             scene, lens, samples, ends, classes = shared
-            found = trace_block(
-                scene,
-                lens,
-                samples,
-                jnp.asarray(block.pixels),
-                first,
-                jnp.asarray(block.place),
-                *ends,
-                classes,
-                together=together,
-                depth=block.depth,
-                with_light=with_light,
-            )
+            chosen = samples, jnp.asarray(block.pixels), first, jnp.asarray(block.place), *ends, classes
+            found = trace_block(scene, lens, *chosen, together=together, depth=block.depth)
             return block, np.asarray(found)[: len(block.places)]
 
         shared = self._scene, self.lens, samples, (self.least, self.largest), classes
@@ -192,7 +152,16 @@ class Tracer:
                 progress(done)
         sums /= np.maximum(counts, 1)[:, None].astype(sums.dtype)
         # Of a pixel other processes may have traced a part.
-        return self._workforce.total(sums)
+        sums = self._workforce.total(sums)
+        return Traced(
+            sums=sums[:, :-3].reshape(-1, *each),
+            over=sums[:, -3:],
+            aimed=self._by_aimed(counts, rays, seed),
+            least=classes.least,
+            width=camera.width,
+            rays=rays,
+            known=self.known_light,
+        )
 
     def _by_aimed(self, counts: Int[np.ndarray, " p"], rays: int, seed: int) -> np.ndarray | float:
         """What rays aimed at highlights bring to the pixels that are traced."""
@@ -230,18 +199,16 @@ def trace_block(
     place: Int[Array, " p"],
     least: Float[Array, " n"],
     largest: Float[Array, " n"],
-    classes: BlurClasses | None = None,
+    classes: BlurClasses,
     *,
     together: int,
     depth: int,
-    with_light: bool = False,
 ) -> Float[Array, "p c"]:
     """Sums over `together` rays of each of some `pixels`, those from `first` on, of what they bring.
 
-    What has the same `place`, 0 to p - 1, is added up; what has none counts for nothing. It is weight times
-    radiance in three colours and, `with_light`, weight, in three colours as well. With `classes`, both are
-    told for each class, the second once if it is the same in all colours, and radiance up to white, 1; and at
-    the end what is beyond that.
+    What has the same `place`, 0 to p - 1, is added up; what has none counts for nothing. For each class it is
+    weight times radiance, up to white, 1, in three colours, and weight, once if it is the same in all; and at
+    the end, for all classes, what is brighter than white.
     """
     count, in_each = len(pixels), bool(lens.channels())
 
@@ -262,9 +229,6 @@ def trace_block(
             return found.reshape(count, -1)
 
         whole = jnp.broadcast_to(place[:, None], share.shape)
-        if classes is None:
-            found = added(arrives(along) + [share] * 3 * with_light, whole, 1)
-            return found.reshape(count, -1, 3)
         kinds, white = len(classes.least), jnp.minimum(along, 1.0)
         told = arrives(white) + [share] * (3 if in_each else 1)
         by_class = added(told, whole * kinds + classes.of(pixels, disparity), kinds)

@@ -103,16 +103,17 @@ def test_classes_are_octaves_of_blur_on_either_side():
     pixels = 3
     zone = FocalZone(*(jnp.full(pixels, value) for value in (0.5, 0.4, 10.0)))
     classes = blur_classes(zone, jnp.full(pixels, 1.0), jnp.zeros(pixels))
-    assert classes is not None
     assert classes.least == (4.0, 2.0, 0.0, 2.0)
     disparity = jnp.array([[1.0, 0.91, 0.89, 0.71, 0.69, 0.45, 0.21, 0.19, 0.0]])
     expected = [0, 0, 1, 1, 2, 2, 2, 3, 3]
     np.testing.assert_array_equal(classes.of(jnp.array([1]), disparity)[0], expected)
 
 
-def test_nothing_blurred_has_no_classes():
+def test_what_is_not_blurred_is_one_class():
     zone = FocalZone(*(jnp.full(3, value) for value in (0.5, 0.4, 1.0)))
-    assert blur_classes(zone, jnp.full(3, 1.0), jnp.zeros(3)) is None
+    classes = blur_classes(zone, jnp.full(3, 1.0), jnp.zeros(3))
+    assert classes.least == (0.0,)
+    np.testing.assert_array_equal(classes.of(jnp.array([1]), jnp.array([[1.0, 0.45, 0.0]])), [[0, 0, 0]])
 
 
 def test_few_rays_do_what_many_did():

@@ -54,6 +54,23 @@ def require_kind(
         )
 
 
+def require_switches(**switches: Any) -> None:
+    """Refuse switches, given by their names, that are neither true nor false: any text would be true.
+
+    Raises:
+        ValueError: naming the switch and its value.
+
+    Example:
+        >>> require_switches(smooth=False)
+        >>> require_switches(smooth="no")
+        Traceback (most recent call last):
+        focusjax._arguments.ArgumentError: smooth is 'no'; expected True or False
+    """
+    for name, value in switches.items():
+        if not isinstance(value, bool | np.bool_):
+            raise ArgumentError(f"{name} is {value!r}; expected True or False", name)
+
+
 def real_number(value: Any, what: str, expected: str) -> float:
     """A real number, in any range, of a Python or numpy type or an array without axes.
 

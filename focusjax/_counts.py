@@ -1,4 +1,4 @@
-"""Counts that a user gives: whole numbers from 1 on."""
+"""Counts and seeds that a user gives: whole numbers from 1, and from 0 on."""
 
 import operator
 from typing import Any
@@ -6,8 +6,6 @@ from typing import Any
 
 def require_counts(**counts: Any) -> None:
     """Refuse counts, given by the names the user knows them by, that are not whole or below 1.
-
-    None stands for one that was not given.
 
     Raises:
         ValueError: naming the count and its value.
@@ -19,11 +17,28 @@ def require_counts(**counts: Any) -> None:
         ValueError: rays is 0; expected a whole number, at least 1
     """
     for name, count in counts.items():
-        if count is None:
-            continue
-        try:
-            enough = not isinstance(count, bool) and operator.index(count) >= 1
-        except TypeError:
-            enough = False
-        if not enough:
+        if not _whole(count, least=1):
             raise ValueError(f"{name} is {count!r}; expected a whole number, at least 1")
+
+
+def require_seed(seed: Any) -> None:
+    """Refuse what chooses no random numbers.
+
+    Raises:
+        ValueError: naming it.
+
+    Example:
+        >>> require_seed(7)
+        >>> require_seed(-1)
+        Traceback (most recent call last):
+        ValueError: seed is -1; expected a whole number, zero or more
+    """
+    if not _whole(seed, least=0):
+        raise ValueError(f"seed is {seed!r}; expected a whole number, zero or more")
+
+
+def _whole(value: Any, *, least: int) -> bool:
+    try:
+        return not isinstance(value, bool) and operator.index(value) >= least
+    except TypeError:
+        return False

@@ -3,14 +3,24 @@
 import numpy as np
 import pytest
 
-from focusjax._counts import require_counts
+from focusjax._counts import require_counts, require_seed
 
 
-def test_whole_numbers_and_what_was_not_given_pass():
-    assert require_counts(rays=1, count=np.int64(7), levels=None) is None
+def test_whole_numbers_pass():
+    assert require_counts(rays=1, count=np.int64(7)) is None
+    assert require_seed(0) is None
 
 
-@pytest.mark.parametrize(("value", "shown"), [(0, "0"), (-3, "-3"), (2.5, "2.5"), (2.0, "2.0"), ("4", "'4'")])
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [(0, "0"), (-3, "-3"), (2.5, "2.5"), (2.0, "2.0"), ("4", "'4'"), (None, "None"), (True, "True")],
+)
 def test_everything_else_is_refused_by_name(value: object, shown: str):
     with pytest.raises(ValueError, match=f"rays is {shown}; expected a whole number, at least 1"):
         require_counts(layers=3, rays=value)
+
+
+@pytest.mark.parametrize(("value", "shown"), [(-1, "-1"), (1.5, "1.5"), ("a", "'a'"), (None, "None")])
+def test_seeds_are_whole_and_not_negative(value: object, shown: str):
+    with pytest.raises(ValueError, match=f"seed is {shown}; expected a whole number, zero or more"):
+        require_seed(value)

@@ -24,10 +24,10 @@ ALLOWED = {
     "scene": {"geometry", "_arguments", "_words"},
     "focus": {"geometry", "lens", "_arguments", "_counts", "_words"},
     "layers": {"geometry", "lens", "scene", "_arguments", "_counts", "_parallel", "_words"},
-    "trace": {"geometry", "lens", "scene", "layers", "_counts", "_parallel"},
+    "trace": {"geometry", "lens", "scene", "layers", "_arguments", "_counts", "_parallel"},
     "shutter": {"geometry", "lens", "scene", "layers", "trace", "_counts"},
     "film": {"geometry", "lens", "_monotone_cubic", "_words"},
-    "inverse": {"geometry", "lens", "layers", "trace", "_counts"},
+    "inverse": {"geometry", "lens", "layers", "trace", "_arguments", "_counts"},
     "metrics": set(),
     # Slow or simple twins share no code with what they are compared with.
     "baselines": {"geometry", "lens", "scene", "_counts", "_parallel"},

@@ -128,6 +128,16 @@ CALLS = {
     "fj.decompose(scene, camera, lens, count='3')": "count is '3'; expected a whole number, at least 1",
     "fj.peel(scene, lens, camera)": "camera of layers of (scene, camera, lens) is a ThinLens; expected Cam",
     "fj.peel(scene, camera, lens, near='1')": "near is '1'; expected a positive depth in metres, or None",
+    "fj.peel(scene, camera, lens, supersampling=None)": "supersampling is None; expected a whole number, at",
+    "fj.peel(scene, camera, lens, umbra='no')": "umbra is 'no'; expected True or False",
+    "fj.peel(scene, camera, lens, pixel_filter=['box'])": "pixel_filter is ['box']; expected one of box, t",
+    "fj.render(lens, layers)": "layers of (layers, lens) is a ThinLens; expected Layers: `peel` and `dec",
+    "fj.render(layers, camera)": "lens of (layers, lens) is a Camera; expected AbstractLens: `thin_lens`",
+    "fj.render(layers, lens, smooth='no')": "smooth is 'no'; expected True or False",
+    "fj.render(layers, lens, seed=-1)": "seed is -1; expected a whole number, zero or more",
+    "fj.plan_rays(layers, lens, 40, smooth=None)": "smooth is None; expected True or False",
+    "fj.FocusPoint(wish.where, fj.Sharp(), even_hidden='no')": "even_hidden is 'no'; expected True or False",
+    "fj.Blur(3.0, signed='no')": "signed is 'no'; expected True or False",
     "missed_light(layers, layers)": (
         "nearest of missed_light(layers, nearest) is a Layers; expected a function from lens rays to the"
         " disparities that they meet, such as nearest_in_layers(layers) of other layers"

@@ -8,7 +8,7 @@ from typing import Any, SupportsFloat, SupportsIndex, TypeAlias, get_args
 import numpy as np
 from jaxtyping import Array, Bool
 
-from focusjax._arguments import real_number
+from focusjax._arguments import real_number, require_switches
 from focusjax._counts import require_counts
 from focusjax._words import kind_of
 from focusjax.focus._units import Diameter, amount
@@ -154,6 +154,7 @@ class Blur:
     signed: bool = False
 
     def __post_init__(self) -> None:
+        require_switches(signed=self.signed)
         _check_diameter("wished blur", self.diameter, negative=self.signed)
 
 
@@ -196,6 +197,9 @@ class SameBlur:
 
     other: str
     same_side: bool = False
+
+    def __post_init__(self) -> None:
+        require_switches(same_side=self.same_side)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -269,6 +273,7 @@ class FocusPoint:
     even_hidden: bool = False
 
     def __post_init__(self) -> None:
+        require_switches(even_outside=self.even_outside, even_hidden=self.even_hidden)
         label = f"focus point {self.name!r}" if self.name else "a focus point"
         check_kind(f"{label} has place", self.where, Attachment)
         check_kind(f"{label} has wish", self.wish, Wish)

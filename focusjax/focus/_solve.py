@@ -11,7 +11,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool
 
-from focusjax._arguments import ArgumentError, about
+from focusjax._arguments import ArgumentError, about, require_switches
 from focusjax._counts import require_counts
 from focusjax.focus._bounds import Box, Range, make_limits, refuse_idle
 from focusjax.focus._global import find_optimum
@@ -176,6 +176,7 @@ def prepared(
     free = in_order(free)
     if not isinstance(method, str) or method not in METHODS:
         raise ArgumentError(f"method is {method!r}; expected one of {list(METHODS)}", "method")
+    require_switches(keep_field_of_view=keep_field_of_view)
     with about("max_steps"):
         require_counts(max_steps=max_steps)
     if "focal_length" in free and ranges.get("focal_length_range") is None:

@@ -34,7 +34,7 @@ def filter_radius(pixel_filter: str) -> float:
         >>> filter_radius("tent")
         1.0
     """
-    if pixel_filter not in _RADII:
+    if not isinstance(pixel_filter, str) or pixel_filter not in _RADII:
         raise ValueError(f"pixel_filter is {pixel_filter!r}; expected one of {', '.join(_RADII)}")
     return _RADII[pixel_filter]
 

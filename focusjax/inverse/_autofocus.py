@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 from scipy.optimize import root_scalar
 
-from focusjax._counts import require_counts
+from focusjax._counts import require_counts, require_seed
 from focusjax.geometry import Camera
 from focusjax.inverse._sight import nearest_in_sight
 from focusjax.inverse._target import checked_mask
@@ -65,6 +65,7 @@ def autofocus(
         >>> sharp = autofocus(layers, lens, (120, 80, 32, 32))  # doctest: +SKIP
     """
     require_counts(rays=rays)
+    require_seed(seed)
     if not isinstance(lens, ThinLens | TiltShiftLens):
         raise ValueError(f"lens is a {type(lens).__name__}; expected a ThinLens or a TiltShiftLens")
     if not float(lens.aperture_radius) > 0:

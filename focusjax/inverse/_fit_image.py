@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike
 
-from focusjax._counts import require_counts
+from focusjax._arguments import require_switches
+from focusjax._counts import require_counts, require_seed
 from focusjax.inverse._coarse_to_fine import coarse_to_fine, rms
 from focusjax.inverse._image_fit import ImageFit, Level, standard_errors
 from focusjax.inverse._levels import Problem
@@ -92,6 +93,8 @@ def fit_image(
         >>> float(fit.lens.focus_distance()), float(fit.lens.f_number(camera))  # doctest: +SKIP
     """
     require_counts(rays=rays, max_steps=max_steps)
+    require_seed(seed)
+    require_switches(robust=robust, search=search)
     free = in_order(free)
     if not isinstance(lens, ThinLens | TiltShiftLens):
         raise ValueError(f"lens is a {type(lens).__name__}; expected a ThinLens or a TiltShiftLens")

@@ -10,7 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from focusjax._counts import require_counts
+from focusjax._arguments import require_switches
+from focusjax._counts import require_counts, require_seed
 from focusjax.geometry import Camera
 from focusjax.inverse._coarse_to_fine import coarse_to_fine, rms
 from focusjax.inverse._image_fit import Level, covariance
@@ -159,6 +160,8 @@ def fit_focal_surface(
         >>> fit = fit_focal_surface(photograph, layers, lens, focal_surface(places, 0.5))  # doctest: +SKIP
     """
     require_counts(rays=rays, max_steps=max_steps)
+    require_seed(seed)
+    require_switches(robust=robust)
     unknown = [name for name in free if name not in ("f_number", "gain")]
     if unknown:
         raise ValueError(f"free has {unknown[0]!r}; expected some of ['f_number', 'gain']")

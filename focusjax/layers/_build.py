@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from focusjax._arguments import require_switches
 from focusjax._counts import require_counts
 from focusjax.geometry import Camera
 from focusjax.layers._assemble import assemble
@@ -63,6 +64,7 @@ def peel(
         >>> frames.append(peel(moved, camera, lens, like=frames[-1]))  # doctest: +SKIP
     """
     require_counts(supersampling=supersampling, max_layers=max_layers)
+    require_switches(umbra=umbra, view_dependent=view_dependent)
     like = extent_like(like)
     picture = rasterised_for(
         scene,

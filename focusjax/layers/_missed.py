@@ -26,7 +26,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from focusjax._arguments import require_kind
-from focusjax._counts import require_counts
+from focusjax._counts import require_counts, require_seed
 from focusjax._words import kind_of
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers._cells import interval
@@ -100,6 +100,7 @@ def missed_light(
     usage = "missed_light(layers, nearest)"
     require_kind(layers, Layers, usage, "`peel` and `decompose` make them", "layers")
     require_counts(rays=rays)
+    require_seed(seed)
     if not callable(nearest):
         raise ValueError(
             f"nearest of {usage} is {kind_of(nearest)}; expected a function from lens rays to the disparities"

@@ -25,7 +25,7 @@ import math
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from focusjax._arguments import real_number
+from focusjax._arguments import real_number, require_switches
 from focusjax._counts import require_counts
 from focusjax.geometry import Camera
 from focusjax.layers._assemble import assemble
@@ -87,7 +87,8 @@ def decompose(
     """
     if (count is None) == (blur_step is None):
         raise ValueError(f"count is {count} and blur_step is {blur_step}; give exactly one of them")
-    require_counts(supersampling=supersampling, count=count)
+    require_counts(supersampling=supersampling, **({} if count is None else {"count": count}))
+    require_switches(view_dependent=view_dependent)
     expected = "a positive number such as 4"
     if blur_step is not None and not 0 < real_number(blur_step, "blur_step in pixels", expected) < math.inf:
         raise ValueError(f"blur_step is {blur_step} px; expected {expected}")

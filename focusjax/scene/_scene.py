@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
-from focusjax._arguments import require_kind
+from focusjax._arguments import require_kind, require_switches
 from focusjax._words import did_you_mean
 from focusjax.scene._atlas import atlas_of, make_atlas
 from focusjax.scene._background import AbstractBackground, constant_background
@@ -196,6 +196,7 @@ def make_scene(
     if background is not None:
         remedy = "`constant_background`, `gradient_background` and `image_background` make one"
         require_kind(background, AbstractBackground, usage, remedy, "background")
+    require_switches(unlit=unlit)
     if not objects:
         raise ValueError("the scene has no objects; expected at least one mesh")
     ranges: dict[str, range] = {}

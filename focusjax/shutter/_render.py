@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from focusjax._counts import require_counts
+from focusjax._counts import require_counts, require_seed
 from focusjax.geometry import Camera
 from focusjax.layers import Extent, Layers, peel
 from focusjax.lens import AbstractLens
@@ -105,6 +105,7 @@ def render_moving(
         >>> picture = render_moving(moving, camera, lens, make_shutter(1 / 50), frame=12)  # doctest: +SKIP
     """
     require_counts(rays=rays, most_spans=most_spans)
+    require_seed(seed)
     for name, value in (("fps", fps), ("turn", turn), ("step_px", step_px)):
         if not 0 < value < np.inf:
             raise ValueError(f"{name} is {value}; expected a positive number")

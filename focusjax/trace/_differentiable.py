@@ -10,7 +10,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
-from focusjax._counts import require_counts
+from focusjax._counts import require_counts, require_seed
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._flux import Means, Rays, Still, in_blocks, picture_flow
@@ -60,6 +60,7 @@ def render_differentiable(
     """
     derivative_rays = max(1, rays // 2) if derivative_rays is None else derivative_rays
     require_counts(rays=rays, derivative_rays=derivative_rays)
+    require_seed(seed)
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((layers, lens))):
         lens = eqx.error_if(
             lens,

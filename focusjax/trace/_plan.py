@@ -17,6 +17,8 @@ import time
 import numpy as np
 from jaxtyping import Bool, Float
 
+from focusjax._arguments import require_switches
+from focusjax._counts import require_counts, require_seed
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._allot import FEWEST
@@ -104,6 +106,8 @@ def plan_rays(
         >>> image = render(layers, lens, rays=plan.rays)  # doctest: +SKIP
     """
     wanted = decibels_of(quality)
+    require_seed(seed)
+    require_switches(smooth=smooth)
     tracer = ready_tracer(layers, lens, pixel_filter)
     tried: dict[int, tuple[float, float]] = {}
     count = _FIRST_TRIAL
@@ -159,6 +163,8 @@ def quality_of(
     The peak is 1; what is brighter counts relative to itself. A sample of the pixels is traced again with
     other rays, as many.
     """
+    require_counts(rays=rays)
+    require_seed(seed)
     tracer = ready_tracer(layers, lens, pixel_filter)
     # Neither the pixels nor the rays of a plan's trials, so that this is another word on it.
     whole = tracer.counts(rays)

@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from focusjax._counts import require_counts
+from focusjax._arguments import require_switches
+from focusjax._counts import require_counts, require_seed
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._allot import FEWEST
@@ -52,9 +53,12 @@ def render(
             for, or devices of some other processes only.
     """
     require_counts(rays=rays)
+    require_seed(seed)
+    smooth = not even if smooth is None else smooth
+    require_switches(even=even, smooth=smooth)
     tracer, camera = ready_tracer(layers, lens, pixel_filter, devices), layers.camera
     alike = even or rays < FEWEST
     counts = np.full(camera.width * camera.height, rays) if alike else tracer.counts(rays)
-    traced = tracer.trace(counts, rays, seed, progress, apart=not even if smooth is None else smooth)
+    traced = tracer.trace(counts, rays, seed, progress, apart=smooth)
     means = traced.smooth()
     return jnp.asarray(means.reshape(camera.height, camera.width, 3))

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._arguments import require_kind
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._aimed import Aimed
@@ -184,6 +185,9 @@ def ready_tracer(
     Raises:
         ValueError: they do not, or there is no such filter; devices that cannot share the work.
     """
+    usage = "(layers, lens)"
+    require_kind(layers, Layers, usage, "`peel` and `decompose` make them", "layers")
+    require_kind(lens, AbstractLens, usage, "`thin_lens` makes one, as others do", "lens")
     chosen = layers.pixel_filter if pixel_filter is None else pixel_filter
     check_reach(layers, lens, chosen)
     return Tracer(layers, lens, chosen, devices)

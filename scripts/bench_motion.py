@@ -52,6 +52,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--cache", type=Path, help="file that keeps the reference")
     parser.add_argument("--out", type=Path, help="folder for pictures")
+    parser.add_argument("--as-traced", action="store_true", help="smooth nothing")
     parser.add_argument("--derivative", action="store_true", help="compare a derivative with differences")
     return parser.parse_args()
 
@@ -167,7 +168,9 @@ def main() -> None:
     shutter = make_shutter(2.0 / FPS)
 
     def still():
-        return render(peel(world.at(1.0), camera, lens), lens, rays=options.rays)
+        return render(
+            peel(world.at(1.0), camera, lens), lens, rays=options.rays, smooth=not options.as_traced
+        )
 
     _, seconds, processor = timed(still, options.repeats)
     table = Table(
@@ -195,7 +198,15 @@ def main() -> None:
 
         def run(turn: float = turn):
             return render_moving(
-                world, camera, lens, shutter, frame=1.0, fps=FPS, rays=options.rays, turn=turn
+                world,
+                camera,
+                lens,
+                shutter,
+                frame=1.0,
+                fps=FPS,
+                rays=options.rays,
+                smooth=not options.as_traced,
+                turn=turn,
             )
 
         found, wall_clock, cpu = timed(run, options.repeats)

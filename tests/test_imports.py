@@ -25,7 +25,7 @@ ALLOWED = {
     "focus": {"geometry", "lens", "_arguments", "_counts", "_words"},
     "layers": {"geometry", "lens", "scene", "_arguments", "_counts", "_parallel", "_words"},
     "trace": {"geometry", "lens", "scene", "layers", "_arguments", "_counts", "_parallel"},
-    "shutter": {"geometry", "lens", "scene", "layers", "trace", "_counts"},
+    "shutter": {"geometry", "lens", "scene", "layers", "trace", "_arguments", "_counts"},
     "film": {"geometry", "lens", "_monotone_cubic", "_words"},
     "inverse": {"geometry", "lens", "layers", "trace", "_arguments", "_counts"},
     "metrics": set(),

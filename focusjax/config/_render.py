@@ -23,7 +23,7 @@ class RenderTable(Table):
     )
     smooth: bool = Field(
         default=True,
-        description="false to leave the noise of few rays in what is blurred; still pictures that are traced",
+        description="false to leave the noise of few rays in what is blurred",
     )
     quality: str | Number | None = Field(
         default=None, description="'draft', 'good', 'reference' or decibels such as '40 dB', instead of rays"

@@ -58,7 +58,7 @@ class FrameSettings:
 
     Attributes:
         rays: lens rays per pixel on the average.
-        smooth: whether the noise of what is blurred is taken out, in frames of one instant.
+        smooth: whether the noise of what is blurred by defocus is taken out.
         quality: decibels or a name instead of `rays`: planned once, for the most blurred frame.
         supersampling: layer samples along a pixel's side.
         max_layers: most layers to peel.
@@ -233,6 +233,7 @@ def _exposed(
         frame=number,
         fps=motion.fps,
         rays=rays,
+        smooth=settings.smooth,
         seed=settings.seed,
         turn=motion.turn,
         step_px=motion.step_px,
@@ -300,8 +301,7 @@ def _widest(solved: SolvedShot, wanted: Sequence[int], settings: FrameSettings) 
     layers = make_layers(settings, solved.shot.scene.at(number), camera, lens)
     if settings.quality is None:
         return layers, settings.rays
-    smooth = settings.smooth and settings.motion is None
-    return layers, plan_rays(layers, lens, settings.quality, smooth=smooth, seed=settings.seed).rays
+    return layers, plan_rays(layers, lens, settings.quality, smooth=settings.smooth, seed=settings.seed).rays
 
 
 @eqx.filter_jit

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._arguments import require_switches
 from focusjax._counts import require_counts, require_seed
 from focusjax.geometry import Camera
 from focusjax.layers import Extent, Layers, peel
@@ -17,7 +18,7 @@ from focusjax.shutter._plan import BACKDROP, Care, Plan, part_of, plan_bodies
 from focusjax.shutter._shutter import Shutter
 from focusjax.shutter._swept import swept_lens
 from focusjax.shutter._world import MovingWorld, StillWorld
-from focusjax.trace import MovingLayers, Span, Timing, moving_layers, moving_means, render, some_means
+from focusjax.trace import MovingLayers, Span, Timing, exposed, moving_layers, render
 
 MakeLayers = Callable[[Scene, Camera, AbstractLens, Extent | None], Layers]
 """Layers of a scene that serve a lens, like others where an extent is given."""
@@ -61,6 +62,7 @@ def render_moving(
     frame: float = 1.0,
     fps: float = 24.0,
     rays: int = 64,
+    smooth: bool = True,
     seed: int = 0,
     turn: float = 0.2,
     step_px: float = 1.0,
@@ -76,8 +78,8 @@ def render_moving(
     axes, each by its own time. That is exact however fast it moves, and leaves no ghosts. Spans are as short
     as it takes for a body to be seen from directions within `turn` of that in which its layers see it. What
     deforms is peeled for each span as it is in the middle; spans are so short that it goes by at most
-    `step_px` from one to the next. Pixels where nothing moves are those of `render` without smoothing, and
-    a scene where nothing does is peeled and traced as without a shutter.
+    `step_px` from one to the next. Where nothing moves rays are those of `render`, and a scene where nothing
+    does is peeled and traced as without a shutter.
 
     Highlights and shading are those of a span's middle. No rays are aimed at small highlights where something
     moves.
@@ -90,6 +92,7 @@ def render_moving(
         frame: the instant around which it is, in frames.
         fps: frames of `world` and `camera` per second.
         rays: of each pixel in which something moves, and on the average of the others.
+        smooth: take the noise out of what is blurred by defocus, as `render` does.
         seed: chooses them.
         turn: radians, by which a body may be seen from elsewhere than by its layers; less is more exact.
         step_px: pixels, more for what is blurred, by which deforming things may move from span to span.
@@ -106,6 +109,7 @@ def render_moving(
     """
     require_counts(rays=rays, most_spans=most_spans)
     require_seed(seed)
+    require_switches(smooth=smooth)
     for name, value in (("fps", fps), ("turn", turn), ("step_px", step_px)):
         if not 0 < value < np.inf:
             raise ValueError(f"{name} is {value}; expected a positive number")
@@ -117,7 +121,7 @@ def render_moving(
     bodies, scene, known = bodies_that_move(moving, times), moving.at(frame), dict(like or {})
     if not bodies and not cameras.move(times):
         layers = layers_of(scene, cameras.still, lens, known.get(BACKDROP))
-        image = render(layers, lens, rays=rays, smooth=False, seed=seed, progress=progress)
+        image = render(layers, lens, rays=rays, smooth=smooth, seed=seed, progress=progress)
         return MovingPicture(image, 1, 1, 0.0, 0.0, 0.0, layers.complete, {BACKDROP: layers.extent})
     plans = plan_bodies(moving, scene, bodies, cameras, lens, times, Care(turn, step_px, most_spans))
     edges = _edges(shutter, plans.spans, frame, fps)
@@ -127,17 +131,15 @@ def render_moving(
         for k in range(plans.spans)
     ]
     change, backdrop = plans.change.ravel(), laid[0].layers
-    image = np.zeros((change.size, 3))
-    if not change.all():
-        image += some_means(backdrop, lens, ~change, rays=rays, seed=seed)
-    image[change] = moving_means(
+    image = exposed(
         cameras.still,
         lens,
         Timing(frame + fps * shutter.quantiles(), fps * shutter.delay),
         spans,
-        np.flatnonzero(change).astype(np.int32),
+        backdrop,
+        change,
         rays=rays,
-        pixel_filter=backdrop.pixel_filter,
+        smooth=smooth,
         seed=seed,
         progress=progress,
     )

@@ -2,8 +2,7 @@
 
 from focusjax.trace._differentiable import render_differentiable as render_differentiable
 from focusjax.trace._exposed import Span as Span
-from focusjax.trace._exposed import moving_means as moving_means
-from focusjax.trace._exposed import some_means as some_means
+from focusjax.trace._exposed import exposed as exposed
 from focusjax.trace._known_light import light_map as light_map
 from focusjax.trace._moving import MovingLayers as MovingLayers
 from focusjax.trace._moving import moved_ray as moved_ray

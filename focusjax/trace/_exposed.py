@@ -1,6 +1,7 @@
 """Pictures of bodies that move: the rays of some pixels, span after span of the shutter's time."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 
 import equinox as eqx
@@ -13,10 +14,14 @@ from focusjax.geometry import Camera
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._allot import FEWEST
+from focusjax.trace._blur_classes import BlurClasses, blur_classes, one_class
+from focusjax.trace._class_sums import by_class, class_sums, told_apart
 from focusjax.trace._devices import Workforce
-from focusjax.trace._known_light import evened, known_light
+from focusjax.trace._focal_zone import focal_zone
+from focusjax.trace._known_light import known_light
 from focusjax.trace._moving import Front, MovingLayers, in_front
 from focusjax.trace._timed import TimedSamples, Timing, timed_samples
+from focusjax.trace._traced import Traced
 from focusjax.trace._tracer import ready_tracer
 
 _TOGETHER = 8
@@ -35,82 +40,148 @@ class Span:
     bodies: tuple[MovingLayers, ...]
 
 
-def moving_means(
+def exposed(
     camera: Camera,
     lens: AbstractLens,
     timing: Timing,
     spans: Sequence[Span],
-    pixels: Int[np.ndarray, " p"],
+    backdrop: Layers,
+    changing: Bool[np.ndarray, " p"],
     *,
     rays: int,
-    pixel_filter: str = "box",
+    smooth: bool = True,
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> Float[np.ndarray, "p 3"]:
-    """Mean radiance of some pixels over `rays` rays each, spread over pixel, opening and time.
+    """Radiance of all pixels while a shutter is open, row-major.
+
+    Rays of pixels in which something changes are spread over pixel, opening and time. Those of the others are
+    as `render` has them. All are told apart by how blurred what they meet is at their time, and smoothed
+    together; a mean over time has no finer detail than what it is of.
 
     Args:
         camera: in whose axes the lens makes its rays.
         lens: where they come from.
         timing: when each is.
         spans: what is there then; one after the other, together all times that rays have.
-        pixels: row-major numbers.
-        rays: of each pixel.
-        pixel_filter: spreads rays over the pixel.
-        seed: chooses them.
+        backdrop: what pixels see in which nothing changes.
+        changing: the others.
+        rays: of each pixel in which something changes, and on the average of the others.
+        smooth: as for `render`.
+        seed: chooses the rays.
         progress: told the share done.
     """
-    seen_through = any(body.scene.volume.opacity is not None for span in spans for body in span.bodies)
-    samples = timed_samples(lens, rays, seed, with_chances=seen_through, pixel_filter=pixel_filter)
+    classes = _classes(lens, camera, spans) if smooth else one_class(len(changing), jnp.zeros(()).dtype)
+    pixel_filter = backdrop.pixel_filter
+    samples = timed_samples(lens, rays, seed, with_chances=_seen_through(spans), pixel_filter=pixel_filter)
+    sums = _moving_sums(camera, lens, timing, spans, classes, changing, samples, progress)
+    apart, over = by_class(sums, told_apart(lens, classes))
+    aimed: np.ndarray | float = 0.0
+    if not changing.all():
+        still = _still(backdrop, lens, ~changing, classes, rays=rays, seed=seed)
+        apart, over, aimed = apart + still.sums, over + still.over, still.aimed
+    return Traced(apart, over, aimed, classes.least, camera.width, rays, known_light(lens, camera)).smooth()
+
+
+def _classes(lens: AbstractLens, camera: Camera, spans: Sequence[Span]) -> BlurClasses:
+    """Those of all that any span shows; one where rays see highlights and mirrors for themselves."""
+    bodies = [body for span in spans for body in span.bodies]
+    far = jnp.zeros(camera.width * camera.height)
+    if any(body.scene.surface.gloss is not None for body in bodies):
+        return one_class(len(far), far.dtype)
+    # What comes nearer within a span is of the nearest class all the same.
+    nearest = max(float(body.ranges.overall[1]) for body in bodies)
+    return blur_classes(focal_zone(lens, camera), jnp.full_like(far, nearest), far)
+
+
+def _still(
+    layers: Layers,
+    lens: AbstractLens,
+    wanted: Bool[np.ndarray, " p"],
+    classes: BlurClasses,
+    *,
+    rays: int,
+    seed: int,
+) -> Traced:
+    """What `render` traces, in the `wanted` pixels only, `rays` on their average; 0 in the others."""
+    tracer = ready_tracer(layers, lens, None)
+    counts = np.zeros(len(wanted), dtype=np.int64)
+    whole = np.full(len(wanted), rays) if rays < FEWEST else tracer.counts(rays)
+    counts[wanted] = whole[wanted]
+    if rays >= FEWEST and not wanted.all():
+        counts[wanted] = tracer.allotted(max(whole.mean(), FEWEST), wanted)
+    return tracer.trace(counts, rays, seed, classes=classes)
+
+
+def _seen_through(spans: Sequence[Span]) -> bool:
+    """Whether rays need chances to stop at what is there in part only."""
+    return any(body.scene.volume.opacity is not None for span in spans for body in span.bodies)
+
+
+def _moving_sums(
+    camera: Camera,
+    lens: AbstractLens,
+    timing: Timing,
+    spans: Sequence[Span],
+    classes: BlurClasses,
+    changing: Bool[np.ndarray, " p"],
+    samples: TimedSamples,
+    progress: Callable[[float], None] | None,
+) -> Float[np.ndarray, "p n"]:
+    """Means over the rays of each pixel that is `changing`, as `class_sums` tells them; 0 for the others."""
+    rays, real = samples.moment.shape[1], samples.moment.dtype
+    sums = np.zeros((len(changing), math.prod(told_apart(lens, classes)) + 3), dtype=real)
+    pixels = np.flatnonzero(changing).astype(np.int32)
     together = min(_TOGETHER, max(1, -(-rays // len(spans))))
-    real = samples.moment.dtype
     quantiles = jnp.asarray(timing.quantiles, dtype=real)
     delay = jnp.asarray(timing.delay, dtype=real)
-    known = known_light(lens, camera)
-    sums = np.zeros((len(pixels), 3 if known is None else 6))
     size = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together)
     work = [
         (span, part)
         for span in spans
         for part in _parts(span, spans, camera, timing, pixels, rays, together, size)
     ]
+    in_each = bool(lens.channels())
 
     def trace(number: int, shared: TimedSamples) -> tuple["_Part", np.ndarray]:
         span, part = work[number]
-        chosen = tuple(jnp.asarray(a) for a in (pixels[part.place], part.first, part.last, part.shares))
+        chosen = tuple(jnp.asarray(a) for a in (part.pixels, part.first, part.last, part.shares))
         starts = _starts(shared, camera, quantiles, delay, *chosen, together=together)
+        place = jnp.asarray(part.place)
 
-        def seen(lens: AbstractLens) -> Array:
+        def seen(lens: AbstractLens) -> Float[Array, "p k c"]:
             empty = jnp.zeros((len(part.place), together), dtype=real)
             front: Front = jnp.zeros((*empty.shape, 3), dtype=real), empty, empty - 1.0
             for body in span.bodies:
                 front = in_front(
                     front, body, camera, lens, starts.film, starts.pupil, starts.time, starts.chance
                 )
-            return _sums(front, starts.mine, with_light=known is not None)
+            return _sums(front, starts.mine, chosen[0], place, classes, in_each=in_each)
 
-        found = np.asarray(in_colour(seen, lens))[: part.count]
+        found = np.asarray(in_colour(seen, lens))[: len(part.places)]
         return part, found.reshape(len(found), -1)
 
     for (part, values), done in Workforce(None).each(trace, len(work), samples):
-        np.add.at(sums, part.place[: part.count], values)
+        sums[part.places] += values / rays
         if progress is not None:
             progress(done)
-    if known is not None:
-        here = jax.tree.map(lambda values: values[pixels], known)
-        return np.asarray(evened(sums[:, :3] / rays, sums[:, 3:] / rays, here))
-    return sums / rays
+    return sums
 
 
 @dataclasses.dataclass(frozen=True)
 class _Part:
-    """Some rays of some pixels: of each, those from `first` until `last` whose times are between `shares`."""
+    """Some rays of some pixels: of each, those from `first` until `last` whose times are between `shares`.
 
-    place: Int[np.ndarray, " b"]
+    Their numbers are `pixels`, and `places` each once. What a row of rays brings is added up at its `place`
+    among these; there is none for what only fills the part.
+    """
+
+    pixels: Int[np.ndarray, " b"]
     first: Int[np.ndarray, " b"]
     last: Int[np.ndarray, " b"]
     shares: Float[np.ndarray, "b 2"]
-    count: int
+    places: Int[np.ndarray, " d"]
+    place: Int[np.ndarray, " b"]
 
 
 def _parts(
@@ -144,9 +215,12 @@ def _parts(
     size = min(size, max(_FEWEST_PARTS, 1 << (len(place) - 1).bit_length()))
     found = []
     for start in range(0, len(place), size):
-        count = min(size, len(place) - start)
         take = np.minimum(start + np.arange(size), len(place) - 1)
-        found.append(_Part(place[take], first[take], last[take], shares[take], count))
+        # Rays of a pixel follow one another.
+        places, among = np.unique(place[take], return_inverse=True)
+        among[len(place) - start :] = size
+        numbers = pixels[place[take]], first[take], last[take]
+        found.append(_Part(*numbers, shares[take], pixels[places], among.astype(np.int32)))
     return found
 
 
@@ -203,31 +277,15 @@ def _starts(
 
 
 @eqx.filter_jit
-def _sums(front: Front, mine: Bool[Array, "p s"], *, with_light: bool) -> Float[Array, "p *two 3"]:
-    """What the rays bring that are to be counted; and, `with_light`, the share of it that arrives."""
-    share = jnp.where(mine, front[1], 0.0)
-    brought = jnp.stack([(share * front[0][..., k]).sum(axis=1) for k in range(3)], axis=-1)
-    if not with_light:
-        return brought
-    light = jnp.broadcast_to(share.sum(axis=1)[:, None], brought.shape)
-    return jnp.stack([brought, light], axis=1)
-
-
-def some_means(
-    layers: Layers,
-    lens: AbstractLens,
-    wanted: Bool[np.ndarray, " p"],
+def _sums(
+    front: Front,
+    mine: Bool[Array, "p s"],
+    pixels: Int[Array, " p"],
+    place: Int[Array, " p"],
+    classes: BlurClasses,
     *,
-    rays: int,
-    seed: int = 0,
-    progress: Callable[[float], None] | None = None,
-) -> Float[np.ndarray, "p 3"]:
-    """The picture of `render` in the `wanted` pixels only, `rays` on their average; 0 in the others."""
-    tracer = ready_tracer(layers, lens, None)
-    counts = np.zeros(len(wanted), dtype=np.int64)
-    if wanted.any():
-        whole = np.full(len(wanted), rays) if rays < FEWEST else tracer.counts(rays)
-        counts[wanted] = whole[wanted]
-        if rays >= FEWEST and not wanted.all():
-            counts[wanted] = tracer.allotted(max(whole.mean(), FEWEST), wanted)
-    return tracer.trace(counts, rays, seed, progress, apart=False).raw()
+    in_each: bool,
+) -> Float[Array, "p k c"]:
+    """`class_sums` of the rays that are to be counted."""
+    along, share, disparity = front
+    return class_sums(along, jnp.where(mine, share, 0.0), disparity, pixels, place, classes, in_each=in_each)

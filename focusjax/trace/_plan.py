@@ -183,12 +183,13 @@ def _trial(tracer: Tracer, rays: int, seed: int, *, smooth: bool) -> tuple[float
     whole, camera = tracer.counts(rays), tracer.layers.camera
     traced, told = _squares(camera.height, camera.width, seed)
     counts = np.where(traced, whole, 0)
-    checks = [tracer.trace(counts, rays, seed + k, apart=smooth, independent=True) for k in (1, 2)]
+    classes = tracer.classes if smooth else None
+    checks = [tracer.trace(counts, rays, seed + k, classes=classes, independent=True) for k in (1, 2)]
     one, other = (check.raw()[told] for check in checks)
     # For its programs to be compiled.
     checks[0].smooth()
     start = time.perf_counter()
-    found = tracer.trace(counts, rays, seed, apart=smooth)
+    found = tracer.trace(counts, rays, seed, classes=classes)
     seconds = (time.perf_counter() - start) * float(whole.sum()) / float(counts.sum())
     start = time.perf_counter()
     picture = found.smooth()[told]

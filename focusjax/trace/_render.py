@@ -59,6 +59,6 @@ def render(
     tracer, camera = ready_tracer(layers, lens, pixel_filter, devices), layers.camera
     alike = even or rays < FEWEST
     counts = np.full(camera.width * camera.height, rays) if alike else tracer.counts(rays)
-    traced = tracer.trace(counts, rays, seed, progress, apart=smooth)
+    traced = tracer.trace(counts, rays, seed, progress, classes=tracer.classes if smooth else None)
     means = traced.smooth()
     return jnp.asarray(means.reshape(camera.height, camera.width, 3))

@@ -18,6 +18,7 @@ from focusjax.trace._aimed import Aimed
 from focusjax.trace._allot import FEWEST, allot, allot_through, contrast, counts_for
 from focusjax.trace._blocks import Block, Blocks
 from focusjax.trace._blur_classes import BlurClasses, blur_classes, one_class
+from focusjax.trace._class_sums import by_class, class_sums, told_apart
 from focusjax.trace._devices import Device, Workforce
 from focusjax.trace._focal_zone import focal_zone
 from focusjax.trace._highlights import split_highlights
@@ -106,7 +107,7 @@ class Tracer:
         seed: int,
         progress: Callable[[float], None] | None = None,
         *,
-        apart: bool = True,
+        classes: BlurClasses | None = None,
         independent: bool = False,
     ) -> Traced:
         """As many rays of each pixel as `counts` says: 0 (nothing is traced), or others.
@@ -116,7 +117,8 @@ class Tracer:
             rays: the mean that they were made for.
             seed: chooses the rays.
             progress: is told the share done.
-            apart: tell classes of blur apart, so that the picture may be smoothed.
+            classes: by which what rays bring is told apart, for the picture to be smoothed: its own, or
+                those of a picture that this is a part of. Not at all if None.
             independent: of pictures of other seeds, for their differences to tell of noise.
         """
         camera = self.layers.camera
@@ -133,9 +135,9 @@ class Tracer:
         together = max(k for k in range(1, FEWEST + 1) if fewest % k == 0)
         at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together)
         blocks = Blocks(counts // together, self._depth, self.layers.count, camera.width, at_once)
-        classes = self.classes if apart else one_class(len(self.least), self.least.dtype)
-        each = len(classes.least), 6 if self.lens.channels() else 4
-        sums = np.zeros((len(counts), math.prod(each) + 3), dtype=self.least.dtype)
+        classes = one_class(len(self.least), self.least.dtype) if classes is None else classes
+        told = told_apart(self.lens, classes)
+        sums = np.zeros((len(counts), math.prod(told) + 3), dtype=self.least.dtype)
 
         def trace(number: int, shared: _Shared) -> tuple[Block, np.ndarray]:
             block = blocks[number]
@@ -154,9 +156,10 @@ class Tracer:
         sums /= np.maximum(counts, 1)[:, None].astype(sums.dtype)
         # Of a pixel other processes may have traced a part.
         sums = self._workforce.total(sums)
+        apart, over = by_class(sums, told)
         return Traced(
-            sums=sums[:, :-3].reshape(-1, *each),
-            over=sums[:, -3:],
+            sums=apart,
+            over=over,
             aimed=self._by_aimed(counts, rays, seed),
             least=classes.least,
             width=camera.width,
@@ -210,34 +213,15 @@ def trace_block(
 ) -> Float[Array, "p c"]:
     """Sums over `together` rays of each of some `pixels`, those from `first` on, of what they bring.
 
-    What has the same `place`, 0 to p - 1, is added up; what has none counts for nothing. For each class it is
-    weight times radiance, up to white, 1, in three colours, and weight, once if it is the same in all; and at
-    the end, for all classes, what is brighter than white.
+    These are `class_sums`, a row each.
     """
     count, in_each = len(pixels), bool(lens.channels())
 
-    def seen(lens: AbstractLens) -> Float[Array, "p _k _c"]:
-        along, share, disparity = block_radiances(
+    def seen(lens: AbstractLens) -> Float[Array, "p k c"]:
+        met = block_radiances(
             scene, lens, samples, pixels, first, least, largest, together=together, depth=depth
         )
-
-        def arrives(along: Float[Array, "p s 3"]) -> list[Float[Array, "p s"]]:
-            # Each colour for itself: of large blocks XLA for CPU takes one for all in their product.
-            return [share * along[..., k] for k in range(3)]
-
-        def added(
-            values: list[Float[Array, "p s"]], to: Int[Array, "p s"], kinds: int
-        ) -> Float[Array, "p _"]:
-            rows = jnp.stack(values, axis=-1).reshape(-1, len(values))
-            found = jax.ops.segment_sum(rows, to.reshape(-1), num_segments=count * kinds)
-            return found.reshape(count, -1)
-
-        whole = jnp.broadcast_to(place[:, None], share.shape)
-        kinds, white = len(classes.least), jnp.minimum(along, 1.0)
-        told = arrives(white) + [share] * (3 if in_each else 1)
-        by_class = added(told, whole * kinds + classes.of(pixels, disparity), kinds)
-        found = jnp.concatenate([by_class, added(arrives(along - white), whole, 1)], axis=1)
-        return found.reshape(count, -1, 3) if in_each else found[:, None]
+        return class_sums(*met, pixels, place, classes, in_each=in_each)
 
     mixed = in_colour(seen, lens) if in_each else seen(lens)
     return mixed.reshape(count, -1)

@@ -66,6 +66,19 @@ def test_a_moving_card_leaves_the_ramps_that_it_should(card):
     assert 0.5 < picture.changing < 0.85
 
 
+def test_what_moves_out_of_focus_takes_few_rays(card):
+    """Blurred over 16 px, it is smoothed as what stands still; many rays leave nothing to smooth."""
+    lens = wide_lens(CAMERA, pixels_per_dioptre=16.0, focus=1.0)
+    many = (taken(card, lens=lens, rays=512, smooth=False, seed=seed).image for seed in (1, 2))
+    truth = np.mean([np.asarray(image) for image in many], axis=0)
+    rough, smooth = (
+        psnr(np.asarray(taken(card, lens=lens, rays=8, smooth=smooth).image), truth)
+        for smooth in (False, True)
+    )
+    # Observed 22.2 and 33.4 dB.
+    assert smooth > rough + 6.0
+
+
 def test_shutter_curves_and_rolling_shutters_do_what_they_say(card):
     ramped = np.asarray(taken(card, shutter=make_shutter(0.5, ramp=1.0)).image)
     light = make_shutter(0.5, ramp=1.0).quantiles()

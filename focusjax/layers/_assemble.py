@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from focusjax._freed import return_freed
 from focusjax.geometry import Camera
 from focusjax.layers._attributes import SurfaceSamples, surface_samples
 from focusjax.layers._cells import WHOLE, in_steps, pack_cells
@@ -21,7 +22,7 @@ from focusjax.layers._places import make_places
 from focusjax.layers._pyramid import RangePyramid, build_ranges
 from focusjax.layers._shading import ShadedSamples, background, shaded
 from focusjax.layers._silhouettes import Silhouettes, find_silhouettes
-from focusjax.layers._store import on_device, return_freed, scattered
+from focusjax.layers._store import on_device, scattered
 from focusjax.lens import AbstractLens
 from focusjax.scene import Gloss, Scene
 

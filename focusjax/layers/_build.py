@@ -4,6 +4,7 @@ import numpy as np
 
 from focusjax._arguments import require_switches
 from focusjax._counts import require_counts
+from focusjax._freed import return_freed
 from focusjax.geometry import Camera
 from focusjax.layers._assemble import assemble
 from focusjax.layers._extent import Extent
@@ -12,7 +13,6 @@ from focusjax.layers._layers import Layers, extent_like
 from focusjax.layers._memory import check_layers
 from focusjax.layers._peel import peel_fragments
 from focusjax.layers._picture import rasterised, rasterised_for
-from focusjax.layers._store import return_freed
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
 

@@ -87,7 +87,9 @@ def decompose(
     """
     if (count is None) == (blur_step is None):
         raise ValueError(f"count is {count} and blur_step is {blur_step}; give exactly one of them")
-    require_counts(supersampling=supersampling, **({} if count is None else {"count": count}))
+    require_counts(supersampling=supersampling)
+    if count is not None:
+        require_counts(count=count)
     require_switches(view_dependent=view_dependent)
     expected = "a positive number such as 4"
     if blur_step is not None and not 0 < real_number(blur_step, "blur_step in pixels", expected) < math.inf:

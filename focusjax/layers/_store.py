@@ -1,15 +1,11 @@
 """Large arrays of which little is written: untouched pages of memory cost neither time nor room."""
 
-import ctypes
-import functools
 import math
-from collections.abc import Callable
 
 import jax
 import numpy as np
 from jaxtyping import Array
 
-_MANY_SAMPLES = 3 << 20
 _ALIGNMENT = 64
 """Bytes; a device on the same processor takes arrays aligned like this as they are, without a copy."""
 
@@ -38,23 +34,3 @@ def scattered(shape: tuple[int, ...], index: np.ndarray, samples: np.ndarray) ->
 def on_device(array: np.ndarray) -> Array:
     """The array for compiled programs; it must not be written to any more."""
     return jax.device_put(array)
-
-
-def return_freed(samples: int) -> None:
-    """Gives memory that was freed back to the system, where the C library can (glibc) and it is worth it.
-
-    Arrays of some megabytes that come and go leave holes that no larger one fits into: of layers of many
-    `samples`, a third of what a process holds at most would be holes. Of few it would only take time, as
-    what is given back has to be asked for again.
-    """
-    if samples >= _MANY_SAMPLES:
-        _trim()(0)
-
-
-@functools.cache
-def _trim() -> Callable[[int], object]:
-    """What gives memory back: malloc_trim of glibc, or nothing."""
-    try:
-        return ctypes.CDLL(None).malloc_trim
-    except (OSError, AttributeError, TypeError):
-        return bool

@@ -301,7 +301,9 @@ def _widest(solved: SolvedShot, wanted: Sequence[int], settings: FrameSettings) 
     layers = make_layers(settings, solved.shot.scene.at(number), camera, lens)
     if settings.quality is None:
         return layers, settings.rays
-    return layers, plan_rays(layers, lens, settings.quality, smooth=settings.smooth, seed=settings.seed).rays
+    # What moves and is sharp is not smoothed, which layers of one instant do not tell.
+    smooth = settings.smooth and settings.motion is None
+    return layers, plan_rays(layers, lens, settings.quality, smooth=smooth, seed=settings.seed).rays
 
 
 @eqx.filter_jit

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from focusjax._arguments import require_switches
+from focusjax._arguments import real_number, require_kind, require_switches
 from focusjax._counts import require_counts, require_seed
 from focusjax.geometry import Camera
 from focusjax.layers import Extent, Layers, peel
@@ -92,7 +92,8 @@ def render_moving(
         frame: the instant around which it is, in frames.
         fps: frames of `world` and `camera` per second.
         rays: of each pixel in which something moves, and on the average of the others.
-        smooth: take the noise out of what is blurred by defocus, as `render` does.
+        smooth: take the noise out of what is blurred by defocus, as `render` does; not in pictures with small
+            highlights that stand still beside what moves, to which rays are aimed.
         seed: chooses them.
         turn: radians, by which a body may be seen from elsewhere than by its layers; less is more exact.
         step_px: pixels, more for what is blurred, by which deforming things may move from span to span.
@@ -110,8 +111,11 @@ def render_moving(
     require_counts(rays=rays, most_spans=most_spans)
     require_seed(seed)
     require_switches(smooth=smooth)
+    usage = "render_moving(world, camera, lens, shutter)"
+    require_kind(lens, AbstractLens, usage, "`thin_lens` makes one, as others do", "lens")
+    require_kind(shutter, Shutter, usage, "`make_shutter` makes one", "shutter")
     for name, value in (("fps", fps), ("turn", turn), ("step_px", step_px)):
-        if not 0 < value < np.inf:
+        if not 0 < real_number(value, name, "a positive number") < np.inf:
             raise ValueError(f"{name} is {value}; expected a positive number")
     layers_of = _peeled if make is None else make
     moving = StillWorld(world) if isinstance(world, Scene) else world

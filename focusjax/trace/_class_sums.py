@@ -52,8 +52,8 @@ def class_sums(
 
     whole, white = jnp.broadcast_to(place[:, None], share.shape), jnp.minimum(along, 1.0)
     told = arrives(white) + [share] * (3 if in_each else 1)
-    by_class = added(told, whole * kinds + classes.of(pixels, disparity), kinds)
-    found = jnp.concatenate([by_class, added(arrives(along - white), whole, 1)], axis=1)
+    in_classes = added(told, whole * kinds + classes.of(pixels, disparity), kinds)
+    found = jnp.concatenate([in_classes, added(arrives(along - white), whole, 1)], axis=1)
     return found.reshape(count, -1, 3) if in_each else found[:, None]
 
 

@@ -22,7 +22,7 @@ from focusjax.trace._known_light import known_light
 from focusjax.trace._moving import Front, MovingLayers, in_front
 from focusjax.trace._timed import TimedSamples, Timing, timed_samples
 from focusjax.trace._traced import Traced
-from focusjax.trace._tracer import ready_tracer
+from focusjax.trace._tracer import Tracer, ready_tracer
 
 _TOGETHER = 8
 """At most so many rays of a pixel, one after the other in time, that look up one range of disparities."""
@@ -65,22 +65,32 @@ def exposed(
         timing: when each is.
         spans: what is there then; one after the other, together all times that rays have.
         backdrop: what pixels see in which nothing changes.
-        changing: the others.
+        changing: pixels in which something does.
         rays: of each pixel in which something changes, and on the average of the others.
-        smooth: as for `render`.
+        smooth: as for `render`, unless highlights are aimed at beside pixels in which something changes.
         seed: chooses the rays.
         progress: told the share done.
     """
-    classes = _classes(lens, camera, spans) if smooth else one_class(len(changing), jnp.zeros(()).dtype)
+    tracer = None if changing.all() else ready_tracer(backdrop, lens, None)
+    # Small highlights are aimed at from pixels in which nothing changes, whose sums are without them then.
+    alike = tracer is None or not tracer.aims or not changing.any()
+    none = one_class(len(changing), jnp.zeros(()).dtype)
+    classes = _classes(lens, camera, spans) if smooth and alike else none
+    known, width = known_light(lens, camera), camera.width
+    if tracer is None:
+        still = None
+    else:
+        told = None if changing.any() else progress
+        still = _still(tracer, ~changing, classes, rays=rays, seed=seed, progress=told)
     pixel_filter = backdrop.pixel_filter
     samples = timed_samples(lens, rays, seed, with_chances=_seen_through(spans), pixel_filter=pixel_filter)
     sums = _moving_sums(camera, lens, timing, spans, classes, changing, samples, progress)
     apart, over = by_class(sums, told_apart(lens, classes))
-    aimed: np.ndarray | float = 0.0
-    if not changing.all():
-        still = _still(backdrop, lens, ~changing, classes, rays=rays, seed=seed)
-        apart, over, aimed = apart + still.sums, over + still.over, still.aimed
-    return Traced(apart, over, aimed, classes.least, camera.width, rays, known_light(lens, camera)).smooth()
+    if still is None:
+        return Traced(apart, over, 0.0, classes.least, width, rays, known).smooth()
+    return Traced(
+        apart + still.sums, over + still.over, still.aimed, classes.least, width, rays, known
+    ).smooth()
 
 
 def _classes(lens: AbstractLens, camera: Camera, spans: Sequence[Span]) -> BlurClasses:
@@ -95,22 +105,21 @@ def _classes(lens: AbstractLens, camera: Camera, spans: Sequence[Span]) -> BlurC
 
 
 def _still(
-    layers: Layers,
-    lens: AbstractLens,
+    tracer: Tracer,
     wanted: Bool[np.ndarray, " p"],
     classes: BlurClasses,
     *,
     rays: int,
     seed: int,
+    progress: Callable[[float], None] | None,
 ) -> Traced:
     """What `render` traces, in the `wanted` pixels only, `rays` on their average; 0 in the others."""
-    tracer = ready_tracer(layers, lens, None)
     counts = np.zeros(len(wanted), dtype=np.int64)
     whole = np.full(len(wanted), rays) if rays < FEWEST else tracer.counts(rays)
     counts[wanted] = whole[wanted]
     if rays >= FEWEST and not wanted.all():
         counts[wanted] = tracer.allotted(max(whole.mean(), FEWEST), wanted)
-    return tracer.trace(counts, rays, seed, classes=classes)
+    return tracer.trace(counts, rays, seed, progress, classes=classes)
 
 
 def _seen_through(spans: Sequence[Span]) -> bool:
@@ -194,7 +203,7 @@ def _parts(
     together: int,
     size: int,
 ) -> list[_Part]:
-    """The rays of a span in parts of one size, the last rays repeated to fill it."""
+    """The rays of a span in parts of one size; what fills the last one counts for nothing."""
     height = camera.height
     rows = np.arange(height)
     low = np.zeros(height) if span is spans[0] else timing.share_before(span.begin, rows, height)

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax._arguments import require_kind
+from focusjax._freed import return_freed
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._aimed import Aimed
@@ -62,8 +63,14 @@ class Tracer:
         self.lens, self.pixel_filter = lens, pixel_filter
         self.least, self.largest, depth = ranges_at_once(layers, lens, pixel_filter)
         self._depth = np.asarray(depth)
+        return_freed(4 * self._depth.size)
         self._scene = traced_scene(self.layers)
         self._aimed = None if highlights is None else Aimed(highlights, self._scene, lens, pixel_filter)
+
+    @property
+    def aims(self) -> bool:
+        """Whether some rays are aimed at small highlights, of whose light the others bring a part only."""
+        return self._aimed is not None
 
     @functools.cached_property
     def known_light(self) -> KnownLight | None:
@@ -83,7 +90,9 @@ class Tracer:
     @functools.cached_property
     def contrast(self) -> Float[np.ndarray, " p"]:
         """Variance [p] of what the rays of each pixel may meet; see `_allot`."""
-        return contrast(self.layers, self.lens, self.least, self.largest, self.pixel_filter)
+        found = contrast(self.layers, self.lens, self.least, self.largest, self.pixel_filter)
+        return_freed(4 * found.size)
+        return found
 
     def counts(self, rays: int) -> Int[np.ndarray, " p"]:
         """Rays [p] of each pixel, those that are aimed apart; with them `rays` on the average."""
@@ -153,6 +162,7 @@ class Tracer:
             sums[block.places] += values
             if progress is not None:
                 progress(done)
+        return_freed(sums.size)
         sums /= np.maximum(counts, 1)[:, None].astype(sums.dtype)
         # Of a pixel other processes may have traced a part.
         sums = self._workforce.total(sums)

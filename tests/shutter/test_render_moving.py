@@ -79,6 +79,21 @@ def test_what_moves_out_of_focus_takes_few_rays(card):
     assert smooth > rough + 6.0
 
 
+@pytest.mark.parametrize(("radiance", "alike"), [(3.0, True), (0.03, False)])
+def test_small_highlights_beside_what_moves_leave_no_seam(radiance, alike):
+    """Still pixels have rays aimed at them, others have not: both are left as their rays have them."""
+    lamp = patch("lamp", CAMERA, (14, 9, 18, 13), 0.1, (radiance,) * 3)
+    wall = patch("wall", CAMERA, (-40, -40, 80, 80), 0.09, (0.02,) * 3)
+    card = patch("card", CAMERA, (1, -30, 4, 60), 0.95, (0.05,) * 3)
+    keys = {0.0: {}, 2.0: {"translate": (12 / (0.95 * float(CAMERA.focal_px)), 0, 0)}}
+    moves = {"card": Motion(transforms=transforms(keys, between="linear"))}
+    world = MovingScene(make_scene([lamp, wall, card], unlit=True), [lamp, wall, card], moves)
+    lens = wide_lens(CAMERA, pixels_per_dioptre=10.0, focus=1.0)
+    rough, smooth = (taken(world, lens=lens, rays=8, smooth=smooth) for smooth in (False, True))
+    assert 0.0 < smooth.changing < 1.0
+    assert np.array_equal(rough.image, smooth.image) == alike
+
+
 def test_shutter_curves_and_rolling_shutters_do_what_they_say(card):
     ramped = np.asarray(taken(card, shutter=make_shutter(0.5, ramp=1.0)).image)
     light = make_shutter(0.5, ramp=1.0).quantiles()

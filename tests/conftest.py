@@ -10,12 +10,6 @@ from pathlib import Path
 # No GPU is assumed.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 os.environ.setdefault("MPLBACKEND", "Agg")
-# Most programs here take longer to compile than to run, so that they are compiled in haste.
-os.environ.setdefault(
-    "XLA_FLAGS",
-    "--xla_cpu_use_fusion_emitters=false --xla_llvm_disable_expensive_passes=true"
-    " --xla_cpu_parallel_codegen_split_count=1",
-)
 
 import jax
 import pytest

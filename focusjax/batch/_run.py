@@ -1,8 +1,9 @@
 """A batch from its items to its summary."""
 
+import threading
 import time
 from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -67,12 +68,12 @@ def run_batch(
                 for task, message in ended:
                     batch.note(task.item, message)
         finally:
-            batch.save()
+            batch.finish()
     return batch.so_far()
 
 
 class _Batch:
-    """The results so far, and when they were saved."""
+    """The results so far, which are saved as they come, or soon after where they come in quick succession."""
 
     def __init__(
         self, items: Sequence[Item], folder: Path, solve_only: bool, on_result: Callable[[ItemResult], None]
@@ -83,6 +84,8 @@ class _Batch:
         self._on_result = on_result
         self._results = {item.name: ItemResult(item, "waiting") for item in items}
         self._not_before = 0.0
+        self._saving = threading.Lock()
+        self._later: threading.Timer | None = None
 
     def sort_out(self, on_note: Callable[[str], None]) -> list[Task]:
         """What is left to do; what is done already counts as results."""
@@ -105,15 +108,36 @@ class _Batch:
             self._add(ItemResult(item, "failed", message))
         else:
             self._add(result_of(item, self._folder, kept=False))
-        if time.monotonic() >= self._not_before:
-            self.save()
+        wait = self._not_before - time.monotonic()
+        if wait <= 0.0:
+            self._save()
+        elif self._later is None:
+            # The next item may take long, and the summary does not wait for it.
+            self._later = threading.Timer(wait, self._save_meanwhile)
+            self._later.daemon = True
+            self._later.start()
 
-    def save(self) -> None:
-        """Write the summary."""
-        start = time.monotonic()
-        save_summary(self.so_far())
-        end = time.monotonic()
-        self._not_before = end + (end - start) / _SUMMARY_SHARE
+    def finish(self) -> None:
+        """Write the summary for the last time."""
+        later = self._later
+        if later is not None and later.is_alive():
+            later.cancel()
+            later.join()
+        self._save()
+
+    def _save_meanwhile(self) -> None:
+        # Before results are looked at: of what is noted from now on another timer takes care.
+        self._later = None
+        # What hinders it is told when the summary is written for the last time, if it still does then.
+        with suppress(OSError):
+            self._save()
+
+    def _save(self) -> None:
+        with self._saving:
+            start = time.monotonic()
+            save_summary(self.so_far())
+            end = time.monotonic()
+            self._not_before = end + (end - start) / _SUMMARY_SHARE
 
     def so_far(self) -> BatchResults:
         """All results."""

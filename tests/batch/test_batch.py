@@ -4,6 +4,7 @@ import csv
 import json
 import re
 import shutil
+import time
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -11,7 +12,7 @@ import pytest
 import trimesh
 from boxes_config import write_boxes
 
-from focusjax.batch import BatchError, make_items, run_batch
+from focusjax.batch import BatchError, _run, make_items, run_batch
 
 GRID = ("--grid", "focus.1.blur_px=[3, 4]")
 NAMES = ["boxes,focus.1.blur_px=3", "boxes,focus.1.blur_px=4"]
@@ -174,6 +175,25 @@ def test_an_interrupted_batch_loses_nothing_and_repeats_nothing(config, tmp_path
     assert [result.kept for result in results] == [True, False, False]
     assert [result.status for result in batch.results] == ["done"] * 3
     assert not list(out.glob(".*"))
+    assert summary(out)["finished"]
+
+
+def test_the_summary_does_not_wait_for_an_item_that_takes_long(config, tmp_path, monkeypatch):
+    """The second result comes right after the first, before a summary may be written again."""
+    out = tmp_path / "out"
+
+    def two_at_once(tasks, *_):
+        yield tasks[0], "bad"
+        yield tasks[1], "bad"
+        end = time.monotonic() + 60
+        while summary(out)["counts"]["failed"] < 2:
+            assert time.monotonic() < end, summary(out)["counts"]
+            time.sleep(0.01)
+        yield tasks[2], "bad"
+
+    monkeypatch.setattr(_run, "_do", two_at_once)
+    solve(make_items([config], grid={"focus.1.blur_px": [3, 4, 5]}), out)
+    assert summary(out)["counts"]["failed"] == 3
     assert summary(out)["finished"]
 
 

@@ -76,21 +76,28 @@ def exposed(
     alike = tracer is None or not tracer.aims or not changing.any()
     none = one_class(len(changing), jnp.zeros(()).dtype)
     classes = _classes(lens, camera, spans) if smooth and alike else none
-    known, width = known_light(lens, camera), camera.width
-    if tracer is None:
-        still = None
-    else:
-        told = None if changing.any() else progress
-        still = _still(tracer, ~changing, classes, rays=rays, seed=seed, progress=told)
+    told = None if changing.any() else progress
+    still = (
+        None if tracer is None else _still(tracer, ~changing, classes, rays=rays, seed=seed, progress=told)
+    )
     pixel_filter = backdrop.pixel_filter
     samples = timed_samples(lens, rays, seed, with_chances=_seen_through(spans), pixel_filter=pixel_filter)
     sums = _moving_sums(camera, lens, timing, spans, classes, changing, samples, progress)
     apart, over = by_class(sums, told_apart(lens, classes))
-    if still is None:
-        return Traced(apart, over, 0.0, classes.least, width, rays, known).smooth()
-    return Traced(
-        apart + still.sums, over + still.over, still.aimed, classes.least, width, rays, known
-    ).smooth()
+    traced = Traced(
+        sums=apart,
+        over=over,
+        aimed=0.0,
+        least=classes.least,
+        width=camera.width,
+        rays=rays,
+        known=known_light(lens, camera),
+    )
+    if still is not None:
+        traced = dataclasses.replace(
+            traced, sums=apart + still.sums, over=over + still.over, aimed=still.aimed
+        )
+    return traced.smooth()
 
 
 def _classes(lens: AbstractLens, camera: Camera, spans: Sequence[Span]) -> BlurClasses:

@@ -1,12 +1,9 @@
-"""What XLA compiles: counted, for tests of what must not be compiled again, or compiled in haste."""
+"""What XLA compiles, counted, for tests of what must not be compiled again."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import jax
-
-IN_HASTE = {"xla_backend_optimization_level": 0}
-"""Compiler options for programs that take longer to compile than to run: half the time, for large ones."""
 
 
 @contextmanager

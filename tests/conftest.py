@@ -10,6 +10,13 @@ from pathlib import Path
 # No GPU is assumed.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 os.environ.setdefault("MPLBACKEND", "Agg")
+# Most programs here take longer to compile than to run, so that they are compiled in haste; by XLA_FLAGS that
+# are set, be it to nothing, as these say.
+os.environ.setdefault(
+    "XLA_FLAGS",
+    "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
+    " --xla_cpu_parallel_codegen_split_count=1",
+)
 
 import jax
 import pytest

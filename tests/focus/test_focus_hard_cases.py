@@ -27,13 +27,16 @@ def solved(wishes, free, *, focal_length=0.05, f_number=4.0, focus=2.0, scale=1.
     return solve(locate(wishes, camera), camera, lens, free=free, **options)
 
 
-def both_precisions(wishes, free, **more):
-    """The float64 solution, after a check that float32 comes to the same verdict and nothing is NaN."""
+def both_precisions(wishes, free, *, at_bound=False, **more):
+    """The float64 solution, after a check that float32 comes to the same verdict and nothing is NaN.
+
+    Where what is wished for is `at_bound`, rounding decides whether the bound holds it there.
+    """
     exact = solved(wishes, free, **more)
     with jax.enable_x64(False):
         single = solved(wishes, free, **more)
     assert single.result == exact.result
-    assert single.active_bounds == exact.active_bounds
+    assert at_bound or single.active_bounds == exact.active_bounds
     assert single.undetermined == exact.undetermined
     size = float(np.abs(np.asarray(exact.blur)).max())
     # Observed 3e-5 of the largest blur.
@@ -47,7 +50,7 @@ SPREAD = ((-0.2, -0.1), (0.2, 0.1), (-0.1, 0.2), (0.15, -0.15))
 
 
 def test_all_points_at_infinity():
-    found = both_precisions([at(x, y, np.inf) for x, y in SPREAD], PLANE)
+    found = both_precisions([at(x, y, np.inf) for x, y in SPREAD], PLANE, at_bound=True)
     np.testing.assert_allclose(found.lens.plane, 0.0, atol=1e-12)
     assert found.result == Result.solved
 

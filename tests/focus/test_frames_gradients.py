@@ -79,9 +79,10 @@ def test_derivative_is_that_of_solving_again(pulled, make_points, changes, activ
             continue
         ahead, back = (pulled(values | {name: value + 1e-3 * s * step}, make_points) for s in (1, -1))
         difference = (ahead[0][0] - back[0][0]) / 2e-3
-        # Observed: 1.4e-6, of slopes up to 0.6; the differences are of solutions good to 1e-9.
+        # Observed: 1.4e-6 to 6.7e-6 by compiler, of slopes up to 0.6: the differences are of solutions that
+        # are good to 1e-9 to 1e-8.
         np.testing.assert_allclose(
-            np.sum(slopes[name] * step), difference, rtol=1e-4, atol=1e-6, err_msg=name
+            np.sum(slopes[name] * step), difference, rtol=1e-4, atol=2e-5, err_msg=name
         )
     assert max(float(jnp.abs(slope).max()) for slope in slopes.values()) > 0.1
 

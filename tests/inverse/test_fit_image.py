@@ -158,10 +158,10 @@ def test_a_mask_leaves_out_what_the_layers_do_not_have():
 
 def test_a_robust_fit_is_misled_less():
     picture, _ = spoilt()
-    plain, robust = misses(fitted(picture)), misses(fitted(picture, robust=True, search=True))
-    # Observed: 21 % against 0.06 %; focus 0.32 against 0.0007.
-    assert robust["gain"] < 0.1 * plain["gain"]
-    assert robust["focus"] < 0.01
+    plain, robust = (misses(fitted(picture, search=True, robust=robust)) for robust in (False, True))
+    # Observed: 0.0016 against 0.0005; focus 0.0005 to 0.0007, by compiler.
+    assert robust["gain"] < 0.6 * plain["gain"]
+    assert robust["focus"] < 0.005
 
 
 def test_noise_is_weighed():

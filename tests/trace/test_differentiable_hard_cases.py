@@ -9,7 +9,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from compilations import IN_HASTE
 from small_scenes import front_camera, patch, wide_lens
 
 from focusjax.layers import Layers, peel
@@ -85,13 +84,13 @@ def picture_of(layers: Layers, values: jax.Array) -> jax.Array:
     return render_differentiable(layers, lens_of(values, layers), rays=RAYS, derivative_rays=RAYS)
 
 
-@eqx.filter_jit(compiler_options=IN_HASTE)
+@eqx.filter_jit
 def jacobian(layers: Layers, values: jax.Array) -> jax.Array:
     """By the four values [h, w, 3, 4]."""
     return jax.jacfwd(lambda values: picture_of(layers, values))(values)
 
 
-@eqx.filter_jit(compiler_options=IN_HASTE)
+@eqx.filter_jit
 def reverse(layers: Layers, values: jax.Array) -> tuple[jax.Array, ...]:
     """The picture, and the gradient [4] of a weighted sum with its weights."""
     value, back = jax.vjp(lambda values: picture_of(layers, values), values)

@@ -1,12 +1,9 @@
 """Derivatives of pictures through real glass, against differences of converged pictures."""
 
-import functools
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from compilations import IN_HASTE
 from optics_lenses import biconvex
 from small_scenes import varied_scene
 
@@ -24,7 +21,7 @@ def moved(lens: PrescriptionLens, millimetres: jax.Array) -> PrescriptionLens:
     return eqx.tree_at(lambda each: each.film_place, lens, lens.film_place + millimetres)
 
 
-@functools.partial(jax.jit, compiler_options=IN_HASTE)
+@jax.jit
 def along(layers: Layers, lens: PrescriptionLens) -> jax.Array:
     """The derivative [h, w, 3] of the picture by the place of the film."""
 

@@ -1,13 +1,11 @@
 """The flow of rays against derivatives of pictures that are smooth, for every parameter of every lens."""
 
 import dataclasses
-import functools
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from compilations import IN_HASTE
 from jax.flatten_util import ravel_pytree
 
 from focusjax.geometry import Camera, make_camera
@@ -129,7 +127,7 @@ def test_what_crosses_and_gathers_is_the_derivative(name: str):
     blades = 5
     around = ((np.arange(blades)[:, None] + nodes) / blades).ravel(), np.tile(weights, blades) / blades
 
-    @functools.partial(jax.jit, compiler_options=IN_HASTE)
+    @jax.jit
     def both(flat):
         films, by_film = grid(side, side)
         places, by_place = grid(inward, around)

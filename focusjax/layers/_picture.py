@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Int
 
+from focusjax._freed import keep_blocks_apart
 from focusjax.geometry import Camera
 from focusjax.layers._boxes import boxes_on
 from focusjax.layers._clip import ScreenTriangles
@@ -70,6 +71,7 @@ def rasterised_for(
         scene, camera, lens, supersampling, near, least_margin=margin, pixel_filter=pixel_filter
     )
     check_frame(grid)
+    keep_blocks_apart(4 * grid.size)
     return rasterised(scene, camera, triangles, grid)
 
 

@@ -35,19 +35,24 @@ class Surface(eqx.Module):
     rows: int = eqx.field(static=True)
 
 
-@eqx.filter_jit
 def surface_of(layers: Layers) -> Surface:
-    """The flat planes of `layers`."""
+    """The flat planes of `layers`; what is flat there is the same arrays."""
     return Surface(
         places=layers.places,
-        radiance=tuple(layers.samples.radiance[:, k] for k in range(3)),
+        radiance=_colours(layers.samples.radiance),
         disparity=layers.samples.disparity,
         links=layers.samples.links,
-        background=tuple(layers.background[..., k].reshape(-1) for k in range(3)),
+        background=_colours(layers.background),
         gloss=gloss_planes(layers),
         columns=layers.grid.columns,
         rows=layers.grid.rows,
     )
+
+
+@jax.jit
+def _colours(radiance: Float[Array, "*n 3"]) -> tuple[Float[Array, " m"], ...]:
+    """Red, green and blue."""
+    return tuple(radiance[..., k].reshape(-1) for k in range(3))
 
 
 def disparity_of(surface: Surface, hit: Int[Array, ""]) -> Float[Array, ""]:

@@ -18,6 +18,7 @@ import focusjax as fj
 from focusjax import lens as L, scene as S
 from focusjax.focus import Prior, fit_focal_plane, solve_frames, stacked
 from focusjax.layers import missed_light
+from focusjax.shutter import make_shutter
 camera = fj.look_at((0, 0, 0), (0, 0, -1), width=64, height=48, focal_length=0.05)
 lens = fj.thin_lens(focus_distance=2.0, f_number=4.0, focal_length=0.05)
 wish = fj.FocusPoint(fj.AtPoint((0, 0, -2)), fj.Sharp(), name="nose")
@@ -42,6 +43,11 @@ CALLS = {
     ),
     "fj.locate(wish, camera)": "points of locate(points, camera) is one FocusPoint; put it into a list",
     "fj.locate([fj.Sharp()], camera)": "points.0 of locate(points, camera) is a Sharp; expected a FocusPoint",
+    "fj.camera_settings(f_number=2, time='1/60')": "shutter time is '1/60'; expected seconds, such as 1 / 60",
+    "make_shutter('1/60')": "the shutter's time is '1/60'; expected a number, such as 0.02",
+    "fj.develop(jnp.ones((2, 2, 3)), fj.film_preset('plain'), balance=[1, 2])": (
+        "the white balance is [1.0, 2.0]; expected a gain above 0 for red, green and blue"
+    ),
     "fj.Blur('0.1mm')": "a diameter is '0.1mm'; expected a number of pixels, such as 8.0, or OnSensor",
     "fj.FocusPoint(wish.where, fj.Sharp(), weight='1')": "the weight of a focus point is '1'; expected zero",
     "fj.locate([wish], lens)": "camera of locate(points, camera) is a ThinLens; expected Camera: `look_at`",

@@ -6,7 +6,7 @@ from pydantic import Field, Strict, model_validator
 
 from focusjax._words import did_you_mean
 from focusjax.config._values import NotNegative, Number, Positive, Table, Time
-from focusjax.film import film_names, luminance_of_light_value
+from focusjax.film import MOST_STOPS, film_names, luminance_of_light_value
 
 Speed = Annotated[float, Field(ge=1, le=1e7)]
 Pixel = Annotated[int, Field(ge=0)]
@@ -26,7 +26,7 @@ class ZoneTable(Table):
 class ExposureTable(Table):
     """`[exposure]`: what is set on the camera beside the lens; what is left out is chosen."""
 
-    light_ev: Number | None = Field(
+    light_ev: Annotated[Number, Field(ge=-30, le=50)] | None = Field(
         default=None,
         description="the exposure value of the light at ISO 100: sun 15, overcast 12, a room 7, a street 3",
     )
@@ -44,7 +44,7 @@ class ExposureTable(Table):
     zones: Annotated[tuple[ZoneTable, ...], Strict(False)] = Field(
         default=(), description="[[exposure.zones]] tables"
     )
-    compensation: Number | None = Field(
+    compensation: Annotated[Number, Field(ge=-MOST_STOPS, le=MOST_STOPS)] | None = Field(
         default=None, description="by how many stops the picture is to be brighter, for example -0.5"
     )
     longest_time: Time | None = Field(

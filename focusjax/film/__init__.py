@@ -1,5 +1,6 @@
 """From the light that a lens brings to a picture: exposure, film and sensor, and what a screen shows."""
 
+from focusjax.film._choose import MOST_STOPS as MOST_STOPS
 from focusjax.film._choose import ChosenSettings as ChosenSettings
 from focusjax.film._choose import FNumbersForLight as FNumbersForLight
 from focusjax.film._choose import choose_settings as choose_settings
@@ -43,6 +44,7 @@ from focusjax.film._photometry import luminance_of_light_value as luminance_of_l
 from focusjax.film._photometry import magnification as magnification
 from focusjax.film._presets import film_names as film_names
 from focusjax.film._presets import film_preset as film_preset
+from focusjax.film._settings import WIDEST_F_NUMBER as WIDEST_F_NUMBER
 from focusjax.film._settings import CameraSettings as CameraSettings
 from focusjax.film._settings import camera_settings as camera_settings
 from focusjax.film._settings import settings_through as settings_through

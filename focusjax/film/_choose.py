@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from focusjax._arguments import real_number
 from focusjax.film._photometry import GREY
 from focusjax.film._settings import CameraSettings, require_iso
 
@@ -21,6 +22,9 @@ _SHORTEST = 1 / 8000
 
 _ISO_RANGE = (100.0, 6400.0)
 """Lowest and highest ISO speed that may be chosen when nothing is said."""
+
+MOST_STOPS = 50.0
+"""By which a picture may be wished brighter or darker than metered: more is a slip."""
 
 _LIMITS = ("longest time", "shortest time", "lowest ISO speed", "highest ISO speed")
 
@@ -94,7 +98,8 @@ def choose_settings(
         iso_range: lowest and highest ISO speed.
 
     Raises:
-        ValueError: a grey that is black or not finite, no such setting, or limits that are none.
+        ValueError: a grey that is black or not finite, no such setting, limits that are none, or a
+            compensation by more than 50 stops.
 
     Example:
         >>> settings = camera_settings(f_number=2.0, time=1, iso=100)
@@ -119,9 +124,12 @@ def choose_settings(
             f"the metered radiance is {float(jnp.asarray(grey)):g}, for which no settings are right; meter"
             " where there is light"
         )
+    stops = real_number(compensation, "the compensation", "stops, such as -0.5")
+    if not abs(stops) <= MOST_STOPS:
+        raise ValueError(f"the compensation is {stops:g} stops; expected at most {MOST_STOPS:g}, such as 0.5")
     # Time x speed that is needed, and the exposure's part that is settled.
     settled = settings.signal(jnp.asarray(grey) * light) / (settings.time * settings.iso)
-    needed = GREY * 2.0 ** float(compensation) / settled
+    needed = GREY * 2.0**stops / settled
     timed, rated = "time" in free, "iso" in free
     # Only the settings' own is there to choose of what is not free.
     times = (shortest, longest) if timed else (settings.time, settings.time)

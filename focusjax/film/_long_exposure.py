@@ -5,7 +5,11 @@ from typing import SupportsFloat
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
+
+from focusjax._arguments import real_numbers
 
 
 class LongExposure(eqx.Module):
@@ -28,7 +32,16 @@ class LongExposure(eqx.Module):
     time: Float[Array, ""]
 
     def add(self, frame: Float[Array, "h w 3"], duration: ArrayLike = 1.0) -> "LongExposure":
-        """With one frame more, which took `duration`. Differentiable, and made for `lax.scan`."""
+        """With one frame more, which took `duration`. Differentiable, and made for `lax.scan`.
+
+        Raises:
+            ValueError: a frame of another size, or a duration that is negative or not finite.
+        """
+        if frame.shape != self.picture.shape:
+            raise ValueError(
+                f"the frame has shape {frame.shape}; expected {self.picture.shape}, that of the frames before"
+            )
+        _refuse_unless_times(duration)
         spent = jnp.asarray(duration, dtype=self.time.dtype)
         time = self.time + spent
         # Written so that a frame that is as the picture changes no digit of it; nothing at all takes no time.
@@ -54,11 +67,33 @@ def start_exposure(width: int, height: int, *, dtype: jnp.dtype | type | None = 
 def expose_frames(
     frames: Float[Array, "n h w 3"], durations: Float[Array, "n"] | SupportsFloat = 1.0
 ) -> LongExposure:
-    """All frames of a stack, accumulated; `durations` are theirs, or that of each."""
+    """All frames of a stack, accumulated; `durations` are theirs, or that of each.
+
+    Raises:
+        ValueError: another number of durations than of frames, or one that is negative or not finite.
+    """
+    _refuse_unless_times(durations)
+    spent = jnp.asarray(durations, dtype=frames.dtype)
+    if spent.shape not in ((), frames.shape[:1]):
+        raise ValueError(
+            f"there are {len(frames)} frames and durations of shape {spent.shape}; give one for all, or"
+            " one each"
+        )
 
     def add(exposure: LongExposure, each: tuple[Array, Array]) -> tuple[LongExposure, None]:
         return exposure.add(*each), None
 
     start = start_exposure(frames.shape[2], frames.shape[1], dtype=frames.dtype)
-    spent = jnp.broadcast_to(jnp.asarray(durations, dtype=frames.dtype), frames.shape[:1])
-    return jax.lax.scan(add, start, (frames, spent))[0]
+    return jax.lax.scan(add, start, (frames, jnp.broadcast_to(spent, frames.shape[:1])))[0]
+
+
+def _refuse_unless_times(durations: ArrayLike | SupportsFloat) -> None:
+    """Of numbers that are known; those that JAX traces are not."""
+    if isinstance(durations, Tracer):
+        return
+    times = real_numbers(durations, "a frame's duration", "seconds, or numbers in proportion to them")
+    wrong = times[~((times >= 0.0) & np.isfinite(times))]
+    if wrong.size:
+        raise ValueError(
+            f"a frame's duration is {wrong.flat[0]:g}; expected a time that is finite and not negative"
+        )

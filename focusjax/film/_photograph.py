@@ -128,5 +128,5 @@ def _refuse_unless_positive(value: ArrayLike, what: str, expected: str) -> None:
     if isinstance(value, Tracer):
         return
     numbers = np.asarray(value, dtype=float)
-    if not (np.isfinite(numbers).all() and (numbers > 0).all()):
+    if numbers.shape not in ((), (3,)) or not (np.isfinite(numbers).all() and (numbers > 0).all()):
         raise ValueError(f"the {what} is {numbers.tolist()}; expected {expected}")

@@ -8,6 +8,7 @@ illuminance of a pixel is its value times that of radiance 1 on the axis.
 """
 
 import jax.numpy as jnp
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 GREY = 0.18
@@ -105,10 +106,16 @@ def f_number_of_area(focal_length: ArrayLike, area: ArrayLike) -> Array:
 def equivalent_time(time: ArrayLike, f_number: ArrayLike, other: ArrayLike) -> Array:
     """The time that exposes at f-number `other` as `time` does at `f_number`: t2 = t1 N2^2 / N1^2 (eq. 4.13).
 
+    Raises:
+        ValueError: one of the three is not above 0, and not traced by JAX.
+
     Example:
         >>> round(1 / float(equivalent_time(1 / 60, 2.0, 4.0)), 6)
         15.0
     """
+    for what, value in (("time", time), ("f-number", f_number), ("other f-number", other)):
+        if not isinstance(value, Tracer) and not (jnp.asarray(value) > 0.0).all():
+            raise ValueError(f"the {what} is {value}; expected above 0")
     return jnp.asarray(time) * (jnp.asarray(other) / f_number) ** 2
 
 

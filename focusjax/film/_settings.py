@@ -7,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from focusjax._arguments import real_number
 from focusjax.film._photometry import (
     GREY,
     GREY_EXPOSURE,
@@ -18,7 +19,7 @@ from focusjax.film._photometry import (
 from focusjax.geometry import Camera
 from focusjax.lens import PrescriptionLens, ThinLens, TiltShiftLens
 
-WIDEST = 0.5
+WIDEST_F_NUMBER = 0.5
 """The f-number at which light comes from all sides (Kyaw 2013 section 4.3)."""
 
 SPEEDS = (1.0, 1e7)
@@ -91,8 +92,10 @@ def camera_settings(
         >>> round(float(settings.exposure_value()), 2)
         6.88
     """
-    number, seconds, speed = float(f_number), float(time), float(iso)
-    if not WIDEST <= number < math.inf:
+    number = real_number(f_number, "the f-number", "a number, such as 2.8")
+    seconds = real_number(time, "the shutter time", "seconds, such as 1 / 60")
+    speed = real_number(iso, "the ISO speed", "a number, such as 400")
+    if not WIDEST_F_NUMBER <= number < math.inf:
         raise ValueError(
             f"the f-number is {number:g}; expected a number from 0.5 on, where light comes from all sides,"
             " such as 2.8"

@@ -15,6 +15,7 @@ from focusjax.config import (
     build_zones,
 )
 from focusjax.film import (
+    WIDEST_F_NUMBER,
     AbstractFilm,
     CameraSettings,
     ChosenSettings,
@@ -63,10 +64,15 @@ class Photograph:
             return self.weighed
         if chosen is None or not chosen.limits:
             return None
-        off = float(chosen.stops_off)
+        off, right = float(chosen.stops_off), float(chosen.right_f_number())
+        remedy = (
+            f"f/{right:.2g} would be right"
+            if right >= WIDEST_F_NUMBER
+            else "no f-number would be right, so let it have more light, or wider limits"
+        )
         return (
             f"The picture is {abs(off):.1f} stops too {'dark' if off < 0 else 'bright'} at the"
-            f" {' and the '.join(chosen.limits)}; f/{float(chosen.right_f_number()):.2g} would be right."
+            f" {' and the '.join(chosen.limits)}; {remedy}."
         )
 
 

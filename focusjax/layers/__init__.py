@@ -15,6 +15,7 @@ from focusjax.layers._joins import UNJOINED as UNJOINED
 from focusjax.layers._layers import Layers as Layers
 from focusjax.layers._layers import Samples as Samples
 from focusjax.layers._layers import spread as spread
+from focusjax.layers._memory import check_held as check_held
 from focusjax.layers._missed import MissedLight as MissedLight
 from focusjax.layers._missed import NearestSurface as NearestSurface
 from focusjax.layers._missed import missed_light as missed_light

@@ -19,6 +19,8 @@ _BYTES_OF_FRAGMENT = 48
 """Of each time that a triangle covers a sample, while layers are peeled: 43 to 50 over twenty full panes."""
 _SHARE = 0.9
 """Of the memory that layers may take: the rest is for the system and for the scene."""
+_SHARE_HELD = 0.4
+"""That layers of many times may take together: putting together the next ones takes about as much again."""
 _CONTAINER_LIMITS = (
     Path("/sys/fs/cgroup/memory.max"),
     Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"),
@@ -100,6 +102,25 @@ def check_layers(grid: Grid, kept: Sequence[int], limit: str) -> None:
         f"{len(kept)} layers that hold {sum(kept)} samples need about {needed[-1] / 1e9:.3g} GB and this"
         f" machine has {memory / 1e9:.3g} GB; {remedy} supersampling or the picture's size"
     )
+
+
+def check_held(held: int, what: str, remedy: str) -> None:
+    """Refuse layers of so many times that those of the next ones may not fit.
+
+    Args:
+        held: bytes that they take together.
+        what: whose layers they are, and of which times.
+        remedy: what would take less.
+
+    Raises:
+        ValueError: with these words.
+    """
+    memory = machine_memory()
+    if memory is not None and held > _SHARE_HELD * memory:
+        raise ValueError(
+            f"{what} take {held / 1e9:.3g} GB, and making more of them takes as much again, but this"
+            f" machine has {memory / 1e9:.3g} GB; {remedy}"
+        )
 
 
 def machine_memory() -> int | None:

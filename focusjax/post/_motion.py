@@ -1,5 +1,7 @@
 """Motion blur along a picture's velocities (after McGuire et al. 2012, a reconstruction filter)."""
 
+import math
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -8,8 +10,8 @@ from jaxtyping import Array, Float
 
 from focusjax._counts import require_counts
 
-_TILE = 16
-"""Pixels along a tile's side; what moves farther than that blurs its neighbours' neighbours only in part."""
+_LEAST_TILE = 16
+"""Pixels along a tile's side; twice that is the farthest way that the tiles around a pixel tell of."""
 _SOFT = 0.05
 """Share of a disparity by which surfaces may differ and still count as one."""
 _STILL = 0.5
@@ -48,7 +50,11 @@ def motion_blur(
         )
     if not np.isfinite(np.asarray(velocity)).all():
         raise ValueError("the velocity has values that are not finite; expected pixels over the exposure")
-    return _blurred(image, disparity, velocity.astype(image.dtype), jnp.asarray(taps))
+    farthest = float(np.linalg.norm(np.asarray(velocity), axis=-1).max())
+    # What moves across a pixel is half of its way from there at most, and a power of two is a program's.
+    side = min(max(_LEAST_TILE, math.ceil(0.5 * farthest)), max(disparity.shape))
+    tile = 1 << (side - 1).bit_length()
+    return _blurred(image, disparity, velocity.astype(image.dtype), jnp.asarray(taps), tile=tile)
 
 
 @eqx.filter_jit
@@ -57,9 +63,11 @@ def _blurred(
     disparity: Float[Array, "h w"],
     velocity: Float[Array, "h w 2"],
     taps: Array,
+    *,
+    tile: int,
 ) -> Float[Array, "h w 3"]:
     height, width = disparity.shape
-    main, own = _main_velocity(velocity).reshape(-1, 2), velocity.reshape(-1, 2)
+    main, own = _main_velocity(velocity, tile).reshape(-1, 2), velocity.reshape(-1, 2)
     depth, speed = disparity.ravel(), jnp.linalg.norm(own, axis=-1)
     planes = [image[..., channel].ravel() for channel in range(3)]
     rows, columns = jnp.divmod(jnp.arange(height * width), width)
@@ -89,19 +97,19 @@ def _blurred(
     return jnp.where(moves[:, None], found, image.reshape(-1, 3)).reshape(image.shape)
 
 
-def _main_velocity(velocity: Float[Array, "h w 2"]) -> Float[Array, "h w 2"]:
+def _main_velocity(velocity: Float[Array, "h w 2"], tile: int) -> Float[Array, "h w 2"]:
     """The largest velocity of each pixel's tile and those around it."""
     height, width = velocity.shape[:2]
-    down, across = -(-height // _TILE), -(-width // _TILE)
-    padded = jnp.pad(velocity, ((0, down * _TILE - height), (0, across * _TILE - width), (0, 0)), mode="edge")
-    tiles = padded.reshape(down, _TILE, across, _TILE, 2).transpose(0, 2, 1, 3, 4)
+    down, across = -(-height // tile), -(-width // tile)
+    padded = jnp.pad(velocity, ((0, down * tile - height), (0, across * tile - width), (0, 0)), mode="edge")
+    tiles = padded.reshape(down, tile, across, tile, 2).transpose(0, 2, 1, 3, 4)
     most = _largest(tiles.reshape(down, across, -1, 2))
     ringed = jnp.pad(most, ((1, 1), (1, 1), (0, 0)), mode="edge")
     around = jnp.stack(
         [ringed[dy : dy + down, dx : dx + across] for dy in range(3) for dx in range(3)], axis=2
     )
     chosen = _largest(around)
-    return jnp.repeat(jnp.repeat(chosen, _TILE, axis=0), _TILE, axis=1)[:height, :width]
+    return jnp.repeat(jnp.repeat(chosen, tile, axis=0), tile, axis=1)[:height, :width]
 
 
 def _largest(vectors: Float[Array, "*n m 2"]) -> Float[Array, "*n 2"]:

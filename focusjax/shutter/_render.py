@@ -1,8 +1,9 @@
 """The picture of a moving scene: every lens ray has a time while the shutter is open."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -10,7 +11,7 @@ from jaxtyping import Array, Float
 from focusjax._arguments import real_number, require_kind, require_switches
 from focusjax._counts import require_counts, require_seed
 from focusjax.geometry import Camera
-from focusjax.layers import Extent, Layers, peel
+from focusjax.layers import Extent, Layers, check_held, peel
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
 from focusjax.shutter._motion import NODES, Cameras, bodies_that_move, body_poses
@@ -103,7 +104,8 @@ def render_moving(
         progress: told the share done.
 
     Raises:
-        ValueError: a number out of range, a camera that changes its number of pixels, or as `peel`.
+        ValueError: a number out of range, a camera that changes its number of pixels, things so near to the
+            lens that their layers do not fit in memory, or as `peel`.
 
     Example:
         >>> picture = render_moving(moving, camera, lens, make_shutter(1 / 50), frame=12)  # doctest: +SKIP
@@ -129,7 +131,10 @@ def render_moving(
         return MovingPicture(image, 1, 1, 0.0, 0.0, 0.0, layers.complete, {BACKDROP: layers.extent})
     plans = plan_bodies(moving, scene, bodies, cameras, lens, times, Care(turn, step_px, most_spans))
     edges = _edges(shutter, plans.spans, frame, fps)
-    laid = [_lay(plan, moving, cameras, lens, edges, layers_of, known) for plan in plans.bodies]
+    laid: list[_Laid] = []
+    for plan in plans.bodies:
+        held = sum(_bytes(each.posed) for each in laid)
+        laid.append(_lay(plan, moving, cameras, lens, edges, layers_of, known, held=held))
     spans = [
         Span(edges[k], edges[k + 1], tuple(each.posed[k * len(each.posed) // plans.spans] for each in laid))
         for k in range(plans.spans)
@@ -208,8 +213,14 @@ def _lay(
     edges: Float[np.ndarray, " k"],
     layers_of: MakeLayers,
     known: Mapping[str, Extent],
+    *,
+    held: int,
 ) -> _Laid:
-    """A body peeled at the middle of each of its spans."""
+    """A body peeled at the middle of each of its spans, beside `held` bytes of layers.
+
+    Raises:
+        ValueError: so much of it is near the lens that the layers of all spans do not fit in memory.
+    """
     every, like = (len(edges) - 1) // plan.spans, known.get(plan.body.name)
     number = plan.body.faces.start
     posed: list[MovingLayers] = []
@@ -229,8 +240,18 @@ def _lay(
         posed.append(
             moving_layers(layers, matrices, float(begin), float(end), number=number, backdrop=backdrop)
         )
+        check_held(
+            held + _bytes(posed),
+            f"the layers of {plan.body.name or 'what stands still'} for {k + 1} of {plan.spans} spans",
+            f"keep things farther from the lens (this is {1.0 / max(plan.nearest, 1e-9):.3g} m from it at"
+            " least), or lower most_spans, the picture's size or the opening",
+        )
     assert layers is not None
     return _Laid(tuple(posed), layers, complete)
+
+
+def _bytes(posed: Sequence[MovingLayers]) -> int:
+    return sum(leaf.nbytes for leaf in jax.tree.leaves(posed) if isinstance(leaf, jax.Array))
 
 
 def _matrices(

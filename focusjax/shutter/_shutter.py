@@ -6,6 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from focusjax._arguments import real_number
+
 ALIGNMENTS = ("centre", "start", "end")
 """Where in the shutter's time the instant is that a frame stands for."""
 DIRECTIONS = ("down", "up")
@@ -98,6 +100,8 @@ def make_shutter(
         >>> round(leaf.open_time, 6)
         0.025
     """
+    for what, value in (("time", time), ("travel time", travel_time), ("ramp", ramp)):
+        real_number(value, f"the shutter's {what}", "a number, such as 0.02")
     if not 0 < time < np.inf:
         raise ValueError(
             f"the shutter time is {time} s; expected a positive, finite number of seconds such as 0.02, or no"

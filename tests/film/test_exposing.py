@@ -162,6 +162,16 @@ def test_depths_that_no_lens_has_are_refused(given, message):
         (lambda: meter(scene(), Zone(np.ones((3, 3)))), "expected a mask of .12, 18., or 4 numbers"),
         (lambda: meter(scene(), Zone("average", weight=0)), "weight is 0; expected a positive number"),
         (lambda: balance_for(1000), "temperature is 1000 K; expected from 2000"),
+        (
+            lambda: choose_settings(1.0, BASE, luminance=1, compensation=2000),
+            "2000 stops; expected at most 50",
+        ),
+        (lambda: choose_settings(1.0, BASE, luminance=1, compensation=np.nan), "compensation is nan stops"),
+        (lambda: start_exposure(18, 12).add(scene()[:1]), r"\(1, 18, 3\); expected \(12, 18, 3\)"),
+        (lambda: start_exposure(18, 12).add(scene(), -3.0), "duration is -3; expected a time that is finite"),
+        (lambda: start_exposure(18, 12).add(scene(), np.nan), "duration is nan"),
+        (lambda: expose_frames(scene()[None], np.inf), "duration is inf"),
+        (lambda: expose_frames(scene()[None], jnp.ones(3)), "1 frames and durations of shape .3,.; give one"),
     ],
 )
 def test_what_cannot_be_metered_or_chosen_is_refused(call, message):

@@ -153,6 +153,11 @@ def test_depth_of_field_exposed_by_hand(boxes, tmp_path):
             "iso_min = 400, which is above",
         ),
         (["exposure.light_ev=9", "render.exposure=1"], "use exposure.compensation instead"),
+        (["exposure.light_ev=140"], "exposure.light_ev is 140; expected a number of at most 50"),
+        (
+            ["exposure.light_ev=9", "exposure.compensation=3000"],
+            "exposure.compensation is 3000; expected a number of at most 50",
+        ),
         (
             ["exposure.light_ev=9", "exposure.priority=focus", "solve.free=['focus']"],
             "has exposure.priority, but no f-number that may change; give lens.sharp_from_m",

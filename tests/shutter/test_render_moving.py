@@ -8,7 +8,7 @@ import pytest
 from compilations import compilations
 from small_scenes import at_pixels, ball, front_camera, patch, wide_lens
 
-from focusjax.layers import peel
+from focusjax.layers import _memory, peel
 from focusjax.lens import thin_lens
 from focusjax.metrics import psnr
 from focusjax.scene import constant_background, make_object, make_scene
@@ -245,6 +245,19 @@ def test_what_is_faster_than_the_frame_or_passes_the_lens_is_finite(way):
         # It fills the frame until it comes to the lens, after 2 of 3 m. Observed 0.625: what is behind it
         # in the middle of one of 8 spans is left out in all of it.
         assert image.mean() == pytest.approx(2 / 3, abs=0.06)
+
+
+def test_layers_of_too_many_times_are_refused_before_they_fill_the_memory(monkeypatch):
+    """They are large near the lens, which a card goes through here."""
+    white = patch("card", CAMERA, (-4, -30, 36, 60), 0.5)
+    scene = make_scene([white], background=constant_background(0.0), unlit=True)
+    motion = Motion(transforms=transforms({1.0: {}, 3.0: {"translate": (0, 0, 3)}}, between="linear"))
+    world = MovingScene(scene, [white], {"card": motion})
+    monkeypatch.setattr(_memory, "machine_memory", lambda: 1_000_000)
+    with pytest.raises(
+        ValueError, match=r"layers of card for \d of 8 spans take .* GB, and .* lower most_spans"
+    ):
+        taken(world, frame=1.5, most_spans=8)
 
 
 def test_what_deforms_is_peeled_at_steps_of_a_pixel():

@@ -26,7 +26,7 @@ ALLOWED = {
     "layers": {"geometry", "lens", "scene", "_arguments", "_counts", "_freed", "_parallel", "_words"},
     "trace": {"geometry", "lens", "scene", "layers", "_arguments", "_counts", "_freed", "_parallel"},
     "shutter": {"geometry", "lens", "scene", "layers", "trace", "_arguments", "_counts"},
-    "film": {"geometry", "lens", "_monotone_cubic", "_words"},
+    "film": {"geometry", "lens", "_arguments", "_monotone_cubic", "_words"},
     "inverse": {"geometry", "lens", "layers", "trace", "_arguments", "_counts"},
     "metrics": set(),
     # Slow or simple twins share no code with what they are compared with.

@@ -52,7 +52,8 @@ def assemble(
     opacity = None if held.opacity is None else held.opacity.astype(real, copy=False)
     return_freed(sum(counts))
 
-    # Shading and the geometry need nothing of each other: while one compiles or waits, the other works.
+    # Shading needs nothing of the geometry, nor do ranges of cells and places: while one compiles or waits,
+    # the other works.
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
         extent_m = 1.0 / (disparity * float(camera.focal_px) * grid.supersampling)
         shading = pool.submit(
@@ -65,10 +66,14 @@ def assemble(
         )
         outline = _outlined(held, counts, surface, parallax, max_layers, real)
         count = max(outline.layers, 1 if like is None else min(like.count, max_layers))
-        cells, scale, ranges = _walked(outline, count, grid, real)
-        places, number = make_places(count * grid.size, outline.index)
+        least, most, scale = in_steps(outline.low, outline.high)
+        words = pool.submit(lambda: pack_cells(least, most, outline.line))
+        placed = pool.submit(make_places, count * grid.size, outline.index)
+        ranges = _ranges(outline.index % grid.size, least, most, scale, grid, real)
+        cells = scattered((count, grid.rows, grid.columns), outline.index, words.result())
         far = background(scene, camera, grid)
-        look = shading.result()
+        look, (places, number) = shading.result(), placed.result()
+        del words, placed, shading, least, most
         face = surface.face
         del surface
 
@@ -96,13 +101,12 @@ def assemble(
     )
 
 
-def _walked(
-    outline: "_Outline", count: int, grid: Grid, real: np.dtype
-) -> tuple[np.ndarray, float, RangePyramid]:
-    """What rays walk through: cells of `count` layers, the disparity of one of their steps, and ranges."""
-    least, most, scale = in_steps(outline.low, outline.high)
-    ranges = build_ranges(
-        outline.index % grid.size,
+def _ranges(
+    cell: np.ndarray, least: np.ndarray, most: np.ndarray, scale: float, grid: Grid, real: np.dtype
+) -> RangePyramid:
+    """N-buffers of samples at places `cell` that span the steps `least` to `most`, for the widest blur."""
+    return build_ranges(
+        cell,
         least,
         most,
         scale,
@@ -111,8 +115,6 @@ def _walked(
         widest=2.0 * grid.margin + 4 * grid.supersampling,
         real=real,
     )
-    shape = (count, grid.rows, grid.columns)
-    return scattered(shape, outline.index, pack_cells(least, most, outline.line)), scale, ranges
 
 
 @dataclasses.dataclass(frozen=True)

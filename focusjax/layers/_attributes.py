@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from focusjax.layers._blocks import in_blocks, pad_rows, padded_length
+from focusjax._parallel import in_parallel, parts
+from focusjax.layers._blocks import pad_rows, padded_length
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
 from focusjax.layers._stamps import Stamps
@@ -59,20 +60,24 @@ def surface_samples(
     stamps: Stamps, triangles: ScreenTriangles, sample: np.ndarray, stamp: np.ndarray, grid: Grid
 ) -> SurfaceSamples:
     """Attributes of the fragments at grid index `sample` [n] that came from `stamp` [n]."""
-    row, column = np.divmod(sample, np.int32(grid.columns))
-    x = (column - stamps.origin[:, 0][stamp]).astype(np.float32)
-    y = (row - stamps.origin[:, 1][stamp]).astype(np.float32)
     length = padded_length(len(stamps.triangle))
     rows = np.concatenate([stamps.edges, stamps.disparity[:, :, None]], axis=2).reshape(-1, 12)
     coefficients = tuple(jnp.asarray(pad_rows(column, length)) for column in rows.T)
+    left, top = stamps.origin.T.copy()
 
-    def program(stamp: Array, x: Array, y: Array) -> tuple[Array, ...]:
-        return _attributes(coefficients, stamp, x, y)
+    def block(part: slice) -> tuple[np.ndarray, ...]:
+        row, column = np.divmod(sample[part], np.int32(grid.columns))
+        x = (column - np.take(left, stamp[part])).astype(np.float32)
+        y = (row - np.take(top, stamp[part])).astype(np.float32)
+        inputs = (pad_rows(a, _AT_ONCE) for a in (stamp[part], x, y))
+        found = [np.asarray(a)[: len(x)] for a in _attributes(coefficients, *inputs)]
+        triangle = np.take(stamps.triangle, stamp[part])
+        clipped = np.flatnonzero(triangle >= triangles.unclipped)
+        if len(clipped):
+            found[0] = found[0].copy()
+            mixed = found[0][clipped, :, None] * triangles.weights[triangle[clipped] - triangles.unclipped]
+            found[0][clipped] = mixed.sum(axis=1)
+        return np.take(triangles.source, triangle), *found
 
-    barycentric, *slopes = in_blocks(program, (stamp, x, y), _AT_ONCE)
-    triangle = stamps.triangle[stamp]
-    clipped = np.flatnonzero(triangle >= triangles.unclipped)
-    if len(clipped):
-        mixed = barycentric[clipped, :, None] * triangles.weights[triangle[clipped] - triangles.unclipped]
-        barycentric[clipped] = mixed.sum(axis=1)
-    return SurfaceSamples(triangles.source[triangle], barycentric, *slopes)
+    blocks = in_parallel(block, parts(len(sample), _AT_ONCE)) or [block(slice(0, 0))]
+    return SurfaceSamples(*(np.concatenate(column) for column in zip(*blocks, strict=True)))

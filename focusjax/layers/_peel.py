@@ -24,17 +24,16 @@ or in those before.
 
 import functools
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.layers._grid import Grid
 from focusjax.layers._raster import Fragments
 
-_AT_ONCE = 1 << 20
+_AT_ONCE = 1 << 18
 _SOLID_LAYERS = 2
 _SPARSE = 0.25
 """Fragments per sample of the grid below which looking at them costs less than looking at the grid."""
@@ -95,18 +94,21 @@ def _cut(
     nearest, farthest = over_window(hiding, one, jnp.maximum), over_window(hiding, one, jnp.minimum)
     continued = (farthest > 0) & (nearest - farthest <= umbra)
 
-    def widen(_: Any, state: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
+    def goes_on(state: tuple[Array, Array, Array, Array, Array]) -> Bool[Array, ""]:
+        return (state[0] < levels) & jnp.any(state[3])
+
+    def widen(state: tuple[Array, Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array, Array]:
         # Windows grow by doubling: that of radius 2 r is nine of radius r, steps of r apart.
         # Continuity has to hold within one sample of every sample but the outermost.
-        cut, nearest, continued, reach = state
+        level, cut, nearest, continued, reach = state
         behind = nearest - reach.astype(best.dtype) * umbra
         cut = jnp.where(continued, jnp.minimum(cut, behind), cut)
         nearest = over_window(nearest, reach, jnp.maximum)
-        return cut, nearest, over_window(continued, reach, jnp.logical_and), 2 * reach
+        return level + 1, cut, nearest, over_window(continued, reach, jnp.logical_and), 2 * reach
 
     below = hiding - 0.5 * umbra if solid is None else jnp.where(solid > 0, solid - 0.5 * umbra, jnp.inf)
     cut = jnp.minimum(best * (1.0 - SEPARATION), below)
-    return jax.lax.fori_loop(0, levels, widen, (cut, nearest, continued, one))[0]
+    return jax.lax.while_loop(goes_on, widen, (0 * one, cut, nearest, continued, one))[1]
 
 
 def hidden_below(
@@ -143,41 +145,42 @@ def peel_fragments(
     Without `umbra` each layer is the next surface (Everitt 2001), and nothing is hidden but what lies in the
     same place. `opacity` is that of each fragment, None where all are opaque.
     """
-    alive = np.arange(len(fragments.sample))
+    sample, disparity = fragments.sample, fragments.disparity
+    alive = np.arange(len(sample))
     layers: list[np.ndarray] = []
     solid: np.ndarray | None = None
-    levels = windows_within(parallax, float(fragments.disparity.max(initial=0.0)))
+    levels = windows_within(parallax, float(disparity.max(initial=0.0)))
     while len(alive) and len(layers) < max_layers:
         if len(layers) >= _SOLID_LAYERS and opacity is None and len(alive) < _SPARSE * grid.size:
             sparse, left = _peel_sparse(
                 fragments.take(alive), grid, parallax, max_layers - len(layers), umbra=umbra
             )
             return layers + [alive[layer] for layer in sparse], left == 0
-        sample, disparity = fragments.sample[alive], fragments.disparity[alive]
         best, owner = _first_surface(sample, disparity, grid)
         held = np.flatnonzero(owner >= 0)
-        layers.append(alive[owner[held]])
-        if not umbra:
-            next_below = np.asarray(best) * np.float32(1.0 - SEPARATION)
-            alive = alive[disparity < next_below[sample]]
-            continue
-        if opacity is not None:
-            opaque = opacity[layers[-1]] == 1.0
-            solid = np.zeros(grid.size, dtype=fragments.disparity.dtype) if solid is None else solid
-            solid[held[opaque]] = np.asarray(best)[held[opaque]]
-        elif parallax == 0:
+        layers.append(np.take(alive, np.take(owner, held)))
+        if umbra and opacity is None and parallax == 0:
             return layers, True
-        # Wide windows hide much behind the first surfaces; later ones are patches too small for them.
-        windows = levels if len(layers) <= _SOLID_LAYERS or solid is not None else 1
-        shape = (grid.rows, grid.columns)
-        cut = _cut(
-            best.reshape(shape),
-            jnp.asarray(np.asarray(parallax, dtype=best.dtype)),
-            jnp.int32(windows),
-            None if solid is None else jnp.array(solid.reshape(shape)),
-            widest=1 << (levels - 1),
-        )
-        alive = alive[disparity < np.asarray(cut).reshape(-1)[sample]]
+        if umbra and opacity is not None:
+            opaque = opacity[layers[-1]] == 1.0
+            solid = np.zeros(grid.size, dtype=disparity.dtype) if solid is None else solid
+            solid[held[opaque]] = np.asarray(best)[held[opaque]]
+        if umbra:
+            # Wide windows hide much behind the first surfaces; later ones are patches too small for them.
+            windows = levels if len(layers) <= _SOLID_LAYERS or solid is not None else 1
+            shape = (grid.rows, grid.columns)
+            cut = _cut(
+                best.reshape(shape),
+                jnp.asarray(np.asarray(parallax, dtype=best.dtype)),
+                jnp.int32(windows),
+                None if solid is None else jnp.array(solid.reshape(shape)),
+                widest=1 << (levels - 1),
+            )
+            below = np.asarray(cut).reshape(-1)
+        else:
+            below = np.asarray(best) * np.float32(1.0 - SEPARATION)
+        left = np.flatnonzero(disparity < np.take(below, sample))
+        alive, sample, disparity = (np.take(a, left) for a in (alive, sample, disparity))
     return layers, len(alive) == 0
 
 

@@ -61,7 +61,7 @@ def moving_least_squares(
     several control points the surface takes the mean of their values weighted by `weight`.
 
     Places are the last axis, not a batch of their own, since sums over points are then four times as quick.
-    Places close together are best: first moments are taken about their middle, and rounded there.
+    Places close together are best: sums over points are taken about their middle, and rounded there.
 
     Args:
         at: x and y of the place in pixels.
@@ -81,70 +81,85 @@ def moving_least_squares(
     x, y = (xy[:, axis][along] - at[axis][None] for axis in (0, 1))
     squared = x * x + y * y
     omega = _shares(squared + SOFTENING_PX**2, weight[along], kernel)
-
-    def total(u: Float[Array, "k *_"]) -> Float[Array, "1 *_"]:
-        return jnp.sum(omega * u, axis=0, keepdims=True)
-
-    count = values.shape[1]
-    # What has one value per point is summed by a product of matrices, which is quicker than a sum.
+    # What has one value per point is summed by a product of matrices, which is quicker than a sum: the
+    # polynomial's terms, about the middle of the places, and the values.
     middle = jax.lax.stop_gradient(jnp.mean(at.reshape(2, -1), axis=1))
-    ones = jnp.ones_like(xy[:, :1])
-    table = jnp.concatenate([ones, xy - middle[None], values, *([] if levels is None else [levels])], axis=1)
-    means = _products(table, omega)[:, None]
-    answer = [*means[3 : 3 + count]]
-    rest = [values[:, number][along] - mean for number, mean in enumerate(answer)]
-    # Terms are scaled such that the squares of each degree sum to |t|^(2 n) in every direction. Beside
-    # each column of what is not explained yet at the points is the same at x, where t = 0.
-    degrees = [[x, y], [x * x, 2.0**0.5 * x * y, y * y]][: DEGREES[basis]]
-    here = [[-total(term) for term in terms] for terms in degrees]
-    degrees = [
-        [term + mean for term, mean in zip(terms, means, strict=True)]
-        for terms, means in zip(degrees, here, strict=True)
-    ]
+    place = [(at[axis] - middle[axis])[None] for axis in (0, 1)]
+    number = DEGREES[basis]
+    right, down = (xy - middle[None]).T
+    terms = [term for degree in _terms(right, down, number) for term in degree]
+    table = jnp.stack([jnp.ones_like(xy[:, 0]), *terms, *values.T], axis=1)
+    columns = range(len(terms) + 1, table.shape[1])
+
+    def sums(row: Float[Array, "k *p"], table: Float[Array, "k n"] = table) -> list[Array]:
+        found = [*_products(table, row)[:, None]]
+        return _about_place(found[: len(terms) + 1], place) + found[len(terms) + 1 :]
+
+    means = sums(omega, table if levels is None else jnp.concatenate([table, levels], axis=1))
+    # Of each column of the table, what is not explained yet is the column less its mean and, for every
+    # degree so far, less some coefficients times what that degree's own terms then had left.
+    explained: dict[int, list[tuple[list[int], list[Array]]]] = {}
+
+    def left(row_sums: list[Array], column: int) -> Array:
+        """The sum of a row times what is not explained of a column."""
+        out = row_sums[column] - means[column] * row_sums[0]
+        for by, c in explained.get(column, []):
+            out = out - _combined(c, [left(row_sums, one) for one in by])
+        return out
+
+    answer = [means[column] for column in columns]
+    # What is left of each term at the points, and at x, where t = 0.
+    A: dict[int, Array] = {}
+    here: dict[int, Array] = {}
+    first = 1
     size = squared + SOFTENING_PX**2
-    for number, (A, a) in enumerate(zip(degrees, here, strict=True)):
-        ridge = _ETA * total((1.0 - omega + _DELTA) * size ** (number + 1))
-        weighted = jax.lax.optimization_barrier(tuple(omega * term for term in A))
+    for degree, own_terms in enumerate(_terms(x, y, number), start=1):
+        own = [*range(first, first + len(own_terms))]
+        first += len(own)
+        for one, term in zip(own, own_terms, strict=True):
+            # About the middle of the places it would not come down to 0 at a control point.
+            mean = jnp.sum(omega * term, axis=0, keepdims=True)
+            A[one], here[one] = term - mean, -mean
+            for by, c in explained.get(one, []):
+                A[one] = A[one] - _combined(c, [A[other] for other in by])
+                here[one] = here[one] - _combined(c, [here[other] for other in by])
+        # The sums would work them out again and again.
+        weighted = jax.lax.optimization_barrier([omega * A[one] for one in own])
+        row_sums = [sums(row) for row in weighted]
+        ridge = _ETA * jnp.sum(omega * (1.0 - omega + _DELTA) * size**degree, axis=0, keepdims=True)
+        solve = _iterated_tikhonov([[left(row, one) for one in own] for row in row_sums], ridge)
+        found = {
+            column: solve([left(row, column) for row in row_sums]) for column in range(first, table.shape[1])
+        }
+        for column, c in found.items():
+            explained.setdefault(column, []).append((own, c))
+        at_x = [here[one] for one in own]
+        answer = [
+            value + _combined(found[column], at_x) for value, column in zip(answer, columns, strict=True)
+        ]
+    return jnp.concatenate([*answer, *means[table.shape[1] :]])
 
-        def against(column: Float[Array, "k *_"], weighted=weighted) -> list[Array]:
-            return [jnp.sum(row * column, axis=0, keepdims=True) for row in weighted]
 
-        if number == 0:
-            normal, right = _first_moments(weighted, table[:, : 3 + count], means)
-        else:
-            normal, right = [against(term) for term in A], [against(column) for column in rest]
-        solve = _iterated_tikhonov(normal, ridge)
-        for index, column in enumerate(rest):
-            c = solve(right[index])
-            rest[index] = column - _combined(c, A)
-            answer[index] = answer[index] + _combined(c, a)
-        for later in range(number + 1, len(degrees)):
-            for index, column in enumerate(degrees[later]):
-                c = solve(against(column))
-                degrees[later][index] = column - _combined(c, A)
-                here[later][index] = here[later][index] - _combined(c, a)
-            # The sums to come would work them out again and again.
-            degrees[later] = list(jax.lax.optimization_barrier(tuple(degrees[later])))
-    return jnp.concatenate([*answer, *means[3 + count :]])
+def _terms(x: Array, y: Array, degrees: int) -> list[list[Array]]:
+    """The terms of degree 1 and up; the squares of each degree sum to |t|^(2 n) in every direction."""
+    return [[x, y], [x * x, 2.0**0.5 * x * y, y * y]][:degrees]
 
 
-def _first_moments(
-    weighted: Sequence[Array], table: Float[Array, "k n"], means: Float[Array, "columns 1 *p"]
-) -> tuple[list[list[Array]], list[list[Array]]]:
-    """Normal equations and right sides of degree 1.
-
-    Args:
-        weighted: omega times the terms of that degree.
-        table: 1, x, y and values of every point.
-        means: of its columns, weighted by omega; what is summed is a column less its mean.
-    """
-
-    def about_means(row: Array) -> list[Array]:
-        sums = _products(table, row)[:, None]
-        return [sums[number] - means[number] * sums[0] for number in range(1, table.shape[1])]
-
-    products = [about_means(row) for row in weighted]
-    return [sums[:2] for sums in products], [list(sums) for sums in zip(*products, strict=True)][2:]
+def _about_place(sums: Sequence[Array], place: Sequence[Array]) -> list[Array]:
+    """Sums times 1 and the terms about `place`, from those about the origin."""
+    x, y = place
+    out = [*sums[:1]]
+    if len(sums) > 1:
+        out += [sums[1] - x * sums[0], sums[2] - y * sums[0]]
+    if len(sums) > 3:
+        # t t = T T - x T - x t, where T = t + x.
+        root = 2.0**0.5
+        out += [
+            sums[3] - x * (sums[1] + out[1]),
+            sums[4] - root * (x * sums[2] + y * out[1]),
+            sums[5] - y * (sums[2] + out[2]),
+        ]
+    return out
 
 
 def _products(table: Float[Array, "k n"], omega: Float[Array, "k *p"]) -> Float[Array, "n *p"]:

@@ -195,14 +195,14 @@ def main() -> None:
     )
     parser.add_argument("--size", default="80x60", help="pixels")
     parser.add_argument("--blur", type=float, default=12.0, help="widest blur in pixels")
-    parser.add_argument("--supersampling", type=int, default=2, help="layer samples per pixel and axis")
+    parser.add_argument("--supersampling", type=int, default=4, help="layer samples per pixel and axis")
     parser.add_argument(
         "--prefilter", action="store_true", help="take away what interpolation of colours blurs"
     )
     parser.add_argument(
-        "--rays", type=int, nargs="+", default=[16, 64, 256], help="per pixel, border and rim"
+        "--rays", type=int, nargs="+", default=[64, 256], help="per pixel, border and rim"
     )
-    parser.add_argument("--truth-rays", type=int, default=768, help="per pixel, twelve times over")
+    parser.add_argument("--truth-rays", type=int, default=3072, help="per pixel, twelve times over")
     parser.add_argument("--cache", type=Path, help="folder that keeps the truths")
     options = parser.parse_args()
     folder = Path(__file__).parent.parent / "configs"

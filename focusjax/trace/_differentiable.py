@@ -17,10 +17,12 @@ from focusjax.trace._flux import Means, Rays, Still, in_blocks, picture_flow
 from focusjax.trace._known_light import evened, known_light
 from focusjax.trace._radiances import disparity_ranges, traced_scene
 from focusjax.trace._reach import check_reach, out_of_reach
-from focusjax.trace._samples import ray_samples
+from focusjax.trace._samples import RaySamples, ray_samples
 from focusjax.trace._tracer import block_radiances
 
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
+_APART = 1 << 20
+"""Of the seed of derivatives from that of the picture."""
 
 
 def render_differentiable(
@@ -44,9 +46,10 @@ def render_differentiable(
         layers: peeled for this lens or for one whose rays go farther.
         lens: any lens.
         rays: rays per pixel of the picture.
-        derivative_rays: rays per border between pixels and, up to `rays`, per rim of the opening, of which
-            derivatives by the lens are made; half of `rays` if not given.
-        seed: chooses the rays. The same seed gives the same picture and the same derivatives.
+        derivative_rays: rays per border between pixels, rim of the opening and pixel, of which derivatives by
+            the lens are made; half of `rays` if not given.
+        seed: chooses the rays. The same seed gives the same picture and the same derivatives, which are made
+            of other rays: the gradient of a loss multiplies both, and noise must not meet itself in it.
 
     Raises:
         ValueError: no rays, or a lens whose rays leave what the layers were peeled for. Within compiled
@@ -71,7 +74,7 @@ def render_differentiable(
     else:
         check_reach(layers, lens)
     at_once = _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20)
-    picture, derivative = Rays(rays, seed, at_once), Rays(derivative_rays, seed, at_once)
+    picture, derivative = Rays(rays, seed, at_once), Rays(derivative_rays, seed + _APART, at_once)
     return _differentiable(layers, lens, picture=picture, derivative=derivative)
 
 
@@ -90,8 +93,8 @@ def _differentiable(
 def _means(
     look: tuple[Array, Array], lens: AbstractLens, layers: Layers, *, picture: Rays, derivative: Rays
 ) -> Means:
-    """The picture; of what else there is only derivatives are made, so that nothing moves it."""
-    return _traced(look, lens, layers, picture, _at_rim(picture, derivative))
+    """The picture; of its radiances only derivatives are made, so that nothing moves them."""
+    return _traced(look, lens, layers, picture, _starts(lens, layers, picture))
 
 
 @_means.def_jvp
@@ -99,40 +102,40 @@ def _means_jvp(primals: Any, tangents: Any, *, picture: Rays, derivative: Rays) 
     look, lens, layers = primals
     look_moves, lens_moves, _ = tangents
     means = _means(look, lens, layers, picture=picture, derivative=derivative)
-    few = _at_rim(picture, derivative)
     change = jnp.zeros_like(means.picture)
     if jax.tree.leaves(look_moves):
 
         def seen(look: tuple[Array, Array]) -> Float[Array, "p 3"]:
-            return _traced(look, lens, layers, picture, few).picture
+            return _traced(look, lens, layers, picture, _starts(lens, layers, picture)).picture
 
         change += eqx.filter_jvp(seen, (look,), (look_moves,))[1]
     if jax.tree.leaves(lens_moves):
         least, largest, _ = disparity_ranges(layers, lens)
-        film = ray_samples(lens, [picture.number], picture.seed).offset[:, :few]
-        still = Still(traced_scene(layers), lens, least, largest, means, picture, film, derivative)
+        starts = _starts(lens, layers, derivative)
+        apart = _traced(look, lens, layers, derivative, starts)
+        still = Still(traced_scene(layers), lens, least, largest, apart.radiance, starts.offset, derivative)
         flow = eqx.filter_jvp(lambda new: picture_flow(still, new), (lens,), (lens_moves,))[1]
         change += flow.reshape(-1, 3)
-    return means, Means(change, jnp.zeros_like(means.radiance), jnp.zeros_like(means.beside))
+    return means, Means(change, jnp.zeros_like(means.radiance))
 
 
-def _at_rim(picture: Rays, derivative: Rays) -> int:
-    """Rays through the rim of the opening for each pixel."""
-    return min(picture.number, derivative.number)
+def _starts(lens: AbstractLens, layers: Layers, rays: Rays) -> RaySamples:
+    return ray_samples(lens, [rays.number], rays.seed, with_chances=layers.samples.opacity is not None)
 
 
-def _traced(look: tuple[Array, Array], lens: AbstractLens, layers: Layers, rays: Rays, few: int) -> Means:
-    """What rays bring from layers of a given radiance, all of them and the first few."""
+def _traced(
+    look: tuple[Array, Array], lens: AbstractLens, layers: Layers, rays: Rays, starts: RaySamples
+) -> Means:
+    """What rays bring from layers of a given radiance."""
     camera = layers.camera
     least, largest, _ = disparity_ranges(layers, lens)
     samples = dataclasses.replace(layers.samples, radiance=look[0])
     scene = traced_scene(dataclasses.replace(layers, samples=samples, background=look[1]))
-    starts = ray_samples(lens, [rays.number], rays.seed, with_chances=layers.samples.opacity is not None)
 
-    def block(pixels: Int[Array, " b"]) -> Float[Array, "b 4 3"]:
+    def block(pixels: Int[Array, " b"]) -> Float[Array, "b 2 3"]:
         first = jnp.zeros_like(pixels)
 
-        def seen(lens: AbstractLens) -> Float[Array, "b 4 3"]:
+        def seen(lens: AbstractLens) -> Float[Array, "b 2 3"]:
             along, share, _ = block_radiances(
                 scene,
                 lens,
@@ -145,19 +148,14 @@ def _traced(look: tuple[Array, Array], lens: AbstractLens, layers: Layers, rays:
                 depth=layers.count,
             )
             # Each colour for itself, as in `trace_block`.
-            arrives = [share * along[..., k] for k in range(3)]
-            some = [part for value in (*arrives, share) for part in (value, value[:, :few])]
-            *brought, light, few_light = [part.mean(axis=1) for part in some]
-            of_all, of_few = (jnp.stack(brought[k::2], axis=-1) for k in (0, 1))
-            stood = [jnp.broadcast_to(a[:, None], of_all.shape) for a in (light, few_light)]
-            return jnp.stack([of_all, of_few, *stood], axis=1)
+            brought = [(share * along[..., k]).mean(axis=1) for k in range(3)]
+            return jnp.stack([jnp.stack(brought, axis=-1), jnp.tile(share.mean(axis=1)[:, None], 3)], axis=1)
 
         return in_colour(seen, lens)
 
     row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
     found = in_blocks(block, column, row, max(1, rays.at_once // rays.number))
-    picture, of_few, light, few_light = (found[:, k] for k in range(4))
+    picture, light = found[:, 0], found[:, 1]
     radiance = jnp.where(light > 0, picture / jnp.where(light > 0, light, 1.0), 0.0)
     known = known_light(lens, camera)
-    picture = picture if known is None else evened(picture, light, known)
-    return Means(picture, radiance, of_few - radiance * few_light)
+    return Means(picture if known is None else evened(picture, light, known), radiance)

@@ -9,7 +9,6 @@ around one, whose rays are spread evenly along whole lines of borders.
 """
 
 import dataclasses
-import math
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -62,12 +61,10 @@ class Means(eqx.Module):
     Attributes:
         picture: mean [p, 3] of what arrives.
         radiance: the same [p, 3] relative to the light that they stand for; 0 where there is none.
-        beside: mean [p, 3] of what the first few bring beyond that radiance.
     """
 
     picture: Float[Array, "p 3"]
     radiance: Float[Array, "p 3"]
-    beside: Float[Array, "p 3"]
 
 
 class Still(eqx.Module):
@@ -78,9 +75,9 @@ class Still(eqx.Module):
         lens: where they come from.
         least: least disparity [p] that the rays of each pixel can meet, row-major.
         largest: largest one [p].
-        means: of the picture. Only what differs from its radiance makes noise.
-        picture: its rays, the first few of which share their film points with those through the rim.
-        film: these points [t, s, 2] in their pixel, for each of a tile.
+        radiance: mean [p, 3] of what rays like those through the rim bring from within the opening. Only what
+            differs from it makes noise.
+        film: where these rays start [t, s, 2] in their pixel, for each of a tile.
         rays: which rays derivatives are made of.
     """
 
@@ -88,8 +85,7 @@ class Still(eqx.Module):
     lens: AbstractLens
     least: Float[Array, " p"]
     largest: Float[Array, " p"]
-    means: Means
-    picture: Rays
+    radiance: Float[Array, "p 3"]
     film: Float[Array, "t s 2"]
     rays: Rays
 
@@ -209,7 +205,7 @@ def _through_borders(still: Still, moved: AbstractLens) -> tuple[Float[Array, "n
                 return film_flow(still.lens, moved, camera, film + side * normal, place) @ normal
 
             flow = jax.vmap(jax.vmap(one, in_axes=(0, 0, None)))(film, place, normal)
-            differs = brought - still.means.radiance[pixel][:, None]
+            differs = brought - still.radiance[pixel][:, None]
             return jnp.einsum("bs,bsc->bc", flow, differs) / rays.number
 
         return crossing(-_ASIDE, before), crossing(_ASIDE, after)
@@ -220,32 +216,24 @@ def _through_borders(still: Still, moved: AbstractLens) -> tuple[Float[Array, "n
 def _through_rim(still: Still, moved: AbstractLens) -> Float[Array, "p 3"]:
     """What each pixel gains at the rim of the opening, and at that of a hole.
 
-    Where things are in focus, or the opening is small, rays of one film point bring much the same: there the
-    opening's mean is that of the picture's rays with the rim's own film points, and only their difference is
-    noise. Elsewhere the mean of all of the picture's rays is better.
+    Where things are in focus, or the opening is small, rays of one film point bring much the same: the mean
+    within the opening is that of rays with the same film points, so that only their difference is noise.
     """
-    camera, lens, means = still.scene.camera, still.lens, still.means
+    camera, lens = still.scene.camera, still.lens
     row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
-    number, edge = still.film.shape[1], math.isqrt(still.film.shape[0])
-    # A fifth dimension beside the four of the picture's rays, so that turns and film points spread together.
-    points = spread_points(5, edge, still.picture.number, still.rays.seed + 3)[:, :number, 4]
+    number, edge = still.rays.number, still.tile
+    # A fifth dimension beside the four of rays within, so that turns and film points spread together.
+    points = spread_points(5, edge, number, still.rays.seed + 3)[..., 4]
     turns = jnp.asarray(points.astype(still.least.dtype))
     # Where the opening ends, and what flows out of it there.
     edges = [(1.0, rim_flow)] + ([] if lens.opening().hole() is None else [(0.0, hole_flow)])
-
-    def sharp(pixel: Int[Array, ""]) -> Float[Array, ""]:
-        film = jnp.stack([pixel % camera.width, pixel // camera.width]) + 0.5
-        ends = jnp.stack([still.least[pixel], still.largest[pixel]])
-        radius = jax.vmap(lambda w: lens.footprint(camera, film, w)[1])(ends).max()
-        return 1.0 / (1.0 + radius**2)
 
     def block(pixel: Int[Array, " b"]) -> Float[Array, "b 3"]:
         column, row = pixel % camera.width, pixel // camera.width
         tile = row % edge * edge + column % edge
         film, turn = jnp.stack([column, row], axis=-1)[:, None] + still.film[tile], turns[tile]
-        chance = still.chance(tile, edge, still.picture.number)
-        chance = None if chance is None else chance[:, :number]
-        mean = means.radiance[pixel] + jax.vmap(sharp)(pixel)[:, None] * means.beside[pixel]
+        chance = still.chance(tile, edge, number)
+        mean = still.radiance[pixel]
         total = jnp.zeros_like(mean)
         for end, through in edges:
             places = jnp.stack([jnp.full_like(turn, end), turn], axis=-1)
@@ -276,7 +264,7 @@ def _within_opening(still: Still, moved: AbstractLens, evenly: Float[Array, " p"
         place = points[tile][..., 2:]
         pupil = jax.vmap(jax.vmap(lens.opening().at))(place)
         brought = still.along(pixel, film, pupil, still.chance(tile, edge, number))
-        own = still.means.radiance[pixel]
+        own = still.radiance[pixel]
 
         def over(function: Callable[..., Array]) -> Float[Array, "b s"]:
             return jax.vmap(jax.vmap(lambda p, s: function(lens, moved, camera, p, s)))(film, place)

@@ -36,7 +36,7 @@ from focusjax.config import load_config
 from focusjax.layers import Layers, peel, prefilter
 from focusjax.lens import TiltShiftLens, as_tilt_shift
 from focusjax.trace import render, render_differentiable
-from focusjax.trace._differentiable import _traced
+from focusjax.trace._differentiable import _starts, _traced
 from focusjax.trace._flux import Rays
 
 BLOCK = 8
@@ -146,8 +146,8 @@ def jacobian(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h 
 @eqx.filter_jit
 def plain(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3 3"]:
     def picture(values: Float[Array, "3"]) -> Float[Array, "h w 3"]:
-        look = layers.samples.radiance, layers.background
-        means = _traced(look, moved(lens, values), layers, Rays(rays, 0, 1 << 17), 1)
+        look, chosen = (layers.samples.radiance, layers.background), Rays(rays, 0, 1 << 17)
+        means = _traced(look, moved(lens, values), layers, chosen, _starts(lens, layers, chosen))
         return means.picture.reshape(layers.camera.height, layers.camera.width, 3)
 
     return jax.jacfwd(picture)(jnp.zeros(3))
@@ -199,9 +199,7 @@ def main() -> None:
     parser.add_argument(
         "--prefilter", action="store_true", help="take away what interpolation of colours blurs"
     )
-    parser.add_argument(
-        "--rays", type=int, nargs="+", default=[64, 256], help="per pixel, border and rim"
-    )
+    parser.add_argument("--rays", type=int, nargs="+", default=[64, 256], help="per pixel, border and rim")
     parser.add_argument("--truth-rays", type=int, default=3072, help="per pixel, twelve times over")
     parser.add_argument("--cache", type=Path, help="folder that keeps the truths")
     options = parser.parse_args()

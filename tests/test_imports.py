@@ -79,6 +79,7 @@ ALLOWED = {
         "layers",
         "trace",
         "shutter",
+        "post",
         "io",
         "config",
         "job",

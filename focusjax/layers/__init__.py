@@ -1,6 +1,7 @@
 """Layers of a scene, peeled or cut into slabs, seen from the lens centre."""
 
 from focusjax.layers._build import disparity_map as disparity_map
+from focusjax.layers._build import first_surfaces as first_surfaces
 from focusjax.layers._build import peel as peel
 from focusjax.layers._cells import BELOW_MOST as BELOW_MOST
 from focusjax.layers._cells import covered as covered

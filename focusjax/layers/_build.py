@@ -106,12 +106,20 @@ def disparity_map(scene: Scene, camera: Camera) -> np.ndarray:
 
     A surface counts where at least half of it is there: a window pane does not hide the garden.
     """
+    return first_surfaces(scene, camera)[0]
+
+
+def first_surfaces(scene: Scene, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """As `disparity_map`, and the number [h, w] of the scene's face that is seen there; -1 for none."""
     picture = rasterised(scene, camera, *frame(scene, camera, None, 1, None))
     fragments, grid = picture.fragments, picture.grid
     if picture.opacity is not None:
         fragments = fragments.take(np.flatnonzero(picture.opacity >= 0.5))
     chosen, _ = peel_fragments(fragments, grid, 0.0, 1)
-    out = np.zeros(grid.size)
+    disparity, face = np.zeros(grid.size), np.full(grid.size, -1)
     for layer in chosen:
-        out[fragments.sample[layer]] = fragments.disparity[layer]
-    return out.reshape(grid.rows, grid.columns)
+        disparity[fragments.sample[layer]] = fragments.disparity[layer]
+        triangle = picture.stamps.triangle[fragments.stamp[layer]]
+        face[fragments.sample[layer]] = picture.triangles.source[triangle]
+    shape = grid.rows, grid.columns
+    return disparity.reshape(shape), face.reshape(shape)

@@ -29,7 +29,8 @@ def motion_blur(
     """A sharp view, blurred as things move across each pixel.
 
     At each of some moments a pixel shows what then covers it: what is in front, among things as fast as the
-    fastest around (McGuire's tiles), if it has moved that far; else what its own velocity brings there. What
+    fastest around (McGuire's tiles), if it has moved that far; else what its own velocity brings there, or,
+    where that is hidden by something before it, what the other direction brings. What
     a moving thing hides is made up from what is beside it. Right for one thing that moves before another, but
     for what is hidden; things of many velocities at one place are not told apart.
 
@@ -79,17 +80,26 @@ def _blurred(
         column, row = jnp.floor(here - time[:, None] * way).astype(int).T
         return jnp.clip(row, 0, height - 1) * width + jnp.clip(column, 0, width - 1)
 
+    def not_behind(one: Array) -> Array:
+        """How far what is at some places counts as before what is here, or as the same."""
+        return jnp.clip(1.0 + (depth[one] - depth) / (_SOFT * depth + 1e-6), 0.0, 1.0)
+
+    def not_before(one: Array) -> Array:
+        return jnp.clip(1.0 + (depth - depth[one]) / (_SOFT * depth + 1e-6), 0.0, 1.0)
+
     def add(number: Array, lights: list[Array]) -> list[Array]:
         time = (number + noise) / taps - 0.5
-        other, same = at(time, main), at(time, own)
+        other, same, across = at(time, main), at(time, own), at(-time, own)
         away = jnp.abs(time) * jnp.linalg.norm(main, axis=-1)
-        arrives = away <= 0.5 * speed[other] + _STILL
-        before = jnp.clip(1.0 + (depth[other] - depth) / (_SOFT * depth + 1e-6), 0.0, 1.0)
-        share = jnp.where(arrives, before, 0.0)
-        return [
-            light + share * plane[other] + (1.0 - share) * plane[same]
-            for light, plane in zip(lights, planes, strict=True)
-        ]
+        share = jnp.where(away <= 0.5 * speed[other] + _STILL, not_behind(other), 0.0)
+        # What comes along from behind something is not in the view: what leaves the other way stands for it.
+        along, back = not_before(same), not_before(across)
+
+        def brought(plane: Array) -> Array:
+            hidden = back * plane[across] + (1.0 - back) * plane
+            return share * plane[other] + (1.0 - share) * (along * plane[same] + (1.0 - along) * hidden)
+
+        return [light + brought(plane) for light, plane in zip(lights, planes, strict=True)]
 
     lights = jax.lax.fori_loop(0, taps, add, [jnp.zeros_like(depth) for _ in planes])
     found = jnp.stack(lights, axis=-1) / taps

@@ -88,11 +88,17 @@ def build_shot(config: Config) -> Shot:
 def build_settings(config: Config) -> FrameSettings:
     """How carefully `[render]` wants the frames."""
     table = config.render
-    if table.method != "trace":
-        raise ConfigError(
-            f"{config.source}: render.method is {table.method!r}, and shots are traced; leave it out"
-        )
+    motion = _motion_settings(config)
+    if table.method == "post" and motion is not None:
+        uneven = max(motion.shutter.curve) > min(motion.shutter.curve)
+        odd = "opens slowly" if uneven else "travels over the picture" if motion.shutter.travel_time else None
+        if odd is not None:
+            raise ConfigError(
+                f"{config.source}: the shutter {odd}, which post-processing does not know; leave out"
+                f" shutter.{'ramp and shutter.curve' if uneven else 'travel_time'}, or render.method"
+            )
     return FrameSettings(
+        method=table.method,
         rays=table.rays,
         smooth=table.smooth,
         quality=table.quality,
@@ -106,7 +112,7 @@ def build_settings(config: Config) -> FrameSettings:
         exposure=table.exposure,
         bits=table.png_bits,
         development=_development(config),
-        motion=_motion_settings(config),
+        motion=motion,
     )
 
 

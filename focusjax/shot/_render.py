@@ -7,7 +7,7 @@ import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -20,9 +20,10 @@ from focusjax.io import save_exr, save_png
 from focusjax.job import Development, blur_map, make_layers
 from focusjax.layers import Extent, Layers, disparity_map
 from focusjax.lens import AbstractLens
+from focusjax.post import closed_lens, post_process, view_in_layers
 from focusjax.scene import Scene
 from focusjax.shot._solve import Progress, SolvedShot
-from focusjax.shutter import MovingPicture, Shutter, render_moving
+from focusjax.shutter import MovingPicture, Shutter, middle_of, render_moving, velocity_map
 from focusjax.trace import plan_rays, render
 
 FORMATS = ("png", "exr", "mp4")
@@ -57,7 +58,8 @@ class FrameSettings:
     """How carefully frames are rendered; names and meanings as in `peel`, `render` and `save_png`.
 
     Attributes:
-        rays: lens rays per pixel on the average.
+        method: "trace", or "post" to blur a sharp view of each frame (`focusjax.post`).
+        rays: lens rays per pixel on the average; places to look at by post-processing.
         smooth: whether the noise of what is blurred by defocus is taken out.
         quality: decibels or a name instead of `rays`: planned once, for the most blurred frame.
         supersampling: layer samples along a pixel's side.
@@ -73,6 +75,7 @@ class FrameSettings:
         motion: what moves while the shutter is open; None for frames of one instant.
     """
 
+    method: Literal["trace", "post"] = "trace"
     rays: int = 64
     smooth: bool = True
     quality: str | float | None = None
@@ -153,6 +156,8 @@ def render_frames(
     rays = None if settings.quality is not None else settings.rays
     kept, complete, files = 0, True, []
     moved: list[MovingPicture] = []
+    view: Layers | None = None
+    ways = [0.0]
     for position, number in enumerate(wanted):
         tell("render", position / len(wanted))
         camera, lens = _view(solved, number)
@@ -163,10 +168,14 @@ def render_frames(
         if done.get(str(number)) == mark and all(path.is_file() for path in files[-1]):
             kept += 1
             continue
-        if widest is None and (rays is None or settings.motion is None):
+        traced = settings.method == "trace"
+        if traced and widest is None and (rays is None or settings.motion is None):
             widest, rays = _widest(solved, wanted, settings)
         assert rays is not None
-        if settings.motion is not None:
+        if not traced:
+            image, view, way = _post_processed(solved, number, settings, view)
+            ways.append(way)
+        elif settings.motion is not None:
             moved.append(_exposed(solved, number, settings, rays, moved[-1].extents if moved else {}))
             complete &= moved[-1].complete
             image = np.asarray(moved[-1].image)
@@ -193,7 +202,7 @@ def render_frames(
             f" instead of {settings.motion.step_px:g}; raise shutter.most_spans, or shutter.step_px",
             stacklevel=2,
         )
-    way = max((each.motion_px for each in moved), default=0.0)
+    way = max([*ways, *(each.motion_px for each in moved)])
     spans = max((each.spans for each in moved), default=1)
     return RenderedFrames(wanted, tuple(files), kept, rays, complete, way, step, spans)
 
@@ -241,6 +250,26 @@ def _exposed(
         make=layers,
         like=like,
     )
+
+
+def _post_processed(
+    solved: SolvedShot, number: int, settings: FrameSettings, like: Layers | None
+) -> tuple[np.ndarray, Layers, float]:
+    """A frame blurred from one sharp view, the layers of that view, and the farthest way in it, in pixels.
+
+    With a shutter the view is of the middle of its time.
+    """
+    time, motion = float(number), settings.motion
+    camera_at, velocity = _camera_at(solved, number), None
+    if motion is not None:
+        time = middle_of(motion.shutter, frame=number, fps=motion.fps)
+        velocity = velocity_map(solved.shot.scene, camera_at, motion.shutter, frame=number, fps=motion.fps)
+    scene, camera = solved.shot.scene.at(time), camera_at(time)
+    layers = make_layers(settings, scene, camera, closed_lens(), like)
+    view = view_in_layers(layers, scene, velocity=None if velocity is None else jnp.asarray(velocity))
+    image = post_process(view, camera, _view(solved, number)[1], taps=settings.rays)
+    way = 0.0 if velocity is None else float(np.linalg.norm(velocity, axis=-1).max())
+    return np.asarray(image), layers, way
 
 
 def _seen(solved: SolvedShot, number: int, settings: FrameSettings) -> tuple[tuple[Scene, Camera], ...]:

@@ -46,6 +46,28 @@ class Cameras:
         return not _alike(np.stack([self.world_from_rays(float(time)) for time in times]))
 
 
+def cameras_of(camera: Camera | Callable[[float], Camera], frame: float) -> Cameras:
+    """A camera by frame, or one that stands still, around a frame.
+
+    Raises:
+        ValueError, by `at`: a camera that changes its number of pixels.
+    """
+    if isinstance(camera, Camera):
+        return Cameras(lambda _: camera, camera)
+    still = camera(frame)
+
+    def at(time: float) -> Camera:
+        found = camera(time)
+        if (found.width, found.height) != (still.width, still.height):
+            raise ValueError(
+                f"the camera has {found.width} x {found.height} pixels at frame {time:g} and {still.width} x"
+                f" {still.height} at frame {frame:g}; give it as many all the time"
+            )
+        return found
+
+    return Cameras(at, still)
+
+
 def body_poses(body: Body, times: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 4 4"]:
     """World from the body at some times; the identity for what deforms."""
     if body.placed is None:

@@ -14,7 +14,7 @@ from focusjax.geometry import Camera
 from focusjax.layers import Extent, Layers, check_held, peel
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
-from focusjax.shutter._motion import NODES, Cameras, bodies_that_move, body_poses
+from focusjax.shutter._motion import NODES, Cameras, bodies_that_move, body_poses, cameras_of
 from focusjax.shutter._plan import BACKDROP, Care, Plan, part_of, plan_bodies
 from focusjax.shutter._shutter import Shutter
 from focusjax.shutter._swept import swept_lens
@@ -121,7 +121,7 @@ def render_moving(
             raise ValueError(f"{name} is {value}; expected a positive number")
     layers_of = _peeled if make is None else make
     moving = StillWorld(world) if isinstance(world, Scene) else world
-    cameras = _cameras(camera, frame)
+    cameras = cameras_of(camera, frame)
     begin, end = (frame + fps * seconds for seconds in shutter.interval())
     times = np.linspace(begin, end, NODES)
     bodies, scene, known = bodies_that_move(moving, times), moving.at(frame), dict(like or {})
@@ -166,23 +166,6 @@ def render_moving(
 
 def _peeled(scene: Scene, camera: Camera, lens: AbstractLens, like: Extent | None) -> Layers:
     return peel(scene, camera, lens, like=like)
-
-
-def _cameras(camera: Camera | Callable[[float], Camera], frame: float) -> Cameras:
-    if isinstance(camera, Camera):
-        return Cameras(lambda _: camera, camera)
-    still = camera(frame)
-
-    def at(time: float) -> Camera:
-        found = camera(time)
-        if (found.width, found.height) != (still.width, still.height):
-            raise ValueError(
-                f"the camera has {found.width} x {found.height} pixels at frame {time:g} and {still.width} x"
-                f" {still.height} at frame {frame:g}; give it as many all the time"
-            )
-        return found
-
-    return Cameras(at, still)
 
 
 def _edges(shutter: Shutter, spans: int, frame: float, fps: float) -> Float[np.ndarray, " k"]:

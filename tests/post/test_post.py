@@ -135,3 +135,14 @@ def test_wrong_views_are_refused():
     small = PinholeView(jnp.zeros((8, 8, 3)), jnp.zeros((8, 8)))
     with pytest.raises(ValueError, match="give both the same size"):
         post_process(small, camera(), lens_of())
+
+
+def test_what_stands_still_is_not_smeared_over_what_moves_behind_it():
+    """A red card before a wall that slides by 12 px: the wall beside it stays free of red."""
+    image = np.full((32, 48, 3), 0.3)
+    image[8:24, 18:30] = (1.0, 0.0, 0.0)
+    disparity, velocity = np.full((32, 48), 0.2), np.zeros((32, 48, 2))
+    disparity[8:24, 18:30] = 1.0
+    velocity[..., 0] = np.where(disparity < 0.5, 12.0, 0.0)
+    found = np.asarray(motion_blur(*(jnp.asarray(a) for a in (image, disparity, velocity))))
+    np.testing.assert_allclose(found, image, atol=1e-12)

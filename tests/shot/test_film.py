@@ -190,6 +190,28 @@ def test_frames_taken_with_a_shutter_are_blurred_by_motion(filmed, config_file, 
     assert json.loads((tmp_path / "report.json").read_text())["pictures"]["kept"] == 1
 
 
+def test_frames_may_be_blurred_from_one_sharp_view(config_file, tmp_path):
+    """By defocus and motion, both less than they are wide, as traced but for what only tracing sees."""
+    pictures = {}
+    for method, rays in (("post", 32), ("trace", 64)):
+        out = tmp_path / method
+        options = ["--set", f"render.method={method}", "--set", f"render.rays={rays}", "--frames", "2"]
+        options += ["--set", "render.supersampling=2", "--set", "shutter.angle_deg=360"]
+        command = ["shot", str(config_file), "--out", str(out), *options]
+        result = CliRunner().invoke(app, command)
+        assert result.exit_code in (0, 3), result.output
+        pictures[method] = load_exr(out / "frames" / "frame_0002.exr")
+        motion = json.loads((out / "report.json").read_text())["pictures"]["largest_motion_px"]
+        # The card that moves by itself goes up while the camera slides.
+        assert motion > 0.5
+    apart = np.stack([pictures["post"][name] - pictures["trace"][name] for name in "RGB"])
+    # Observed: 0.0034.
+    assert np.sqrt(np.mean(apart**2)) < 0.015
+    slow = ["render.method=post", "shutter.angle_deg=180", "shutter.ramp=0.2"]
+    with pytest.raises(ConfigError, match="opens slowly, which post-processing does not know; leave out"):
+        build_settings(load_config(config_file, slow))
+
+
 def test_a_shutter_and_an_exposure_have_one_time(config_file):
     lit = ["exposure.luminance_cd_m2=20", "exposure.iso=100"]
     config = load_config(config_file, [*lit, "shutter.angle_deg=180"])

@@ -26,7 +26,7 @@ def build_real_lens(config: Config, camera: Camera, lens: ThinLens) -> Prescript
             focus_distance=float(lens.focus_distance()),
             f_number=float(lens.f_number(camera)),
         )
-        return spectral_lens(made, camera) if table.spectral else made
+        return spectral_lens(made, camera, bands=table.spectral_bands) if table.spectral else made
     except LensFileError as error:
         raise ConfigError(f"{config.source}: lens.prescription: {error}") from error
     except ValueError as error:

@@ -87,6 +87,9 @@ class LensTable(Look):
     spectral: bool = Field(
         default=False, description="true to trace red, green and blue through the glass of a prescription"
     )
+    spectral_bands: Annotated[int, Field(ge=3, le=15)] = Field(
+        default=3, description="wavelengths from red to blue for spectral: an odd number"
+    )
     fit_px: NotNegative | None = Field(
         default=None,
         description="pixels by which polynomials for a prescription's rays may be off, 0 for none; left out,"
@@ -94,9 +97,18 @@ class LensTable(Look):
     )
 
     @model_validator(mode="after")
+    def _bands_of_colour(self) -> "LensTable":
+        if "spectral_bands" in self.model_fields_set and not self.spectral:
+            raise ValueError("has spectral_bands, and spectral is not true; make it so, or leave them out")
+        if self.spectral_bands % 2 == 0:
+            raise ValueError(f"has {self.spectral_bands} spectral_bands; give an odd number")
+        return self
+
+    @model_validator(mode="after")
     def _real_lens_alone(self) -> "LensTable":
         if self.prescription is None:
-            idle = [key for key in ("spectral", "fit_px") if key in self.model_fields_set]
+            own = ("spectral", "spectral_bands", "fit_px")
+            idle = [key for key in own if key in self.model_fields_set]
             if idle:
                 raise ValueError(f"has {idle[0]}, which is about a prescription, and none; name one")
             return self

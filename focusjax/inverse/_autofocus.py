@@ -23,7 +23,7 @@ _Lens = TypeVar("_Lens", bound=ThinLens | TiltShiftLens)
 _SCANNED = 25
 _SCAN_RAYS = 16
 _APART = 8
-"""Between the seeds of two pictures: the derivatives of one use some that follow its own."""
+"""Between the seeds of two pictures, whose noise must not be the same."""
 _BEYOND = 0.1
 """Share of the region's range of disparities by which the scan goes beyond it."""
 _PRECISION = 1e-3

@@ -84,9 +84,10 @@ def fit_image(
         max_steps: steps allowed on each level.
 
     Raises:
-        ValueError: a target of another size, in display encoding or not finite; no free parameter or an
-            unknown one; a picture that does not depend on a free one; layers that do not hold the rays of
-            `lens` where its opening is not free; a scan of other layers; an exact picture of another size.
+        ValueError: a target of another size, of display codes (of 8 bits; others cannot be told), not finite
+            or of no light; no free parameter or an unknown one; a pinhole to focus; a picture that does not
+            depend on a free one; layers that do not hold the rays of `lens` where its opening is not free; a
+            scan of other layers; an exact picture of another size.
 
     Example:
         >>> fit = fit_image(photograph, layers, lens, free=("focus", "f_number", "gain"))  # doctest: +SKIP
@@ -98,11 +99,14 @@ def fit_image(
     free = in_order(free)
     if not isinstance(lens, ThinLens | TiltShiftLens):
         raise ValueError(f"lens is a {type(lens).__name__}; expected a ThinLens or a TiltShiftLens")
+    if "f_number" not in free and set(free) != {"gain"} and not float(lens.aperture_radius) > 0:
+        raise ValueError(
+            "the lens is a pinhole, whose picture is the same at any focus; open its aperture, or let"
+            " f_number be free"
+        )
     picture = checked_target(target, layers.camera, mask)
     counts = checked_mask(mask, layers.camera)
     weight = weights(counts, noise, picture.shape)
-    if not (np.ptp(picture[counts], axis=0) > 0).any():
-        raise ValueError("the target is the same everywhere, so that it tells nothing of the lens")
     real = layers.background.dtype
     like = jnp.asarray(picture, dtype=real)
     if "f_number" not in free:

@@ -162,6 +162,14 @@ def fit_focal_surface(
     require_counts(rays=rays, max_steps=max_steps)
     require_seed(seed)
     require_switches(robust=robust)
+    if not isinstance(lens, ThinLens):
+        raise ValueError(
+            f"lens is a {type(lens).__name__}; expected a ThinLens, for the shape of the opening"
+        )
+    if not isinstance(surface, FocalSurface):
+        raise ValueError(f"surface is a {type(surface).__name__}; expected what `focal_surface` makes")
+    if isinstance(free, str):
+        raise ValueError(f"free is {free!r}; expected a tuple of names, such as ({free!r},)")
     unknown = [name for name in free if name not in ("f_number", "gain")]
     if unknown:
         raise ValueError(f"free has {unknown[0]!r}; expected some of ['f_number', 'gain']")

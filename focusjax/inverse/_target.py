@@ -19,7 +19,9 @@ def checked_target(target: ArrayLike, camera: Camera, mask: ArrayLike | None) ->
     """The picture, with 0 where it does not count.
 
     Raises:
-        ValueError: not a linear picture of the camera's size, or not finite where it counts.
+        ValueError: not a linear picture of the camera's size, or not finite, the same everywhere or negative
+            on the average where it counts. Display encoding is known by codes of 8 bits alone, as linear
+            pictures may have 16.
     """
     picture = np.asarray(target)
     if picture.ndim != 3 or picture.shape[2] != 3:
@@ -55,6 +57,13 @@ def checked_target(target: ArrayLike, camera: Camera, mask: ArrayLike | None) ->
         raise ValueError(
             f"the target holds multiples of 1/255 only, which suggests display codes over 255{_TO_LINEAR}"
         )
+    if not (np.ptp(picture[counts], axis=0) > 0).any():
+        raise ValueError("the target is the same everywhere, so that it tells nothing of the lens")
+    if not picture[counts].mean() > 0:
+        raise ValueError(
+            f"the target's mean is {picture[counts].mean():.4g}; expected light, of positive radiance, from"
+            " which no more than its black level was taken"
+        )
     return picture
 
 
@@ -66,7 +75,12 @@ def checked_mask(mask: ArrayLike | None, camera: Camera) -> np.ndarray:
     """
     if mask is None:
         return np.ones((camera.height, camera.width), dtype=bool)
-    counts = np.asarray(mask).astype(bool)
+    given = np.asarray(mask)
+    if given.dtype.kind == "f" and not (np.isfinite(given) & ((given <= 0) | (given >= 1))).all():
+        raise ValueError(
+            "the mask holds values that are neither 0 nor 1 and more; a pixel counts or does not"
+        )
+    counts = given.astype(bool)
     if counts.shape != (camera.height, camera.width):
         raise ValueError(
             f"the mask has shape {counts.shape}; expected {(camera.height, camera.width)}, one value a pixel"
@@ -94,8 +108,8 @@ def weights(
             f"noise has shape {spread.shape}; expected one number, or one for each pixel or value of {shape}"
         ) from None
     counted = np.broadcast_to(counts[..., None], shape)
-    if not (spread[counted] > 0).all():
+    if not ((spread[counted] > 0) & (spread[counted] < np.inf)).all():
         raise ValueError(
-            "noise holds a standard deviation that is not positive; leave such pixels out by mask"
+            "noise holds a standard deviation that is not positive and finite; leave such pixels out by mask"
         )
     return np.where(counted, 1.0 / np.where(counted, spread, 1.0) ** 2, 0.0)

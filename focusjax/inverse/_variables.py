@@ -125,7 +125,8 @@ class Variables(AbstractVariables):
         out, columns = settings.copy(), [c for c in self.columns if c not in (RADIUS, GAIN)]
         out[columns] = np.clip(settings, np.asarray(self.lower), np.asarray(self.upper))[columns]
         room = float(self._room(jnp.asarray(out, dtype=self.lower.dtype), layers))
-        out[RADIUS] = min(max(out[RADIUS], 1e-3 * room), room)
+        least = 1e-3 * room if RADIUS in self.columns else 0.0
+        out[RADIUS] = min(max(out[RADIUS], least), room)
         out[GAIN] = max(out[GAIN], 1e-6)
         return out
 

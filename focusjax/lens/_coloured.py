@@ -1,8 +1,10 @@
 """What lenses that treat colours differently have in common."""
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._counts import require_counts
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._length import length
@@ -37,3 +39,20 @@ class AbstractColouredLens(AbstractLensWrapper):
 
     def _all(self) -> list[AbstractLens]:
         return [self.lens, *(channel.lens for channel in self.channels())]
+
+
+def colour_bands(number: int) -> tuple[Float[np.ndarray, " n"], tuple[tuple[float, float, float], ...]]:
+    """Places of bands from red (0) over green (1) to blue (2), and how much each counts for the three.
+
+    A band counts for the two colours that it lies between, the more the nearer it is.
+
+    Raises:
+        ValueError: an even number, or fewer than 3.
+    """
+    require_counts(bands=number)
+    if number < 3 or number % 2 == 0:
+        raise ValueError(f"there are {number} bands; expected 3, 5, 7 or another odd number")
+    places = np.linspace(0.0, 2.0, number)
+    shares = np.maximum(1.0 - np.abs(places[:, None] - np.arange(3.0)), 0.0)
+    shares /= shares.sum(axis=0)
+    return places, tuple((float(r), float(g), float(b)) for r, g, b in shares)

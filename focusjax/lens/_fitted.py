@@ -1,5 +1,6 @@
 """A real lens by polynomials instead of glass: quick, and with a known error."""
 
+import dataclasses
 import functools
 import math
 from typing import SupportsFloat, overload
@@ -156,8 +157,8 @@ def fitted_lens(
         )
     if isinstance(lens, SpectralLens):
         fit = functools.partial(fitted_lens, camera=camera, error_px=wanted, nearest=near, farthest=far)
-        red, green, blue = (fit(unfitted(band)) for band in lens.bands)
-        return SpectralLens(fit(unfitted(lens.lens)), (red, green, blue))
+        bands = tuple(fit(unfitted(band)) for band in lens.bands)
+        return dataclasses.replace(lens, lens=fit(unfitted(lens.lens)), bands=bands)
     name = lens.prescription.name
     if any(isinstance(surface, HeightField) for surface in lens.prescription.surfaces):
         raise PoorFitError(f"{name} is not the same all around its axis; trace it exactly")

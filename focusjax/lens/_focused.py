@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from focusjax._arguments import real_number
@@ -30,6 +31,8 @@ _RADII = 33
 """Film radii at which pupils and bounds are kept; as many less one lie between them."""
 _FRAME_MARGIN = 4.0
 """Pixels beyond the frame from which rays may start, for wide filters."""
+_SHORTEST, _LONGEST = 300.0, 2500.0
+"""Wavelengths in nm for which catalogues of glass are made."""
 
 
 def prescription_lens(
@@ -150,7 +153,18 @@ def focused_lens(
 def at_wavelength(
     lens: PrescriptionLens, camera: Camera, wavelength: SupportsFloat | Float[Array, ""]
 ) -> PrescriptionLens:
-    """The same lens with its film where it is, for light of another `wavelength` in nm."""
+    """The same lens with its film where it is, for light of another `wavelength` in nm.
+
+    Raises:
+        ValueError: a wavelength beyond 300 to 2500 nm, where formulas of glass mean nothing.
+    """
+    if not isinstance(wavelength, Tracer):
+        nanometres = real_number(wavelength, "the wavelength", "nanometres, such as 550")
+        if not _SHORTEST <= nanometres <= _LONGEST:
+            raise ValueError(
+                f"the wavelength is {nanometres:g} nm; expected {_SHORTEST:g} to {_LONGEST:g}, for which"
+                " glasses have an index"
+            )
     return with_indices(
         lens, camera, lens.prescription.indices(jnp.asarray(wavelength, dtype=lens.indices.dtype))
     )

@@ -35,8 +35,8 @@ def moved_film(lens: AbstractLens, camera: Camera, focus_disparity: Float[Array,
     if isinstance(lens, SpectralLens):
         middle = moved_film(unfitted(lens.lens), camera, focus_disparity)
         place = {name: getattr(middle, name) for name in ("film_place", "film_scale", "focus_disparity")}
-        red, green, blue = (dataclasses.replace(unfitted(band), **place) for band in lens.bands)
-        return SpectralLens(middle, (red, green, blue))
+        bands = tuple(dataclasses.replace(unfitted(band), **place) for band in lens.bands)
+        return dataclasses.replace(lens, lens=middle, bands=bands)
     if isinstance(lens, AberratedLens | ChromaticLens | AbstractDimmedLens):
         return dataclasses.replace(lens, lens=moved_film(lens.lens, camera, focus_disparity))
     return refocused(lens, camera, focus_disparity)
@@ -90,6 +90,6 @@ def _spectral(lens: SpectralLens, camera: Camera, focus_disparity: Float[Array, 
         new = with_indices(middle, camera, unfitted(old).indices)
         return refitted(old, new, camera) if isinstance(old, FittedLens) else new
 
-    red, green, blue = (band(old) for old in lens.bands)
+    bands = tuple(band(old) for old in lens.bands)
     first = refitted(lens.lens, middle, camera) if isinstance(lens.lens, FittedLens) else middle
-    return SpectralLens(first, (red, green, blue))
+    return dataclasses.replace(lens, lens=first, bands=bands)

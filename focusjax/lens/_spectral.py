@@ -3,33 +3,44 @@
 from collections.abc import Sequence
 from typing import SupportsFloat
 
+import equinox as eqx
+import numpy as np
+
 from focusjax.geometry import Camera
 from focusjax.lens._base import AbstractLens, Channel
-from focusjax.lens._coloured import AbstractColouredLens
+from focusjax.lens._coloured import AbstractColouredLens, colour_bands
 from focusjax.lens._focused import at_wavelength
 from focusjax.lens._prescription import PrescriptionLens
 from focusjax.optics import RGB_WAVELENGTHS
 
-_COLOURS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_Colour = tuple[float, float, float]
+_COLOURS: tuple[_Colour, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class SpectralLens(AbstractColouredLens):
-    """A real lens that refracts red, green and blue light each by its own indices.
+    """A real lens that refracts light of several wavelengths each by its own indices.
 
     Attributes:
         lens: for the one wavelength that it was focused with, a `PrescriptionLens` or `FittedLens`.
-        bands: the same lens for red, green and blue, its film in the same place.
+        bands: the same lens for each wavelength, red, green and blue if there are three, its film in the same
+            place.
+        colours: how much each counts in red, green and blue (static).
     """
 
     lens: AbstractLens
-    bands: tuple[AbstractLens, AbstractLens, AbstractLens]
+    bands: tuple[AbstractLens, ...]
+    colours: tuple[_Colour, ...] = eqx.field(static=True, default=_COLOURS)
 
     def channels(self) -> tuple[Channel, ...]:
-        return tuple(Channel(band, colour) for band, colour in zip(self.bands, _COLOURS, strict=True))
+        return tuple(Channel(band, colour) for band, colour in zip(self.bands, self.colours, strict=True))
 
 
 def spectral_lens(
-    lens: PrescriptionLens, camera: Camera, wavelengths: Sequence[SupportsFloat] = RGB_WAVELENGTHS
+    lens: PrescriptionLens,
+    camera: Camera,
+    wavelengths: Sequence[SupportsFloat] = RGB_WAVELENGTHS,
+    *,
+    bands: int = 3,
 ) -> SpectralLens:
     """A real lens with its colour: axial, which tints what is out of focus, and lateral, towards the corners.
 
@@ -37,12 +48,18 @@ def spectral_lens(
         lens: focused for one wavelength.
         camera: whose frame it was made for.
         wavelengths: of red, green and blue in nm; those of Lee10 if not given.
+        bands: wavelengths from red to blue, odd: 3, or more of them between, which count for the two colours
+            that they lie between. Fringes are then smooth, and take as many times the rays.
 
     Raises:
-        ValueError: not three wavelengths, or one that is not positive.
+        ValueError: not three wavelengths, or one for which glass has no index; an even number of bands.
+
+    Example:
+        >>> smooth = spectral_lens(lens, camera, bands=7)  # doctest: +SKIP
     """
     numbers = [float(each) for each in wavelengths]
-    if len(numbers) != 3 or not all(0.0 < each < float("inf") for each in numbers):
+    if len(numbers) != 3:
         raise ValueError(f"wavelengths are {numbers} nm; expected three, of red, green and blue")
-    red, green, blue = (at_wavelength(lens, camera, each) for each in numbers)
-    return SpectralLens(lens, (red, green, blue))
+    places, colours = colour_bands(bands)
+    middle = np.interp(places, np.arange(3.0), numbers)
+    return SpectralLens(lens, tuple(at_wavelength(lens, camera, each) for each in middle), colours)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.optics._paraxial import film_distance
-from focusjax.optics._prescription import Prescription, line, refuse_crossings
+from focusjax.optics._prescription import Prescription, check_surfaces, line
 
 _NEWTON_STEPS = 20
 _MET = 1e-6
@@ -79,7 +79,7 @@ def focused_by_group(lens: Prescription, first: int, last: int, disparity: float
     if float(moved.thicknesses[:-1].min()) < 0.0:
         raise ValueError(f"{refused}, into their neighbours; focus farther away or move another group")
     try:
-        refuse_crossings(moved)
+        check_surfaces(moved)
     except ValueError as error:
         raise ValueError(f"{refused}: {error}") from error
     return moved

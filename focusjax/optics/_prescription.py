@@ -10,8 +10,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.optics._glass import FRAUNHOFER, AbstractGlass, air
-from focusjax.optics._surfaces import AbstractSurface, sphere
+from focusjax.optics._surfaces import AbstractSurface, Conic, EvenAsphere, sphere
 
+_AIR = 1e-3
+"""By which the index of air may differ from 1."""
+_EDGE = 1e-9
+"""By which the square of a semi-diameter may go beyond its surface, as numbers are rounded."""
 _GAP = 1e-6
 """Millimetres that surfaces may seem to cross by, since files give rounded numbers."""
 
@@ -60,6 +64,18 @@ class Prescription(eqx.Module):
         )
 
 
+class SurfaceError(ValueError):
+    """A prescription that cannot be, for what one surface is.
+
+    Attributes:
+        surface: its number, from 0.
+    """
+
+    def __init__(self, surface: int, why: str) -> None:
+        super().__init__(why)
+        self.surface = surface
+
+
 def make_prescription(
     surfaces: Sequence[AbstractSurface],
     thicknesses: Sequence[float],
@@ -72,8 +88,9 @@ def make_prescription(
     """A `Prescription` that makes sense.
 
     Raises:
-        ValueError: numbers that do not match, no such stop, a semi-diameter that is not positive, a negative
-            thickness, or surfaces that cross within the clear radius of both.
+        ValueError: numbers that do not match, no such stop, or glass after the last surface; as a
+            `SurfaceError` a semi-diameter that is not positive or wider than its surface, a curvature that is
+            not finite, a negative thickness, or surfaces that cross within the clear radius of both.
     """
     count = len(surfaces)
     for what, some in (
@@ -89,11 +106,18 @@ def make_prescription(
         raise ValueError(f"the stop of {name} is surface {stop}; expected one of 0 to {count - 1}")
     for number, (gap, radius) in enumerate(zip(thicknesses, semi_diameters, strict=True)):
         if not 0 < radius < float("inf"):
-            raise ValueError(f"surface {number} of {name} has a semi-diameter of {radius:g} mm; expected > 0")
+            why = f"surface {number} of {name} has a semi-diameter of {radius:g} mm; expected > 0"
+            raise SurfaceError(number, why)
         if not 0 <= gap < float("inf"):
-            raise ValueError(
-                f"the thickness after surface {number} of {name} is {gap:g} mm; expected 0 or more"
-            )
+            why = f"the thickness after surface {number} of {name} is {gap:g} mm; expected 0 or more"
+            raise SurfaceError(number, why)
+    behind = float(glasses[-1].index(line()))
+    if abs(behind - 1.0) > _AIR:
+        raise SurfaceError(
+            count - 1,
+            f"{name} ends in glass of index {behind:.4g}, after surface {count - 1}; expected air, so give"
+            " the surface that is missing",
+        )
     lens = Prescription(
         tuple(surfaces),
         jnp.asarray(np.asarray(thicknesses, dtype=float), dtype=float),
@@ -102,7 +126,7 @@ def make_prescription(
         stop,
         name,
     )
-    refuse_crossings(lens)
+    check_surfaces(lens)
     return lens
 
 
@@ -145,18 +169,37 @@ def line(name: str = "d") -> Float[Array, ""]:
     return jnp.asarray(FRAUNHOFER[name], dtype=float)
 
 
-def refuse_crossings(lens: Prescription) -> None:
-    """Each surface ends where its clear radius does, and must be before the next up to there."""
+def check_surfaces(lens: Prescription) -> None:
+    """Each surface goes as far as its clear radius, and is before the next up to there.
+
+    Raises:
+        SurfaceError: one that does not.
+    """
     radii = np.asarray(lens.semi_diameters)
+    for number, (surface, radius) in enumerate(zip(lens.surfaces, radii, strict=True)):
+        if not np.isfinite([float(value) for value in surface.osculating()]).all():
+            why = (
+                f"surface {number} of {lens.name} has a curvature that is not finite; expected a radius in mm"
+            )
+            raise SurfaceError(number, why)
+        if isinstance(surface, Conic | EvenAsphere):
+            steep = (1.0 + float(surface.conic)) * float(surface.curvature) ** 2
+            if steep * radius**2 > 1.0 + _EDGE:
+                raise SurfaceError(
+                    number,
+                    f"surface {number} of {lens.name} has a semi-diameter of {radius:.4g} mm, but reaches"
+                    f" {steep**-0.5:.4g} mm from the axis; check its radius and semi-diameter",
+                )
     shares = np.linspace(0.0, 1.0, 33)
     for number, (surface, following) in enumerate(zip(lens.surfaces, lens.surfaces[1:], strict=False)):
         across = jnp.asarray(shares * radii[number : number + 2].min(), dtype=float)
         zero = jnp.zeros_like(across)
         before, after = (jax.vmap(one.sag)(across, zero) for one in (surface, following))
         gap = np.asarray(lens.thicknesses[number] + after - before)
-        if gap.min() < -_GAP:
-            raise ValueError(
+        if not gap.min() >= -_GAP:
+            raise SurfaceError(
+                number,
                 f"surfaces {number} and {number + 1} of {lens.name} cross {float(across[gap.argmin()]):.3g}"
                 f" mm from the axis, within their clear radius, by {-gap.min():.3g} mm; check the thickness"
-                " between them and the semi-diameters"
+                " between them and the semi-diameters",
             )

@@ -26,6 +26,8 @@ def read_json(path: Path) -> Prescription:
         content = json.loads(whole)
     except json.JSONDecodeError as error:
         raise text.refuse(error.lineno, error.msg) from None
+    except RecursionError:
+        raise LensFileError(f"{path}: has lists within lists too deep to read") from None
     if not isinstance(content, dict) or not isinstance(content.get("surfaces"), list):
         raise LensFileError(f'{path}: has no list "surfaces"')
     starts = [whole.count("\n", 0, found.start()) + 1 for found in re.finditer(r'"type"\s*:', whole)]

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from focusjax.optics._catalogue import find_glass, index_glass
 from focusjax.optics._glass import AbstractGlass, ConstantIndex
 from focusjax.optics._paraxial import first_order
-from focusjax.optics._prescription import Prescription, line, make_prescription
+from focusjax.optics._prescription import Prescription, SurfaceError, check_surfaces, line, make_prescription
 from focusjax.optics._surfaces import AbstractSurface, Conic, EvenAsphere
 
 
@@ -156,6 +156,8 @@ def from_rows(
             stop=stop,
             name=name,
         )
+    except SurfaceError as error:
+        raise text.refuse(rows[error.surface].line, error) from None
     except ValueError as error:
         raise LensFileError(f"{text.path}: {error}") from None
     if f_number is None and pupil_diameter is None and given is not None:
@@ -168,7 +170,13 @@ def from_rows(
         radius *= pupil_diameter / 2.0 / float(seen.entrance_pupil_radius)
     else:
         radius = _widest_axial_beam(lens)
-    return dataclasses.replace(lens, semi_diameters=lens.semi_diameters.at[stop].set(radius))
+    opened = dataclasses.replace(lens, semi_diameters=lens.semi_diameters.at[stop].set(radius))
+    try:
+        check_surfaces(opened)
+    except SurfaceError as error:
+        why = f"the stop is {radius:.4g} mm wide by the file's aperture, but {error}"
+        raise text.refuse(rows[stop].line, why) from None
+    return opened
 
 
 def _widest_axial_beam(lens: Prescription) -> float:

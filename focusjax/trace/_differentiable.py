@@ -48,8 +48,9 @@ def render_differentiable(
         rays: rays per pixel of the picture.
         derivative_rays: rays per border between pixels, rim of the opening and pixel, of which derivatives by
             the lens are made; half of `rays` if not given.
-        seed: chooses the rays. The same seed gives the same picture and the same derivatives, which are made
-            of other rays: the gradient of a loss multiplies both, and noise must not meet itself in it.
+        seed: chooses the rays. The same seed gives the same picture and the same derivatives. Those by the
+            lens are made of other rays: the gradient of a loss multiplies both, and noise must not meet
+            itself in it. Those by radiances are of the picture's own, in which it is linear.
 
     Raises:
         ValueError: no rays, or a lens whose rays leave what the layers were peeled for. Within compiled

@@ -1,7 +1,7 @@
 """How fast a picture changes as its lens moves: light that enters and leaves pixels and opening.
 
 The sum of `_motion`, with the integrals as means over traced rays: some through points of every border
-between two pixels, some through the rim of the opening, and a few from within it, whose mean is the picture.
+between two pixels, as many through the rim of the opening and from within it, none of them the picture's own.
 Radiances are taken relative to that of the pixel, and where the rim brings what the opening brings nothing
 changes, so that noise is left only where the picture is about to change. What leaves a pixel enters its
 neighbour by the same rays, so that noise cancels over regions, too: what is left is that of the borders

@@ -30,13 +30,14 @@ def check_reach(layers: Layers, lens: AbstractLens, pixel_filter: str = "box") -
         )
     camera = layers.camera
     moves, peeled = float(_parallax(lens, camera)), float(_parallax(layers.lens, camera))
-    if moves > peeled * (1 + _ROUNDING):
+    # Written so that what is not a number is refused.
+    if not moves <= peeled * (1 + _ROUNDING):
         raise ValueError(
             f"the lens moves rays by {moves:.4g} pixels per dioptre but the layers were peeled for"
             f" {peeled:.4g}; peel again with this lens"
         )
     leaves, margin = _strays(layers, lens), layers.grid.margin / layers.grid.supersampling
-    if np.any(leaves > np.maximum(_strays(layers, layers.lens), margin) + _SLACK):
+    if not np.all(leaves <= np.maximum(_strays(layers, layers.lens), margin) + _SLACK):
         raise ValueError(
             f"rays of the lens leave the frame by up to {leaves.max():.4g} pixels but the layers, peeled for"
             f" another focus, hold a margin of {margin:.4g}; peel again with this lens"
@@ -52,8 +53,8 @@ def out_of_reach(layers: Layers, lens: AbstractLens) -> Bool[Array, ""]:
     at = least + share * (largest - least)
     margin = layers.grid.margin / layers.grid.supersampling
     held = jnp.maximum(_strays_at(layers.lens, camera, at), margin) + _SLACK
-    strays = (largest > 0) & (_strays_at(lens, camera, at) > held).any()
-    return (moves > peeled * (1 + _ROUNDING)) | strays
+    strays = (largest > 0) & ~(_strays_at(lens, camera, at) <= held).all()
+    return ~(moves <= peeled * (1 + _ROUNDING)) | strays
 
 
 def widest_opening(layers: Layers, lens: AbstractLens) -> Float[Array, ""]:

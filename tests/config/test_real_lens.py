@@ -75,6 +75,8 @@ def test_a_file_beside_the_config_and_its_colours(boxes):
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
+        ([GAUSS, "lens.spectral_bands=5"], "lens has spectral_bands, and spectral is not true"),
+        ([GAUSS, "lens.spectral=true", "lens.spectral_bands=4"], "lens has 4 spectral_bands; give an odd"),
         (["lens.spectral=true"], "lens has spectral, which is about a prescription, and none; name one"),
         ([GAUSS, "lens.tilt_deg=3"], "lens has tilt_deg and a prescription, which has a look of its own"),
         ([GAUSS, "lens.power_profile=[0, 0.1]"], "lens has power_profile and a prescription"),

@@ -195,6 +195,7 @@ def test_targets_that_are_no_linear_pictures_of_this_camera():
     broken = good.copy()
     broken[3, 7, 1] = np.nan
     refused(broken, "the target is not finite in 1 pixels, the first at x = 7, y = 3; leave them out")
+    refused(-good, "the target's mean is -")
     refused(np.ones_like(good), "the target is the same everywhere, so that it tells nothing of the lens")
 
 
@@ -203,7 +204,12 @@ def test_other_arguments_that_do_not_fit():
     refused(target(), "free has 'zoom'; expected some of", free=("focus", "zoom"))
     refused(target(), "the mask has shape (2, 2); expected (24, 32)", mask=np.ones((2, 2)))
     refused(target(), "the mask is empty", mask=np.zeros((24, 32)))
+    refused(target(), "the mask holds values that are neither 0 nor 1", mask=np.full((24, 32), 0.2))
+    refused(target(), "the mask holds values that are neither 0 nor 1", mask=np.full((24, 32), np.nan))
     refused(target(), "noise has shape (7, 1, 1)", noise=np.ones((7, 1)))
+    refused(target(), "a standard deviation that is not positive and finite", noise=np.inf)
+    with pytest.raises(ValueError, match="the lens is a pinhole, whose picture is the same at any focus"):
+        fit_image(target(), layers(), ThinLens(jnp.array(0.5), jnp.array(0.0)), free=("focus",))
     refused(target(), "a standard deviation that is not positive", noise=0.0)
     refused(target(), "min_focus_distance is -1.0 m", min_focus_distance=-1.0)
     with pytest.raises(ValueError, match="peel again"):

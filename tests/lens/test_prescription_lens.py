@@ -378,10 +378,28 @@ def test_bounds_hold_the_rays_of_all_colours(coloured: SpectralLens):
             )
 
 
-@pytest.mark.parametrize("wavelengths", [(650, 510), (650, 510, 0), (650, 510, float("nan"))])
-def test_wavelengths_are_three(single: PrescriptionLens, wavelengths):
-    with pytest.raises(ValueError, match=r"expected three, of red, green and blue"):
+@pytest.mark.parametrize(
+    ("wavelengths", "message"),
+    [
+        ((650, 510), "expected three, of red, green and blue"),
+        ((650, 510, 0), "the wavelength is 0 nm; expected 300 to 2500"),
+        ((650, 510, float("nan")), "the wavelength is nan nm; expected 300 to 2500"),
+    ],
+)
+def test_wavelengths_are_three_of_light_that_glass_refracts(single: PrescriptionLens, wavelengths, message):
+    with pytest.raises(ValueError, match=message):
         spectral_lens(single, CAMERA, wavelengths)
+
+
+def test_more_bands_are_of_wavelengths_between(single: PrescriptionLens, coloured: SpectralLens):
+    smooth = spectral_lens(single, CAMERA, bands=5).channels()
+    focus = [float(channel.lens.bounds.focus[0]) for channel in smooth]
+    np.testing.assert_allclose(focus[::2], [float(c.lens.bounds.focus[0]) for c in coloured.channels()])
+    assert (np.diff(focus) > 0).all()
+    np.testing.assert_allclose(np.sum([channel.colour for channel in smooth], axis=0), 1.0)
+    assert smooth[1].colour[0] > 0 < smooth[1].colour[1]
+    with pytest.raises(ValueError, match="there are 4 bands; expected 3, 5, 7"):
+        spectral_lens(single, CAMERA, bands=4)
 
 
 def test_boxes_around_highlights_are_close_though_corners_are_dark(gauss: PrescriptionLens):

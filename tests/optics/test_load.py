@@ -100,7 +100,23 @@ def test_glass_without_an_entry_is_taken_by_its_index(write):
         ("a.dat", "50 5 1.5 18\n-50 0 1 18\n", "a.dat: has no stop; expected one"),
         ("a.dat", "0 1 0 9\n50 5 1.5 18\n-50 1 1 18\n0 1 0 9\n", r"has 2 stops \(lines 1, 4\)"),
         ("a.dat", "", "a.dat: has no surfaces"),
-        ("a.dat", "50 0.5 1.5 18\n-50 0 1 18\n0 1 0 9\n", r"surfaces 0 and 1 of a cross .* from the axis"),
+        ("a.dat", "50 0.5 1.5 18\n-50 0 1 18\n0 1 0 9\n", r"line 1: surfaces 0 and 1 of a cross .* axis"),
+        (
+            "a.dat",
+            "0 1 0 9\n50 5 1.5 18\n",
+            "line 2: a ends in glass of index 1.5, after surface 1; expected air",
+        ),
+        (
+            "a.dat",
+            "9 5 1.5 20\n-50 1 1 18\n0 1 0 16\n",
+            "line 1: surface 0 of a has a semi-diameter of 10 mm, but reaches 9 mm from the axis",
+        ),
+        (
+            "a.zmx",
+            zemax().replace("UNIT MM", "FNUM 0.4 0\nUNIT MM"),
+            "the stop is .* wide by the file's aperture, but",
+        ),
+        ("a.json", "[" * 100_000, "lists within lists too deep"),
         ("a.zmx", zemax(surface="TYPE TOROIDAL"), r"line 8: surface type TOROIDAL is not supported"),
         ("a.zmx", zemax(glass="GLAS MIRROR"), "line 12: mirrors are not supported"),
         ("a.zmx", zemax(glass="GLAS N-BK8"), r"line 12: there is no glass 'N-BK8'; did you mean N-BK7"),
@@ -147,9 +163,16 @@ def test_prescriptions_that_make_no_sense():
         ({"gaps": (-1.0, 0.0)}, "thickness after surface 0 of lens is -1 mm"),
         ({"radii": (5.0, 0.0)}, "surface 1 of lens has a semi-diameter of 0 mm"),
         ({"stop": 2}, "the stop of lens is surface 2; expected one of 0 to 1"),
+        ({"radii": (5.0, 51.0)}, "surface 1 of lens has a semi-diameter of 51 mm, but reaches 50 mm"),
     ):
         with pytest.raises(ValueError, match=message):
             make(**wrong)
+    with pytest.raises(
+        ValueError, match=r"lens ends in glass of index 1\.517, after surface 0; expected air"
+    ):
+        make_prescription([sphere(0.02)], [0.0], [5.0], [GLASS], stop=0)
+    with pytest.raises(ValueError, match="surface 0 of singlet has a curvature that is not finite"):
+        singlet(float("nan"), 5, thickness=1, semi_diameter=1, glass=GLASS)
     with pytest.raises(ValueError, match="a radius of singlet is 0"):
         singlet(0, 5, thickness=1, semi_diameter=1, glass=GLASS)
 

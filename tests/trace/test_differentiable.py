@@ -172,5 +172,7 @@ def test_a_lens_beyond_the_layers_is_refused_in_compiled_functions_too():
     layers = varied_layers()
     with pytest.raises(ValueError, match="peel again"):
         render_differentiable(layers, thin((0.47, 1.2 * PARALLAX), layers.lens), rays=1)
+    with pytest.raises(ValueError, match="peel again"):
+        render_differentiable(layers, thin((np.nan, 0.5 * PARALLAX), layers.lens), rays=1)
     with pytest.raises(Exception, match="rays of the lens leave"):
         both_modes(layers, layers.lens, jnp.array([0.47, 1.2 * PARALLAX]), 256)[0].block_until_ready()

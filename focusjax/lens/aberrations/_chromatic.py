@@ -9,9 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._arguments import real_numbers
-from focusjax._counts import require_counts
 from focusjax.lens._base import AbstractLens, Channel
-from focusjax.lens._coloured import AbstractColouredLens
+from focusjax.lens._coloured import AbstractColouredLens, colour_bands
 from focusjax.lens.aberrations._aberrated import AberratedLens
 from focusjax.lens.aberrations._base import AbstractAberration
 from focusjax.lens.aberrations._focus_offsets import FocusOffset
@@ -86,17 +85,11 @@ def chromatic_lens(
             raise ValueError(f"{name} is {values.tolist()}; expected finite numbers for red, green and blue")
     if not (size > 0).all():
         raise ValueError(f"magnification is {size.tolist()}; expected positive numbers near 1")
-    require_counts(bands=bands)
-    if bands < 3 or bands % 2 == 0:
-        raise ValueError(f"there are {bands} bands; expected 3, 5, 7 or another odd number")
-    place, primaries = np.linspace(0.0, 2.0, bands), np.arange(3.0)
-    shares = np.maximum(1.0 - np.abs(place[:, None] - primaries), 0.0)
-    shares /= shares.sum(axis=0)
+    primaries, (places, colours) = np.arange(3.0), colour_bands(bands)
 
     def terms(at: float) -> tuple[AbstractAberration, ...]:
         offset: Float[Array, ""] = jnp.asarray(np.interp(at, primaries, focus), dtype=float)
         scale: Float[Array, ""] = jnp.asarray(np.interp(at, primaries, size), dtype=float)
         return FocusOffset(offset), Magnification(scale)
 
-    colours = tuple((float(r), float(g), float(b)) for r, g, b in shares)
-    return ChromaticLens(lens, tuple(terms(at) for at in place), colours)
+    return ChromaticLens(lens, tuple(terms(at) for at in places), colours)

@@ -99,6 +99,18 @@ def test_forward_and_reverse_agree(name: str):
     assert np.abs(gradient - forward).max() < 1e-12 * scale
 
 
+def test_forward_and_reverse_agree_in_single_precision():
+    double = varied_layers(), lenses()["tilted, blades"]
+    with jax.enable_x64(False):
+        single = jax.tree.map(lambda a: a.astype(jnp.float32) if eqx.is_inexact_array(a) else a, double)
+        jacobian, gradient, weights = (np.asarray(part, dtype=np.float64) for part in both_modes(*single))
+    forward = np.einsum("hwc,hwck->k", weights, jacobian)
+    scale = np.einsum("hwc,hwck->k", np.abs(weights), np.abs(jacobian)).max()
+    off = np.abs(gradient - forward).max() / scale
+    # Observed: 1.2e-8.
+    assert off < 1e-6
+
+
 @pytest.mark.parametrize("name", lenses())
 def test_differences_of_converged_pictures(name: str):
     """By each array that changes the picture; two differences by other rays tell how far they are noise."""

@@ -136,7 +136,10 @@ def through_glass() -> PrescriptionLens:
 
 @functools.cache
 def by_polynomials() -> FittedLens:
-    return fitted_lens(through_glass(), CAMERA)
+    """The same with blades in its stop."""
+    blades = polygon(5, rotation=0.3, roundness=0.5)
+    exact = prescription_lens(biconvex(), CAMERA, focus_distance=1.0 / FOCUS, f_number=4, aperture=blades)
+    return fitted_lens(exact, CAMERA)
 
 
 REAL = {"glass": through_glass, "glass, fitted": by_polynomials}

@@ -18,6 +18,7 @@ import focusjax as fj
 from focusjax import lens as L, scene as S
 from focusjax.focus import Prior, fit_focal_plane, solve_frames, stacked
 from focusjax.layers import missed_light
+from focusjax.optics import lens_preset
 from focusjax.shutter import make_shutter
 camera = fj.look_at((0, 0, 0), (0, 0, -1), width=64, height=48, focal_length=0.05)
 lens = fj.thin_lens(focus_distance=2.0, f_number=4.0, focal_length=0.05)
@@ -50,6 +51,9 @@ CALLS = {
     ),
     "fj.Blur('0.1mm')": "a diameter is '0.1mm'; expected a number of pixels, such as 8.0, or OnSensor",
     "fj.FocusPoint(wish.where, fj.Sharp(), weight='1')": "the weight of a focus point is '1'; expected zero",
+    "L.prescription_lens(lens_preset('cooke_triplet_50mm_f4'), camera, focus_distance=2, aperture=6)": (
+        "aperture of prescription_lens(aperture=) is the number 6; expected AbstractAperture: `polygon`"
+    ),
     "fj.locate([wish], lens)": "camera of locate(points, camera) is a ThinLens; expected Camera: `look_at`",
     "fj.find_points(wish, camera, camera)": "scene of find_points(wishes, scene, camera) is a Camera;",
     "fj.solve([wish], camera, lens)": (

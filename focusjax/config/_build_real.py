@@ -11,7 +11,7 @@ from focusjax.optics import LENS_FILES, LensFileError, Prescription, lens_preset
 
 
 def build_real_lens(config: Config, camera: Camera, lens: ThinLens) -> PrescriptionLens | SpectralLens | None:
-    """The lens of `lens.prescription` with the focal length, focus and f-number of a thin one; None without.
+    """The lens of `lens.prescription` with the focal length, focus and opening of a thin one; None without.
 
     Raises:
         ConfigError: a file that cannot be read, no such lens, or one that cannot be opened or focused so.
@@ -25,6 +25,7 @@ def build_real_lens(config: Config, camera: Camera, lens: ThinLens) -> Prescript
             camera,
             focus_distance=float(lens.focus_distance()),
             f_number=float(lens.f_number(camera)),
+            aperture=lens.aperture,
         )
         return spectral_lens(made, camera, bands=table.spectral_bands) if table.spectral else made
     except LensFileError as error:

@@ -114,7 +114,6 @@ class LensTable(Look):
             return self
         others = ("aperture_radius_mm", "tilt_deg", "swing_deg", "focal_surface")
         own = [key for key in others if getattr(self, key) != type(self).model_fields[key].default]
-        own += ["aperture"] if self.aperture != DiskTable(shape="disk") else []
         own += self.look
         if own:
             raise ValueError(f"has {own[0]} and a prescription, which has a look of its own; leave one out")

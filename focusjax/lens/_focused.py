@@ -11,8 +11,10 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from focusjax._arguments import real_number
+from focusjax._arguments import real_number, require_kind
 from focusjax.geometry import Camera
+from focusjax.lens._aim import through_stop
+from focusjax.lens._aperture import AbstractAperture, Disk
 from focusjax.lens._film import RINGS, film_for
 from focusjax.lens._prescription import PrescriptionLens
 from focusjax.lens._pupils import find_pupils, from_film, openness
@@ -31,6 +33,9 @@ _RADII = 33
 """Film radii at which pupils and bounds are kept; as many less one lie between them."""
 _FRAME_MARGIN = 4.0
 """Pixels beyond the frame from which rays may start, for wide filters."""
+_OVER_SHAPE = 1 << 14
+"""Rays that tell how much light passes an opening that is not round."""
+_ROUND = Disk()
 _SHORTEST, _LONGEST = 300.0, 2500.0
 """Wavelengths in nm for which catalogues of glass are made."""
 
@@ -45,6 +50,7 @@ def prescription_lens(
     breathing: bool = False,
     falloff: bool = True,
     group: tuple[int, int] | None = None,
+    aperture: AbstractAperture | None = None,
 ) -> PrescriptionLens:
     """A prescription in a photographer's terms, scaled to the camera's focal length, with checked values.
 
@@ -61,6 +67,7 @@ def prescription_lens(
         group: numbers, from 0, of the first and last surface of the group that focuses, by moving between
             the others (`focusjax.optics.focused_by_group`). The whole lens does if not given. The film then
             moves by what "traced" and "paraxial" differ in, and `refocused` moves it, too.
+        aperture: shape of the opening in the stop; round when not given. Light that it takes is made up for.
 
     Raises:
         ValueError: a lens without real images, an opening beyond the prescription's, a focus distance that
@@ -79,7 +86,11 @@ def prescription_lens(
     if focus not in ("paraxial", "traced"):
         raise ValueError(f'focus is {focus!r}; expected "paraxial" or "traced"')
     lens, disparity = in_terms_of(prescription, camera, focus_distance, f_number, group)
-    made = focused_lens(lens, camera, disparity, focus=focus, breathing=breathing, falloff=falloff)
+    opening = Disk() if aperture is None else aperture
+    remedy = "`polygon`, `obstructed`, `apodized`, `squeezed` and `mask` make one"
+    require_kind(opening, AbstractAperture, "prescription_lens(aperture=)", remedy, "aperture")
+    ways = {"focus": focus, "breathing": breathing, "falloff": falloff}
+    made = focused_lens(lens, camera, disparity, aperture=opening, **ways)
     _refuse_all_around(made, camera)
     return made
 
@@ -137,6 +148,7 @@ def focused_lens(
     focus: str = "traced",
     breathing: bool = False,
     falloff: bool = True,
+    aperture: AbstractAperture = _ROUND,
 ) -> PrescriptionLens:
     """As `prescription_lens`, unchecked, not scaled nor stopped down: for derivatives and compiled code.
 
@@ -146,7 +158,7 @@ def focused_lens(
     indices = prescription.indices(line())
     film, scale = film_for(prescription, camera, focus_disparity, focus, breathing=breathing)
     pupil = first_order(prescription).entrance_pupil
-    lens = _placed(prescription, indices, film, scale, pupil, _film_step(camera), falloff)
+    lens = _placed(prescription, indices, film, scale, pupil, _film_step(camera), falloff, aperture)
     return dataclasses.replace(lens, focus_disparity=focus_disparity, focus=focus, breathing=breathing)
 
 
@@ -175,7 +187,7 @@ def with_indices(
 ) -> PrescriptionLens:
     """The same lens with its film where it is, for light that is refracted by other `indices`."""
     place = (lens.film_place, lens.film_scale, lens.entrance_pupil, _film_step(camera))
-    other = _placed(lens.prescription, indices, *place, lens.falloff)
+    other = _placed(lens.prescription, indices, *place, lens.falloff, lens.aperture)
     kept = {name: getattr(lens, name) for name in ("focus_disparity", "exposure", "focus", "breathing")}
     return dataclasses.replace(other, **kept)
 
@@ -197,18 +209,24 @@ def _placed(
     pupil: Float[Array, ""],
     step: Float[Array, ""],
     falloff: bool,
+    aperture: AbstractAperture,
 ) -> PrescriptionLens:
     """The lens with its film in place: find what film points see, and bound their rays."""
     radii = 0.5 * step * jnp.arange(2 * _RADII - 1, dtype=indices.dtype)
     pupils = find_pupils(prescription, indices, film, scale * radii)
     bounds = find_bounds(prescription, indices, film, scale, pupil, pupils, radii)
-    # Rings of equal area: on the axis one ray stands for each.
-    rings = pupils.radial[0] * jnp.sqrt((jnp.arange(RINGS, dtype=indices.dtype) + 0.5) / RINGS)
+    # Rings of equal area: on the axis one ray stands for each, and of a shape many do, each at its own angle.
+    is_round = isinstance(aperture, Disk)
+    number = jnp.arange(RINGS if is_round else _OVER_SHAPE, dtype=indices.dtype)
+    rings = pupils.radial[0] * jnp.sqrt((number + 0.5) / len(number))
+    angles = number * (math.pi * (3.0 - math.sqrt(5.0)))
 
-    def light(ring: Array) -> Array:
+    def light(ring: Array, angle: Array) -> Array:
         zero = jnp.zeros_like(ring)
-        found, cosine = from_film(prescription, indices, film, (zero, zero), (ring, zero))
-        return openness(found.clearance) * (cosine**4 if falloff else 1.0)
+        target = ring * jnp.cos(angle), ring * jnp.sin(angle)
+        found, stop, cosine = from_film(prescription, indices, film, (zero, zero), target)
+        passes = openness(found.clearance) * (cosine**4 if falloff else 1.0)
+        return passes if is_round else passes * through_stop(aperture, stop)
 
     return PrescriptionLens(
         prescription=prescription,
@@ -220,7 +238,8 @@ def _placed(
         film_step=step,
         pupils=jax.tree.map(lambda leaf: leaf[::2], pupils),
         bounds=bounds,
-        exposure=jnp.mean(jax.vmap(light)(rings)) * pupils.radial[0] * pupils.tangential[0],
+        aperture=aperture,
+        exposure=jnp.mean(jax.vmap(light)(rings, angles)) * pupils.radial[0] * pupils.tangential[0],
         falloff=falloff,
         focus="traced",
         breathing=False,

@@ -13,10 +13,10 @@ closer. A ray from h leaves the front of the lens as a straight line with slopes
 the entrance pupil at P, and a = c + f m, b = f P as for every ray (y downwards). By first-order optics it is
 the thin lens's ray, with the entrance pupil's radius for the aperture's.
 
-Rays are spread over an ellipse around the opening that their film point sees (`_pupils`). Light that falls on
-the film is the integral of cos^4 over the last vertex plane, over the film distance squared; a ray's weight
-is its part of it, in units of that on the axis. So corners are darker by cos^4 and by vignetting, as in
-photographs.
+Rays are spread over an ellipse around the opening that their film point sees (`_pupils`). Where the stop has
+blades or a shape, those that meet it are lost, and the rest count for them. Light that falls on the film is
+the integral of cos^4 over the last vertex plane, over the film distance squared; a ray's weight is its part
+of it, in units of that on the axis. So corners are darker by cos^4 and by vignetting, as in photographs.
 """
 
 import equinox as eqx
@@ -24,8 +24,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera, LensRay
-from focusjax.lens._aim import Aim, line_of, polar
-from focusjax.lens._aperture import Disk
+from focusjax.lens._aim import Aim, Passage, line_of, polar
+from focusjax.lens._aperture import AbstractAperture, Disk
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._length import Pair
 from focusjax.lens._pupils import Pupils, from_film
@@ -49,6 +49,8 @@ class PrescriptionLens(AbstractLens):
         film_step: tangent between the film radii of `pupils` and `bounds`.
         pupils: openings that film points see.
         bounds: disks around the rays of film points.
+        aperture: what the stop lets through, round where it is a disk. Rays go all over the stop, and those
+            that meet blades or black have no light.
         exposure: in mm^2, the product of the ellipse's half axes times the mean share of light over it, on
             the axis.
         falloff: whether weights have the fourth power of the cosine to the axis at the film (static).
@@ -65,6 +67,7 @@ class PrescriptionLens(AbstractLens):
     film_step: Float[Array, ""]
     pupils: Pupils
     bounds: RayBounds
+    aperture: AbstractAperture
     exposure: Float[Array, ""]
     falloff: bool = eqx.field(static=True)
     focus: str = eqx.field(static=True)
@@ -73,12 +76,15 @@ class PrescriptionLens(AbstractLens):
     def opening(self) -> Disk:
         return Disk()
 
+    def finest(self) -> Float[Array, ""]:
+        return self.aperture.finest()
+
     def vignettes(self) -> bool:
         return True
 
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         aim = self.aim(camera, film_point, pupil_point)
-        return line_of(camera, film_point, aim, *self.passing(aim))
+        return line_of(camera, film_point, aim, self.passing(aim), self.aperture)
 
     def aim(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> Aim:
         """How a ray starts at the film."""
@@ -100,13 +106,14 @@ class PrescriptionLens(AbstractLens):
         light = jnp.where(radius <= last * self.film_step, light, 0.0)
         return Aim((x, y), (target_x, target_y), light)
 
-    def passing(self, aim: Aim) -> tuple[Pair, Pair, Float[Array, ""]]:
-        """A ray's slopes [2] ahead of the lens, where [2] in mm it crosses the pupil, and its clearance."""
+    def passing(self, aim: Aim) -> Passage:
+        """How a ray gets through the glass."""
         (x, y), scale = aim.tangents, self.film_scale
-        found, _ = from_film(
+        found, stop, _ = from_film(
             self.prescription, self.indices, self.film_place, (scale * x, scale * y), aim.target
         )
-        return *exit_line(found.position, found.direction, self.entrance_pupil), found.clearance
+        line = exit_line(found.position, found.direction, self.entrance_pupil)
+        return Passage(*line, found.clearance, None if isinstance(self.aperture, Disk) else stop)
 
     def blur(
         self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]

@@ -71,6 +71,7 @@ def refocused(lens: _Lens, camera: Camera, focus_disparity: Float[Array, ""]) ->
             focus=lens.focus,
             breathing=lens.breathing,
             falloff=lens.falloff,
+            aperture=lens.aperture,
         )
         return cast(_Lens, focused)
     if isinstance(lens, FittedLens):

@@ -59,16 +59,19 @@ def test_a_quality_decides_on_polynomials_unless_the_config_does(boxes, tmp_path
     assert fit["worst_px"] <= 0.25
 
 
-def test_a_file_beside_the_config_and_its_colours(boxes):
+def test_a_file_beside_the_config_its_colours_and_its_blades(boxes):
     data = resources.files("focusjax.optics").joinpath("data/lenses/cooke_triplet_50mm_f4.json")
     with resources.as_file(data) as path:
         shutil.copy(path, boxes.with_name("mine.json"))
-    config = load_config(boxes, ['lens.prescription="mine.json"', "lens.f_number=5.6", "lens.spectral=true"])
+    blades = 'lens.aperture={shape="polygon", blades=6, squeeze=1.5}'
+    changes = ['lens.prescription="mine.json"', "lens.f_number=5.6", "lens.spectral=true", blades]
+    config = load_config(boxes, changes)
     camera = build_camera(config)
     lens = build_real_lens(config, camera, build_lens(config, camera, solved=False))
     assert len(lens.channels()) == 3
     assert float(lens.lens.f_number(camera)) == pytest.approx(5.6)
     assert float(lens.lens.focus_distance()) == pytest.approx(4.0)
+    assert [channel.lens.aperture.whole.blades for channel in lens.channels()] == [6, 6, 6]
     assert build_real_lens(load_config(boxes), camera, build_lens(config, camera, solved=False)) is None
 
 
@@ -80,7 +83,6 @@ def test_a_file_beside_the_config_and_its_colours(boxes):
         (["lens.spectral=true"], "lens has spectral, which is about a prescription, and none; name one"),
         ([GAUSS, "lens.tilt_deg=3"], "lens has tilt_deg and a prescription, which has a look of its own"),
         ([GAUSS, "lens.power_profile=[0, 0.1]"], "lens has power_profile and a prescription"),
-        ([GAUSS, 'lens.aperture={shape="polygon", blades=6}'], "lens has aperture and a prescription"),
         ([GAUSS, "solve.free=['focus', 'tilt']"], "has lens.prescription, but solve.free has 'tilt'"),
         ([GAUSS, "lens.fit_px=-1"], "lens.fit_px is -1; expected a number of at least 0"),
     ],

@@ -36,6 +36,7 @@ _STAGES = {
     "examine": "Examining the picture",
     "pinhole": "Sharp view",
     "develop": "Developing",
+    "expose": "Adding frames up",
     "film": "Writing the film",
     "save": "Writing files",
 }

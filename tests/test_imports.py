@@ -79,6 +79,7 @@ ALLOWED = {
         "layers",
         "trace",
         "shutter",
+        "film",
         "post",
         "io",
         "config",

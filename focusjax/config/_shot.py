@@ -138,6 +138,11 @@ class ShotTable(Table):
     formats: Annotated[tuple[Literal["png", "exr", "mp4"], ...], Strict(False), Field(min_length=1)] = Field(
         default=("png",), description='some of ["png", "exr", "mp4"]'
     )
+    long_exposure: bool = Field(
+        default=False,
+        description="true to make one picture of all frames as well, as bright as one, with trails of what"
+        " moves",
+    )
     camera: Annotated[tuple[CameraKey, ...], Strict(False)] = Field(
         default=(), description="[[shot.camera]] tables, each with a frame"
     )

@@ -109,6 +109,7 @@ def build_settings(config: Config) -> FrameSettings:
         pixel_filter=table.pixel_filter,
         view_dependent=table.view_dependent,
         seed=table.seed,
+        own_rays=config.shot is not None and config.shot.long_exposure,
         exposure=table.exposure,
         bits=table.png_bits,
         development=_development(config),

@@ -4,11 +4,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from focusjax._stopwatch import Stopwatch
 from focusjax.config import Config, refusals_located
-from focusjax.io import staged_folder
+from focusjax.io import save_exr, staged_folder
 from focusjax.shot._build import build_settings, build_shot
-from focusjax.shot._render import RenderedFrames, render_frames
+from focusjax.shot._frame_files import exposed_together
+from focusjax.shot._render import FrameSettings, RenderedFrames, render_frames, save_frame
 from focusjax.shot._report import REPORT_FILES, save_report
 from focusjax.shot._solve import Progress, SolvedShot, solve_shot
 from focusjax.shot._video import check_video, save_mp4
@@ -25,7 +28,8 @@ def film(
     """Solve a config's shot, and write its frames, film and report.
 
     Frames go to the folder `frames` inside `folder` as they are made, and those that are there already
-    from the same input are kept; all else appears when everything is done.
+    from the same input are kept; all else appears when everything is done. A long exposure is of the frames
+    that are rendered, and needs them as OpenEXR files.
 
     Args:
         config: a checked config with a `[shot]` table.
@@ -57,10 +61,16 @@ def film(
         if rendering:
             pictures = folder / "frames"
             pictures.mkdir(exist_ok=True)
+            settings = build_settings(config)
+            if config.shot.long_exposure:
+                formats = (*formats, "exr")
             with watch.stage("render"):
                 rendered = render_frames(
-                    solved, pictures, build_settings(config), formats=formats, frames=frames, progress=tell
+                    solved, pictures, settings, formats=formats, frames=frames, progress=tell
                 )
+            if config.shot.long_exposure:
+                with watch.stage("expose"):
+                    _save_long_exposure(stage, solved, rendered, settings)
         if wants_film:
             assert rendered is not None
             with watch.stage("film"):
@@ -68,3 +78,12 @@ def film(
         tell("save", None)
         facts = save_report(stage, config, solved, rendered, watch.seconds, watch.compile_seconds)
     return solved, facts
+
+
+def _save_long_exposure(
+    folder: Path, solved: SolvedShot, rendered: RenderedFrames, settings: FrameSettings
+) -> None:
+    """All frames in one picture, taken with the camera of the first."""
+    picture = np.asarray(exposed_together([files[-1] for files in rendered.files]).picture)
+    save_exr(folder / "long_exposure.exr", picture)
+    save_frame(folder / "long_exposure.png", picture, solved, rendered.frames[0], settings)

@@ -2,7 +2,6 @@
 
 import dataclasses
 import hashlib
-import json
 import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -16,12 +15,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
-from focusjax.io import save_exr, save_png
-from focusjax.job import Development, blur_map, make_layers
-from focusjax.layers import Extent, Layers, disparity_map
+from focusjax.job import Development, make_layers
+from focusjax.layers import Extent, Layers
 from focusjax.lens import AbstractLens
 from focusjax.post import closed_lens, post_process, view_in_layers
 from focusjax.scene import Scene
+from focusjax.shot._frame_files import read_done, save_shown, save_with_depth, write_done
 from focusjax.shot._solve import Progress, SolvedShot
 from focusjax.shutter import MovingPicture, Shutter, middle_of, render_moving, velocity_map
 from focusjax.trace import plan_rays, render
@@ -29,7 +28,6 @@ from focusjax.trace import plan_rays, render
 FORMATS = ("png", "exr", "mp4")
 """Kinds of files that a shot can be made to."""
 
-_DONE = "frames.json"
 _LOOKS = 5
 """Times of the shutter's interval by which frames with other motion are told apart."""
 
@@ -69,6 +67,7 @@ class FrameSettings:
         pixel_filter: "box", "tent" or "gaussian".
         view_dependent: whether every lens ray sees highlights for itself.
         seed: chooses the rays, the same ones in every frame, so that noise does not flicker.
+        own_rays: whether every frame has rays of its own instead, so that noise evens out over them.
         exposure: stops, for PNG files.
         bits: 8 or 16, of PNG files.
         development: how PNG files are exposed and developed, instead of by `exposure`.
@@ -86,10 +85,15 @@ class FrameSettings:
     pixel_filter: str = "box"
     view_dependent: bool = False
     seed: int = 0
+    own_rays: bool = False
     exposure: float = 0.0
     bits: int = 8
     development: Development | None = None
     motion: MotionSettings | None = None
+
+    def seed_of(self, frame: int) -> int:
+        """What chooses the rays of a frame."""
+        return (self.seed + frame) % 2**31 if self.own_rays else self.seed
 
 
 @dataclasses.dataclass(frozen=True)
@@ -151,7 +155,7 @@ def render_frames(
         if not 1 <= number <= shot.count:
             raise ValueError(f"frame {number} is not in the shot; it has frames 1 to {shot.count}")
     kinds = [kind for kind in ("png", "exr") if kind in formats or (kind == "png" and "mp4" in formats)]
-    done = _read_done(folder)
+    done = read_done(folder)
     widest: Layers | None = None
     rays = None if settings.quality is not None else settings.rays
     kept, complete, files = 0, True, []
@@ -182,16 +186,17 @@ def render_frames(
         else:
             layers = make_layers(settings, scene, camera, lens, widest)
             complete &= layers.complete
-            image = np.asarray(render(layers, lens, rays=rays, smooth=settings.smooth, seed=settings.seed))
+            seed = settings.seed_of(number)
+            image = np.asarray(render(layers, lens, rays=rays, smooth=settings.smooth, seed=seed))
         for kind, path in zip(kinds, files[-1], strict=True):
             unfinished = path.with_name(f".{path.name}")
             if kind == "png":
-                _save_png(unfinished, image, solved, number, settings)
+                save_frame(unfinished, image, solved, number, settings)
             else:
-                _save_exr(unfinished, image, scene, camera, lens)
+                save_with_depth(unfinished, image, scene, camera, lens)
             os.replace(unfinished, path)
         done[str(number)] = mark
-        _write_done(folder, done)
+        write_done(folder, done)
     tell("render", 1.0)
     if settings.motion is None:
         return RenderedFrames(wanted, tuple(files), kept, rays, complete)
@@ -205,6 +210,15 @@ def render_frames(
     way = max([*ways, *(each.motion_px for each in moved)])
     spans = max((each.spans for each in moved), default=1)
     return RenderedFrames(wanted, tuple(files), kept, rays, complete, way, step, spans)
+
+
+def save_frame(
+    path: Path, image: np.ndarray, solved: SolvedShot, number: int, settings: FrameSettings
+) -> None:
+    """A picture to look at, as the camera of a frame takes it."""
+    camera, lens = solved.solution.at(number - 1)
+    development, stops, bits = settings.development, settings.exposure, settings.bits
+    save_shown(path, image, camera, lens, development, exposure=stops, bits=bits)
 
 
 def _camera_at(solved: SolvedShot, number: int) -> Callable[[float], Camera]:
@@ -243,7 +257,7 @@ def _exposed(
         fps=motion.fps,
         rays=rays,
         smooth=settings.smooth,
-        seed=settings.seed,
+        seed=settings.seed_of(number),
         turn=motion.turn,
         step_px=motion.step_px,
         most_spans=motion.most_spans,
@@ -338,37 +352,3 @@ def _widest(solved: SolvedShot, wanted: Sequence[int], settings: FrameSettings) 
 @eqx.filter_jit
 def _reach(lens: AbstractLens, camera: Camera, depths: Float[Array, "2"]) -> Float[Array, ""]:
     return jnp.max(jax.vmap(lambda w: lens.reach(camera, w))(depths))
-
-
-def _save_png(
-    path: Path, image: np.ndarray, solved: SolvedShot, number: int, settings: FrameSettings
-) -> None:
-    development = settings.development
-    if development is None:
-        save_png(path, image, exposure=settings.exposure, bits=settings.bits)
-        return
-    camera, lens = solved.solution.at(number - 1)
-    shown = development.shown(jnp.asarray(image), camera, development.settings(camera, lens))
-    save_png(path, shown, bits=settings.bits)
-
-
-def _save_exr(path: Path, image: np.ndarray, scene: Scene, camera: Camera, lens: AbstractLens) -> None:
-    disparity = disparity_map(scene, camera)
-    with np.errstate(divide="ignore"):
-        depth = 1.0 / disparity
-    save_exr(
-        path, image, depth=depth, blur=np.asarray(blur_map(lens, camera, jnp.asarray(disparity, dtype=float)))
-    )
-
-
-def _read_done(folder: Path) -> dict[str, str]:
-    try:
-        return json.loads((folder / _DONE).read_text())
-    except (OSError, ValueError):
-        return {}
-
-
-def _write_done(folder: Path, done: dict[str, str]) -> None:
-    unfinished = folder / f".{_DONE}"
-    unfinished.write_text(json.dumps(done, indent=1, sort_keys=True) + "\n")
-    os.replace(unfinished, folder / _DONE)

@@ -17,7 +17,16 @@ from focusjax.shot._curves import save_blur_curves, save_contact_sheet, save_set
 from focusjax.shot._render import RenderedFrames
 from focusjax.shot._solve import SolvedShot
 
-REPORT_FILES = ("report.json", "report.html", "settings.png", "blur.png", "contact.png", "shot.mp4")
+REPORT_FILES = (
+    "report.json",
+    "report.html",
+    "settings.png",
+    "blur.png",
+    "contact.png",
+    "shot.mp4",
+    "long_exposure.png",
+    "long_exposure.exr",
+)
 """Every file that a shot can leave in its folder, beside the folder `frames`."""
 
 _RESULTS = ("solved", "undetermined", "max_steps_reached", "not_finite")
@@ -54,6 +63,8 @@ def save_report(
         if pngs:
             save_contact_sheet(folder / "contact.png", pngs)
             pictures.append("contact")
+    if (folder / "long_exposure.png").is_file():
+        pictures.append("long_exposure")
     facts = shot_summary(config, solved, rendered, seconds, compile_seconds)
     (folder / "report.json").write_text(json_text(facts))
     embedded = {

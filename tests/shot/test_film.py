@@ -173,6 +173,27 @@ def test_frames_are_exposed_and_developed_alike(filmed, config_file, tmp_path):
     np.testing.assert_array_equal(before, after)
 
 
+def test_frames_make_one_long_exposure(filmed, config_file, tmp_path):
+    """Of those that are asked for, each with rays of its own; they are kept for the next time."""
+    options = ["--out", str(tmp_path), "--set", "shot.long_exposure=true", "--set", "shot.formats=['png']"]
+    for frames, kept in (([1, 2], 0), ([1, 2, 3], 2)):
+        chosen = ["--frames", ",".join(map(str, frames))]
+        result = CliRunner().invoke(app, ["shot", str(config_file), *options, *chosen])
+        assert result.exit_code in (0, 3), result.output
+        assert json.loads((tmp_path / "report.json").read_text())["pictures"]["kept"] == kept
+        singles = [load_exr(tmp_path / "frames" / f"frame_{number:04d}.exr") for number in frames]
+        together = load_exr(tmp_path / "long_exposure.exr")
+        for name in "RGB":
+            # Rounding, of single precision.
+            np.testing.assert_allclose(
+                together[name], np.mean([one[name] for one in singles], axis=0), atol=1e-6
+            )
+    assert iio.imread(tmp_path / "long_exposure.png").shape == (24, 33, 3)
+    assert (tmp_path / "report.html").read_text().count("data:image/png;base64,") == 4
+    usual, own = (load_exr(out / "frames" / "frame_0001.exr")["R"] for out in (filmed[0], tmp_path))
+    assert np.abs(usual - own).max() > 0.0
+
+
 def test_frames_taken_with_a_shutter_are_blurred_by_motion(filmed, config_file, tmp_path):
     """The far card and the camera move between frames; with 180 degrees, half of that way is seen."""
     options = ["--out", str(tmp_path), "--frames", "2", "--set", "shutter.angle_deg=180"]

@@ -147,8 +147,8 @@ def jacobian(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h 
 def plain(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3 3"]:
     def picture(values: Float[Array, "3"]) -> Float[Array, "h w 3"]:
         look, chosen = (layers.samples.radiance, layers.background), Rays(rays, 0, 1 << 17)
-        means = _traced(look, moved(lens, values), layers, chosen, _starts(lens, layers, chosen))
-        return means.picture.reshape(layers.camera.height, layers.camera.width, 3)
+        picture, _ = _traced(look, moved(lens, values), layers, chosen, _starts(lens, layers, chosen))
+        return picture.reshape(layers.camera.height, layers.camera.width, 3)
 
     return jax.jacfwd(picture)(jnp.zeros(3))
 

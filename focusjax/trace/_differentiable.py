@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int
 from focusjax._counts import require_counts, require_seed
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens, in_colour
-from focusjax.trace._flux import Means, Rays, Still, in_blocks, picture_flow
+from focusjax.trace._flux import Rays, Still, in_blocks, picture_flow
 from focusjax.trace._known_light import evened, known_light
 from focusjax.trace._radiances import disparity_ranges, traced_scene
 from focusjax.trace._reach import check_reach, out_of_reach
@@ -87,37 +87,39 @@ def _differentiable(
     fixed = eqx.combine(fixed, layers)
     look = layers.samples.radiance, layers.background
     means = _means(look, lens, fixed, picture=picture, derivative=derivative)
-    return means.picture.reshape(layers.camera.height, layers.camera.width, 3)
+    return means.reshape(layers.camera.height, layers.camera.width, 3)
 
 
 @eqx.filter_custom_jvp
 def _means(
     look: tuple[Array, Array], lens: AbstractLens, layers: Layers, *, picture: Rays, derivative: Rays
-) -> Means:
-    """The picture; of its radiances only derivatives are made, so that nothing moves them."""
-    return _traced(look, lens, layers, picture, _starts(lens, layers, picture))
+) -> Float[Array, "p 3"]:
+    """The picture, row-major."""
+    return _traced(look, lens, layers, picture, _starts(lens, layers, picture))[0]
 
 
 @_means.def_jvp
-def _means_jvp(primals: Any, tangents: Any, *, picture: Rays, derivative: Rays) -> tuple[Means, Means]:
+def _means_jvp(
+    primals: Any, tangents: Any, *, picture: Rays, derivative: Rays
+) -> tuple[Float[Array, "p 3"], Float[Array, "p 3"]]:
     look, lens, layers = primals
     look_moves, lens_moves, _ = tangents
     means = _means(look, lens, layers, picture=picture, derivative=derivative)
-    change = jnp.zeros_like(means.picture)
+    change = jnp.zeros_like(means)
     if jax.tree.leaves(look_moves):
 
         def seen(look: tuple[Array, Array]) -> Float[Array, "p 3"]:
-            return _traced(look, lens, layers, picture, _starts(lens, layers, picture)).picture
+            return _traced(look, lens, layers, picture, _starts(lens, layers, picture))[0]
 
         change += eqx.filter_jvp(seen, (look,), (look_moves,))[1]
     if jax.tree.leaves(lens_moves):
         least, largest, _ = disparity_ranges(layers, lens)
         starts = _starts(lens, layers, derivative)
-        apart = _traced(look, lens, layers, derivative, starts)
-        still = Still(traced_scene(layers), lens, least, largest, apart.radiance, starts.offset, derivative)
+        _, radiance = _traced(look, lens, layers, derivative, starts)
+        still = Still(traced_scene(layers), lens, least, largest, radiance, starts.offset, derivative)
         flow = eqx.filter_jvp(lambda new: picture_flow(still, new), (lens,), (lens_moves,))[1]
         change += flow.reshape(-1, 3)
-    return means, Means(change, jnp.zeros_like(means.radiance))
+    return means, change
 
 
 def _starts(lens: AbstractLens, layers: Layers, rays: Rays) -> RaySamples:
@@ -126,8 +128,11 @@ def _starts(lens: AbstractLens, layers: Layers, rays: Rays) -> RaySamples:
 
 def _traced(
     look: tuple[Array, Array], lens: AbstractLens, layers: Layers, rays: Rays, starts: RaySamples
-) -> Means:
-    """What rays bring from layers of a given radiance."""
+) -> tuple[Float[Array, "p 3"], Float[Array, "p 3"]]:
+    """What rays bring to each pixel from layers of a given radiance, and that relative to their light.
+
+    The latter is 0 where there is no light.
+    """
     camera = layers.camera
     least, largest, _ = disparity_ranges(layers, lens)
     samples = dataclasses.replace(layers.samples, radiance=look[0])
@@ -159,4 +164,4 @@ def _traced(
     picture, light = found[:, 0], found[:, 1]
     radiance = jnp.where(light > 0, picture / jnp.where(light > 0, light, 1.0), 0.0)
     known = known_light(lens, camera)
-    return Means(picture if known is None else evened(picture, light, known), radiance)
+    return picture if known is None else evened(picture, light, known), radiance

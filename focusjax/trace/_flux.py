@@ -55,18 +55,6 @@ class Rays(eqx.Module):
     at_once: int = eqx.field(static=True)
 
 
-class Means(eqx.Module):
-    """What the rays of a picture bring to its pixels, row-major.
-
-    Attributes:
-        picture: mean [p, 3] of what arrives.
-        radiance: the same [p, 3] relative to the light that they stand for; 0 where there is none.
-    """
-
-    picture: Float[Array, "p 3"]
-    radiance: Float[Array, "p 3"]
-
-
 class Still(eqx.Module):
     """What is traced, none of which moves.
 

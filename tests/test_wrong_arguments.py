@@ -15,11 +15,12 @@ import json, sys
 import jax.numpy as jnp
 import numpy as np
 import focusjax as fj
-from focusjax import lens as L, scene as S
+from focusjax import lens as L, optics as O, scene as S
 from focusjax.focus import Prior, fit_focal_plane, solve_frames, stacked
 from focusjax.layers import missed_light
 from focusjax.optics import lens_preset
 from focusjax.shutter import make_shutter
+glass = O.find_glass("N-BK7")
 camera = fj.look_at((0, 0, 0), (0, 0, -1), width=64, height=48, focal_length=0.05)
 lens = fj.thin_lens(focus_distance=2.0, f_number=4.0, focal_length=0.05)
 wish = fj.FocusPoint(fj.AtPoint((0, 0, -2)), fj.Sharp(), name="nose")
@@ -126,6 +127,15 @@ CALLS = {
     "L.focal_surface([(1, 1)], ['0.5'])": "control points' focus disparity is ['0.5']; expected one number",
     "L.focal_surface([(1, 1), (2,)], 0.5)": "control points is [(1, 1), (2,)]; expected k rows of (x, y)",
     "L.height_curve([0, 1], [None, 1])": "values of the table is [None, 1]; expected finite numbers, one",
+    "O.singlet('50', -50, thickness=5, semi_diameter=9, glass=glass)": (
+        "the front radius of singlet is '50'; expected a length in mm, or inf for a plane"
+    ),
+    "O.singlet(50, None, thickness=5, semi_diameter=9, glass=glass)": "the back radius of singlet is None;",
+    "O.singlet(50, -50, thickness='5', semi_diameter=9, glass=glass)": "the thickness of singlet is '5';",
+    "O.singlet(50, -50, thickness=5, semi_diameter=[9], glass=glass)": "the semi-diameter of singlet is [9];",
+    "O.singlet(50, -50, thickness=5, semi_diameter=9, glass='N-BK7')": (
+        "glass=) is the text 'N-BK7'; expected AbstractGlass: `find_glass"
+    ),
     "S.make_object('n', corners, [(0, 1, 2)], opacity='0.5')": "opacity of object 'n' is '0.5'; expected a",
     "S.make_object('n', corners, [(0, 1, 2)], opacity=True)": "opacity of object 'n' is True; expected a num",
     "S.make_object('n', corners, [(0, 1, 2)], shininess='9')": "shininess is '9'; expected a finite Phong",

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._arguments import real_number, require_kind
 from focusjax.optics._glass import FRAUNHOFER, AbstractGlass, air
 from focusjax.optics._surfaces import AbstractSurface, Conic, EvenAsphere, sphere
 
@@ -150,13 +151,22 @@ def singlet(
         name: what to call it.
 
     Raises:
-        ValueError: a radius of 0, or as `make_prescription`.
+        ValueError: a radius of 0, a length that is no number, glass by its name only, or as
+            `make_prescription`.
     """
     if front_radius == 0 or back_radius == 0:
         raise ValueError(f"a radius of {name} is 0; expected a length, or inf for a plane")
     return make_prescription(
         [sphere(1.0 / front_radius), sphere(1.0 / back_radius)],
         [thickness, 0.0],
+    usage = "singlet(front_radius, back_radius, thickness=, semi_diameter=, glass=)"
+    require_kind(glass, AbstractGlass, usage, '`find_glass("N-BK7")` finds one', "glass")
+    front_radius, back_radius = (
+        real_number(radius, f"the {side} radius of {name}", "a length in mm, or inf for a plane")
+        for side, radius in (("front", front_radius), ("back", back_radius))
+    )
+    thickness = real_number(thickness, f"the thickness of {name}", "a length in mm")
+    semi_diameter = real_number(semi_diameter, f"the semi-diameter of {name}", "a length in mm")
         [semi_diameter, semi_diameter],
         [glass, air()],
         stop=0,

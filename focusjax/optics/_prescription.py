@@ -69,12 +69,18 @@ class SurfaceError(ValueError):
     """A prescription that cannot be, for what one surface is.
 
     Attributes:
-        surface: its number, from 0.
+        lens: its name.
+        surfaces: numbers of the one, or of the two, that it is about, from 0.
+        what: is wrong with them.
     """
 
-    def __init__(self, surface: int, why: str) -> None:
-        super().__init__(why)
-        self.surface = surface
+    def __init__(self, lens: str, surfaces: tuple[int, ...], what: str) -> None:
+        self.lens, self.surfaces, self.what = lens, surfaces, what
+        super().__init__(self.of([f"surface {number}" for number in range(surfaces[-1] + 1)]))
+
+    def of(self, names: Sequence[str]) -> str:
+        """The message where surfaces are called so."""
+        return f"{' and '.join(names[number] for number in self.surfaces)} of {self.lens} {self.what}"
 
 
 def make_prescription(
@@ -107,17 +113,16 @@ def make_prescription(
         raise ValueError(f"the stop of {name} is surface {stop}; expected one of 0 to {count - 1}")
     for number, (gap, radius) in enumerate(zip(thicknesses, semi_diameters, strict=True)):
         if not 0 < radius < float("inf"):
-            why = f"surface {number} of {name} has a semi-diameter of {radius:g} mm; expected > 0"
-            raise SurfaceError(number, why)
+            raise SurfaceError(name, (number,), f"has a semi-diameter of {radius:g} mm; expected > 0")
         if not 0 <= gap < float("inf"):
-            why = f"the thickness after surface {number} of {name} is {gap:g} mm; expected 0 or more"
-            raise SurfaceError(number, why)
+            raise SurfaceError(name, (number,), f"has a thickness of {gap:g} mm; expected 0 or more")
     behind = float(glasses[-1].index(line()))
     if abs(behind - 1.0) > _AIR:
         raise SurfaceError(
-            count - 1,
-            f"{name} ends in glass of index {behind:.4g}, after surface {count - 1}; expected air, so give"
-            " the surface that is missing",
+            name,
+            (count - 1,),
+            f"is the last and has glass of index {behind:.4g} behind it; expected air, so give the surface"
+            " that is missing",
         )
     lens = Prescription(
         tuple(surfaces),
@@ -154,11 +159,6 @@ def singlet(
         ValueError: a radius of 0, a length that is no number, glass by its name only, or as
             `make_prescription`.
     """
-    if front_radius == 0 or back_radius == 0:
-        raise ValueError(f"a radius of {name} is 0; expected a length, or inf for a plane")
-    return make_prescription(
-        [sphere(1.0 / front_radius), sphere(1.0 / back_radius)],
-        [thickness, 0.0],
     usage = "singlet(front_radius, back_radius, thickness=, semi_diameter=, glass=)"
     require_kind(glass, AbstractGlass, usage, '`find_glass("N-BK7")` finds one', "glass")
     front_radius, back_radius = (
@@ -167,6 +167,11 @@ def singlet(
     )
     thickness = real_number(thickness, f"the thickness of {name}", "a length in mm")
     semi_diameter = real_number(semi_diameter, f"the semi-diameter of {name}", "a length in mm")
+    if front_radius == 0 or back_radius == 0:
+        raise ValueError(f"a radius of {name} is 0; expected a length, or inf for a plane")
+    return make_prescription(
+        [sphere(1.0 / front_radius), sphere(1.0 / back_radius)],
+        [thickness, 0.0],
         [semi_diameter, semi_diameter],
         [glass, air()],
         stop=0,
@@ -188,17 +193,17 @@ def check_surfaces(lens: Prescription) -> None:
     radii = np.asarray(lens.semi_diameters)
     for number, (surface, radius) in enumerate(zip(lens.surfaces, radii, strict=True)):
         if not np.isfinite([float(value) for value in surface.osculating()]).all():
-            why = (
-                f"surface {number} of {lens.name} has a curvature that is not finite; expected a radius in mm"
+            raise SurfaceError(
+                lens.name, (number,), "has a curvature that is not finite; expected a radius in mm"
             )
-            raise SurfaceError(number, why)
         if isinstance(surface, Conic | EvenAsphere):
             steep = (1.0 + float(surface.conic)) * float(surface.curvature) ** 2
             if steep * radius**2 > 1.0 + _EDGE:
                 raise SurfaceError(
-                    number,
-                    f"surface {number} of {lens.name} has a semi-diameter of {radius:.4g} mm, but reaches"
-                    f" {steep**-0.5:.4g} mm from the axis; check its radius and semi-diameter",
+                    lens.name,
+                    (number,),
+                    f"has a semi-diameter of {radius:.4g} mm, but reaches {steep**-0.5:.4g} mm from the axis;"
+                    " check its radius and semi-diameter",
                 )
     shares = np.linspace(0.0, 1.0, 33)
     for number, (surface, following) in enumerate(zip(lens.surfaces, lens.surfaces[1:], strict=False)):
@@ -208,8 +213,9 @@ def check_surfaces(lens: Prescription) -> None:
         gap = np.asarray(lens.thicknesses[number] + after - before)
         if not gap.min() >= -_GAP:
             raise SurfaceError(
-                number,
-                f"surfaces {number} and {number + 1} of {lens.name} cross {float(across[gap.argmin()]):.3g}"
-                f" mm from the axis, within their clear radius, by {-gap.min():.3g} mm; check the thickness"
-                " between them and the semi-diameters",
+                lens.name,
+                (number, number + 1),
+                f"cross within their clear radius, by {-gap.min():.3g} mm"
+                f" {float(across[gap.argmin()]):.3g} mm from the axis; check the thickness between them and"
+                " the semi-diameters",
             )

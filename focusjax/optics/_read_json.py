@@ -35,12 +35,12 @@ def read_json(path: Path) -> Prescription:
     for number, surface in enumerate(content["surfaces"]):
         # The line of the surface's type; of what lacks one, that of the list.
         line = starts[number] if number < len(starts) else 1
-        rows.append(_row(text, line, surface))
+        rows.append(_row(text, line, f"surfaces[{number}]", surface))
     name = content.get("info")
     return from_rows(text, rows, name if isinstance(name, str) and name else path.stem)
 
 
-def _row(text: LensText, line: int, surface: Any) -> Row:
+def _row(text: LensText, line: int, called: str, surface: Any) -> Row:
     if not isinstance(surface, dict):
         raise text.refuse(line, f"a surface is {surface!r}; expected an object with a type")
 
@@ -59,6 +59,7 @@ def _row(text: LensText, line: int, surface: Any) -> Row:
         curvature = value("c") if radius is None else (1.0 / radius if radius else 0.0)
     return Row(
         line=line,
+        called=called,
         curvature=curvature,
         thickness=value("d_next"),
         semi_diameter=text.opening(line, value("r")),

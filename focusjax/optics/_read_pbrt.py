@@ -32,6 +32,7 @@ def read_pbrt(path: Path) -> Prescription:
         rows.append(
             Row(
                 line=number,
+                called=f"the surface of line {number}",
                 curvature=1.0 / radius if radius else 0.0,
                 thickness=thickness,
                 semi_diameter=text.opening(number, diameter) / 2.0,

@@ -1,5 +1,6 @@
 """The text files of Zemax (`.zmx`): sequential lenses of spherical, conic and even aspheric surfaces."""
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -9,6 +10,23 @@ from focusjax.optics._rows import LensFileError, LensText, Row, from_rows
 _UNITS = {"MM": 1.0, "CM": 10.0, "METER": 1000.0, "M": 1000.0, "IN": 25.4}
 _TYPES = ("STANDARD", "EVENASPH")
 _MODEL = "___BLANK"
+_POWERS = 8
+"""Of r^2 that the parameters of an even asphere are factors of."""
+
+
+@dataclasses.dataclass
+class _Block:
+    """The lines of one surface.
+
+    Attributes:
+        row: what they say.
+        kind: the surface's type.
+        parameters: value and line of each, by its number.
+    """
+
+    row: Row
+    kind: str = "STANDARD"
+    parameters: dict[int, tuple[float, int]] = dataclasses.field(default_factory=dict)
 
 
 def read_zemax(path: Path) -> Prescription:
@@ -16,14 +34,15 @@ def read_zemax(path: Path) -> Prescription:
 
     Read are UNIT, MODE, FNUM, ENPD, NAME and, of surfaces, TYPE, STOP, CURV, CONI, PARM, DISZ, GLAS and DIAM.
     The stop is as wide as FNUM or ENPD say, or DIAM; if none says, as wide as the other surfaces let an axial
-    beam be.
+    beam be. Surfaces of the type STANDARD are planes, spheres and conics, whatever PARM says of them; a
+    warning tells of what is not zero.
 
     Raises:
         LensFileError: a surface type, mode or unit that is not supported, a mirror, numbers that are none, an
             unknown glass without index, or a lens that cannot be.
     """
     text = LensText(path)
-    rows: list[Row] = []
+    blocks: list[_Block] = []
     unit, name, openings = 1.0, "", {}
     for number, line in enumerate(text.lines, start=1):
         words = line.split()
@@ -31,7 +50,7 @@ def read_zemax(path: Path) -> Prescription:
             continue
         key, rest = words[0], words[1:]
         if key == "SURF":
-            rows.append(Row(line=number))
+            blocks.append(_Block(Row(line=number, called=" ".join(words[:2]))))
         elif key == "NAME":
             name = " ".join(rest)
         elif key == "MODE" and rest[:1] != ["SEQ"]:
@@ -44,11 +63,13 @@ def read_zemax(path: Path) -> Prescription:
             unit = _UNITS[rest[0]]
         elif key in ("FNUM", "ENPD") and rest:
             openings[key] = text.opening(number, text.number(number, rest[0], key))
-        elif rows:
-            _surface_line(text, number, rows[-1], key, rest)
-    if len(rows) < 3:
-        raise LensFileError(f"{path}: has {len(rows)} surfaces; expected an object, a lens and an image")
-    inner = rows[1:-1]
+        elif blocks:
+            _surface_line(text, number, blocks[-1], key, rest)
+    if len(blocks) < 3:
+        raise LensFileError(f"{path}: has {len(blocks)} surfaces; expected an object, a lens and an image")
+    for block in blocks[1:-1]:
+        block.row.coefficients = _polynomial(text, block)
+    inner = [block.row for block in blocks[1:-1]]
     for row in inner:
         if not math.isfinite(row.thickness):
             raise text.refuse(row.line, "the surface is infinitely far from the next; expected a lens")
@@ -60,8 +81,9 @@ def read_zemax(path: Path) -> Prescription:
     return from_rows(text, inner, name or path.stem, f_number=openings.get("FNUM"), pupil_diameter=pupil)
 
 
-def _surface_line(text: LensText, number: int, row: Row, key: str, rest: list[str]) -> None:
+def _surface_line(text: LensText, number: int, block: _Block, key: str, rest: list[str]) -> None:
     """One line of a surface's block."""
+    row = block.row
 
     def value(place: int = 0) -> float:
         if len(rest) <= place:
@@ -69,10 +91,13 @@ def _surface_line(text: LensText, number: int, row: Row, key: str, rest: list[st
         return text.number(number, rest[place], key)
 
     if key == "TYPE":
-        if rest[:1] and rest[0] not in _TYPES:
+        if not rest:
+            raise text.refuse(number, f"TYPE ends early; expected {' or '.join(_TYPES)}")
+        if rest[0] not in _TYPES:
             raise text.refuse(
                 number, f"surface type {rest[0]} is not supported; expected {' or '.join(_TYPES)}"
             )
+        block.kind = rest[0]
     elif key == "STOP":
         row.is_stop = True
     elif key == "CURV":
@@ -80,13 +105,10 @@ def _surface_line(text: LensText, number: int, row: Row, key: str, rest: list[st
     elif key == "CONI":
         row.conic = value()
     elif key == "PARM":
-        place, coefficient = int(value()), value(1)
-        if coefficient and not 1 <= place <= 8:
-            raise text.refuse(number, f"parameter {place} of an asphere is not supported; expected 1 to 8")
-        grown = list(row.coefficients) + [0.0] * (place - len(row.coefficients))
-        if 1 <= place <= 8:
-            grown[place - 1] = coefficient
-        row.coefficients = tuple(grown)
+        place = value()
+        if not place.is_integer():
+            raise text.refuse(number, f"the number of a parameter is {rest[0]}; expected a whole one")
+        block.parameters[int(place)] = value(1), number
     elif key == "DISZ":
         row.thickness = math.inf if rest[:1] == ["INFINITY"] else value()
     elif key == "DIAM":
@@ -98,6 +120,29 @@ def _surface_line(text: LensText, number: int, row: Row, key: str, rest: list[st
         if not rest:
             raise text.refuse(number, "GLAS ends early; expected a name")
         _glass_line(text, number, row, rest)
+
+
+def _polynomial(text: LensText, block: _Block) -> tuple[float, ...]:
+    """The factors of r^2, r^4 and so on that the parameters of an even asphere are.
+
+    A standard surface has no parameters. Those in its block, left from another type, mean nothing to Zemax.
+    """
+    stated = {place: found for place, found in block.parameters.items() if found[0] != 0.0}
+    if block.kind == "STANDARD":
+        for place, (value, number) in stated.items():
+            text.warn(
+                number,
+                f"parameter {place} of {block.row.called} is {value:g}, but surfaces of TYPE STANDARD have"
+                " none; it is left out (an asphere is of TYPE EVENASPH)",
+            )
+        return ()
+    for place, (_, number) in stated.items():
+        if not 1 <= place <= _POWERS:
+            raise text.refuse(
+                number, f"parameter {place} of an asphere is not supported; expected 1 to {_POWERS}"
+            )
+    named = [place for place in block.parameters if 1 <= place <= _POWERS]
+    return tuple(stated.get(place, (0.0,))[0] for place in range(1, max(named, default=0) + 1))
 
 
 def _glass_line(text: LensText, number: int, row: Row, rest: list[str]) -> None:

@@ -24,6 +24,7 @@ class Row:
 
     Attributes:
         line: where it begins, from 1.
+        called: what the file itself calls it, such as "SURF 7".
         curvature: 1/mm.
         conic: of the surface.
         coefficients: of r^2, r^4 and so on, in mm.
@@ -34,6 +35,7 @@ class Row:
     """
 
     line: int
+    called: str
     curvature: float = 0.0
     conic: float = 0.0
     coefficients: tuple[float, ...] = ()
@@ -67,11 +69,13 @@ class LensText:
         wide = data[:2] in (b"\xff\xfe", b"\xfe\xff")
         try:
             self.lines = data.decode("utf-16" if wide else "utf-8-sig").splitlines()
-        except UnicodeDecodeError:
-            try:
-                self.lines = data.decode("latin-1").splitlines()
-            except UnicodeDecodeError:
-                raise LensFileError(f"{path}: is not text") from None
+        except UnicodeDecodeError as error:
+            if wide:
+                raise LensFileError(
+                    f"{path}: begins as UTF-16 text, but is none from byte {error.start} of {len(data)} on;"
+                    " was it cut off while it was copied?"
+                ) from None
+            self.lines = data.decode("latin-1").splitlines()
 
     def refuse(self, line: int, why: object) -> LensFileError:
         """The error to raise about a line, counted from 1."""
@@ -107,13 +111,15 @@ class LensText:
             raise self.refuse(line, f"an aperture is {value:g}; expected a positive one")
         return value
 
+    def warn(self, line: int, what: str) -> None:
+        """Say of a line, counted from 1, that it is not taken as it stands."""
+        warnings.warn(f"{self.path}, line {line}: {what}", UserWarning, stacklevel=2)
+
     def warn_of_stand_in(self, line: int, name: str, n_d: float, v_d: float) -> None:
         """Say that a glass of the file is known by two numbers only."""
-        warnings.warn(
-            f"{self.path}, line {line}: glass {name!r} is not in the catalogue; taken by the file's"
-            f" n_d = {n_d:g} and V_d = {v_d:g}",
-            UserWarning,
-            stacklevel=2,
+        self.warn(
+            line,
+            f"glass {name!r} is not in the catalogue; taken by the file's n_d = {n_d:g} and V_d = {v_d:g}",
         )
 
 
@@ -141,7 +147,7 @@ def from_rows(
         where = ", ".join(str(rows[number].line) for number in stops)
         found = f"has {len(stops)} stops (lines {where})" if stops else "has no stop"
         raise LensFileError(f"{text.path}: {found}; expected one")
-    stop = stops[0]
+    stop, called = stops[0], [row.called for row in rows]
     for number, row in enumerate(rows):
         if row.semi_diameter is None and number != stop:
             raise text.refuse(row.line, "the surface has no aperture; expected its semi-diameter")
@@ -157,7 +163,7 @@ def from_rows(
             name=name,
         )
     except SurfaceError as error:
-        raise text.refuse(rows[error.surface].line, error) from None
+        raise text.refuse(rows[error.surfaces[0]].line, error.of(called)) from None
     except ValueError as error:
         raise LensFileError(f"{text.path}: {error}") from None
     if f_number is None and pupil_diameter is None and given is not None:
@@ -174,7 +180,7 @@ def from_rows(
     try:
         check_surfaces(opened)
     except SurfaceError as error:
-        why = f"the stop is {radius:.4g} mm wide by the file's aperture, but {error}"
+        why = f"the stop is {radius:.4g} mm wide by the file's aperture, but {error.of(called)}"
         raise text.refuse(rows[stop].line, why) from None
     return opened
 

@@ -2,6 +2,7 @@
 
 import codecs
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -71,6 +72,28 @@ def test_zemax_files_in_inches_utf16_and_with_aspheres(write):
     assert float(lens.thicknesses[0]) == pytest.approx(127.0)
 
 
+def test_parameters_of_a_standard_surface_mean_nothing(write):
+    """To Zemax, whose files keep what was typed in while the surface had another type."""
+    wanted = load_lens(write("a.zmx", zemax()))
+    with pytest.warns(
+        UserWarning, match=r"line 9: parameter 2 of SURF 1 is 1e-06, but surfaces of TYPE STAND"
+    ):
+        lens = load_lens(write("a.zmx", zemax(surface="TYPE STANDARD\nPARM 2 1e-6\nPARM 11 0")))
+    assert eqx.tree_equal(lens, wanted)
+    assert eqx.tree_equal(load_lens(write("a.zmx", zemax(more="DIAM 9 1\nPARM 2 0"))), wanted)
+
+
+def test_surfaces_are_called_as_the_file_calls_them(write):
+    """However many planes in air before them are left out."""
+    dummy = "SURF 1\nTYPE STANDARD\nCURV 0\nDISZ 1\n"
+    text = zemax(more="DIAM 80 1").replace("SURF 2", "SURF 3").replace("SURF 1", "SURF 2")
+    with pytest.raises(LensFileError, match="line 11: SURF 2 of a has a semi-diameter of 80 mm"):
+        load_lens(write("a.zmx", text.replace("SURF 2", dummy + "SURF 2")))
+    wide = '{"type": "Spheric", "r": 60, "roc": -50, "d_next": 2, "mat2": "air"}'
+    with pytest.raises(LensFileError, match=r"line 3: surfaces\[1\] of a has a semi-diameter of 60 mm"):
+        load_lens(write("a.json", json_lens(wide)))
+
+
 def test_the_stop_of_a_zemax_file_is_as_wide_as_it_says(write):
     lens = load_lens(write("a.zmx", "FNUM 8 0\n" + zemax()))
     assert float(first_order(lens).f_number) == pytest.approx(8.0)
@@ -100,16 +123,20 @@ def test_glass_without_an_entry_is_taken_by_its_index(write):
         ("a.dat", "50 5 1.5 18\n-50 0 1 18\n", "a.dat: has no stop; expected one"),
         ("a.dat", "0 1 0 9\n50 5 1.5 18\n-50 1 1 18\n0 1 0 9\n", r"has 2 stops \(lines 1, 4\)"),
         ("a.dat", "", "a.dat: has no surfaces"),
-        ("a.dat", "50 0.5 1.5 18\n-50 0 1 18\n0 1 0 9\n", r"line 1: surfaces 0 and 1 of a cross .* axis"),
+        (
+            "a.dat",
+            "50 0.5 1.5 18\n-50 0 1 18\n0 1 0 9\n",
+            r"line 1: the surface of line 1 and the surface of line 2 of a cross .* axis",
+        ),
         (
             "a.dat",
             "0 1 0 9\n50 5 1.5 18\n",
-            "line 2: a ends in glass of index 1.5, after surface 1; expected air",
+            "line 2: the surface of line 2 of a is the last and has glass of index 1.5 behind it; expected",
         ),
         (
             "a.dat",
             "9 5 1.5 20\n-50 1 1 18\n0 1 0 16\n",
-            "line 1: surface 0 of a has a semi-diameter of 10 mm, but reaches 9 mm from the axis",
+            "line 1: the surface of line 1 of a has a semi-diameter of 10 mm, but reaches 9 mm from the axis",
         ),
         (
             "a.zmx",
@@ -122,8 +149,24 @@ def test_glass_without_an_entry_is_taken_by_its_index(write):
         ("a.zmx", zemax(glass="GLAS N-BK8"), r"line 12: there is no glass 'N-BK8'; did you mean N-BK7"),
         ("a.zmx", zemax(glass="GLAS ___BLANK 1 0"), "line 12: a model glass has no index"),
         ("a.zmx", zemax(more="DIAM -9"), "line 13: an aperture is -9"),
-        ("a.zmx", zemax(more="PARM 9 1"), "line 13: parameter 9 of an asphere"),
+        ("a.zmx", zemax(surface="TYPE EVENASPH\nPARM 9 1"), "line 9: parameter 9 of an asphere"),
         ("a.zmx", zemax(more="PARM 2"), "line 13: PARM ends early"),
+        (
+            "a.zmx",
+            zemax(more="PARM 2.9 1"),
+            "line 13: the number of a parameter is 2.9; expected a whole one",
+        ),
+        ("a.zmx", zemax(surface="TYPE"), "line 8: TYPE ends early; expected STANDARD or EVENASPH"),
+        (
+            "a.zmx",
+            zemax().replace("DISZ 5", "DISZ 0.5"),
+            "line 7: SURF 1 and SURF 2 of a cross within their clear radius, by 1.13 mm 9 mm from the axis",
+        ),
+        (
+            "a.zmx",
+            codecs.BOM_UTF16_LE + zemax().encode("utf-16-le")[:-1],
+            "a.zmx: begins as UTF-16 text, but is none from byte 480 of 481 on; was it cut off",
+        ),
         ("a.zmx", zemax(stop=""), "has no stop"),
         ("a.zmx", zemax().replace("MODE SEQ", "MODE NSC"), "line 1: mode NSC is not supported"),
         ("a.zmx", zemax().replace("UNIT MM", "UNIT FURLONG"), "line 2: unit 'FURLONG' is not known"),
@@ -160,7 +203,7 @@ def test_prescriptions_that_make_no_sense():
 
     for wrong, message in (
         ({"gaps": (1.0,)}, "2 surfaces but 1 thicknesses"),
-        ({"gaps": (-1.0, 0.0)}, "thickness after surface 0 of lens is -1 mm"),
+        ({"gaps": (-1.0, 0.0)}, "surface 0 of lens has a thickness of -1 mm"),
         ({"radii": (5.0, 0.0)}, "surface 1 of lens has a semi-diameter of 0 mm"),
         ({"stop": 2}, "the stop of lens is surface 2; expected one of 0 to 1"),
         ({"radii": (5.0, 51.0)}, "surface 1 of lens has a semi-diameter of 51 mm, but reaches 50 mm"),
@@ -168,7 +211,7 @@ def test_prescriptions_that_make_no_sense():
         with pytest.raises(ValueError, match=message):
             make(**wrong)
     with pytest.raises(
-        ValueError, match=r"lens ends in glass of index 1\.517, after surface 0; expected air"
+        ValueError, match=r"surface 0 of lens is the last and has glass of index 1\.517 behind it"
     ):
         make_prescription([sphere(0.02)], [0.0], [5.0], [GLASS], stop=0)
     with pytest.raises(ValueError, match="surface 0 of singlet has a curvature that is not finite"):

@@ -47,6 +47,8 @@ PRESETS = {
 def load_lens(path: str | Path) -> Prescription:
     """A lens file: pbrt (.dat), Zemax sequential (.zmx) or DeepLens (.json).
 
+    What is not taken as it stands in the file is told by a `UserWarning`, by file and line.
+
     Raises:
         LensFileError: another ending, or a file that cannot be read; the message names file and line.
     """

@@ -17,7 +17,7 @@ _AIR = 1e-3
 """By which the index of air may differ from 1."""
 _EDGE = 1e-9
 """By which the square of a semi-diameter may go beyond its surface, as numbers are rounded."""
-_GAP = 1e-6
+CROSSING = 1e-6
 """Millimetres that surfaces may seem to cross by, since files give rounded numbers."""
 
 
@@ -207,11 +207,9 @@ def check_surfaces(lens: Prescription) -> None:
                 )
     shares = np.linspace(0.0, 1.0, 33)
     for number, (surface, following) in enumerate(zip(lens.surfaces, lens.surfaces[1:], strict=False)):
-        across = jnp.asarray(shares * radii[number : number + 2].min(), dtype=float)
-        zero = jnp.zeros_like(across)
-        before, after = (jax.vmap(one.sag)(across, zero) for one in (surface, following))
-        gap = np.asarray(lens.thicknesses[number] + after - before)
-        if not gap.min() >= -_GAP:
+        across = shares * radii[number : number + 2].min()
+        gap = gap_between(surface, following, float(lens.thicknesses[number]), across)
+        if not gap.min() >= -CROSSING:
             raise SurfaceError(
                 lens.name,
                 (number, number + 1),
@@ -219,3 +217,12 @@ def check_surfaces(lens: Prescription) -> None:
                 f" {float(across[gap.argmin()]):.3g} mm from the axis; check the thickness between them and"
                 " the semi-diameters",
             )
+
+
+def gap_between(
+    surface: AbstractSurface, following: AbstractSurface, thickness: float, across: Float[np.ndarray, " r"]
+) -> Float[np.ndarray, " r"]:
+    """Millimetres along the axis from one surface to the next, so far `across` from it; negative beyond."""
+    at = jnp.asarray(across, dtype=float)
+    before, after = (jax.vmap(one.sag)(at, jnp.zeros_like(at)) for one in (surface, following))
+    return np.asarray(thickness + after - before)

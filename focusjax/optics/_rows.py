@@ -6,12 +6,17 @@ import warnings
 from pathlib import Path
 
 import jax.numpy as jnp
+import numpy as np
 
 from focusjax.optics._catalogue import find_glass, index_glass
 from focusjax.optics._glass import AbstractGlass, ConstantIndex
+from focusjax.optics._meeting import narrowed_to_meet
 from focusjax.optics._paraxial import first_order
 from focusjax.optics._prescription import Prescription, SurfaceError, check_surfaces, line, make_prescription
 from focusjax.optics._surfaces import AbstractSurface, Conic, EvenAsphere
+
+_ROUNDING = 1e-5
+"""By which a beam may seem wider than what it was made to pass, in single precision."""
 
 
 class LensFileError(ValueError):
@@ -133,60 +138,87 @@ def from_rows(
 ) -> Prescription:
     """The prescription of a file's rows; `f_number` or `pupil_diameter` sets its stop.
 
-    Dummy planes in air are left out, and the gaps before and after them joined.
+    Dummy planes in air are left out, and the gaps before and after them joined. Where clear radii reach a
+    little beyond where two surfaces meet, and the axial beam does not, they end there; a warning says so.
 
     Raises:
         LensFileError: no surfaces, no stop or two, an opening that is missing, or what `make_prescription`
             refuses.
     """
     rows = _without_dummies(rows)
-    stops = [number for number, row in enumerate(rows) if row.is_stop]
     if not rows:
         raise LensFileError(f"{text.path}: has no surfaces")
-    if len(stops) != 1:
-        where = ", ".join(str(rows[number].line) for number in stops)
-        found = f"has {len(stops)} stops (lines {where})" if stops else "has no stop"
-        raise LensFileError(f"{text.path}: {found}; expected one")
-    stop, called = stops[0], [row.called for row in rows]
+    stop, called = _stop(text, rows), [row.called for row in rows]
     for number, row in enumerate(rows):
         if row.semi_diameter is None and number != stop:
             raise text.refuse(row.line, "the surface has no aperture; expected its semi-diameter")
-    given = rows[stop].semi_diameter
-    open_stop = max(row.semi_diameter or 0.0 for row in rows)
+    # For the time being a stop that is open is in nobody's way.
+    narrowest = min((row.semi_diameter for row in rows if row.semi_diameter is not None), default=0.0)
+    given = [narrowest if row.semi_diameter is None else row.semi_diameter for row in rows]
+    surfaces, gaps = [row.surface() for row in rows], [row.thickness for row in rows]
+    glasses = [find_glass("air") if row.glass is None else row.glass for row in rows]
+    radii, narrowed = narrowed_to_meet(surfaces, gaps, given, stop)
     try:
-        lens = make_prescription(
-            [row.surface() for row in rows],
-            [row.thickness for row in rows],
-            [open_stop if row.semi_diameter is None else row.semi_diameter for row in rows],
-            [find_glass("air") if row.glass is None else row.glass for row in rows],
-            stop=stop,
-            name=name,
-        )
+        lens = make_prescription(surfaces, gaps, radii, glasses, stop=stop, name=name)
+        opened = lens
+        if f_number is not None or pupil_diameter is not None or rows[stop].semi_diameter is None:
+            opened = _opened(lens, f_number, pupil_diameter)
+        if any(_cuts_axial_beam(opened, number) for number in narrowed):
+            make_prescription(surfaces, gaps, given, glasses, stop=stop, name=name)
     except SurfaceError as error:
         raise text.refuse(rows[error.surfaces[0]].line, error.of(called)) from None
     except ValueError as error:
         raise LensFileError(f"{text.path}: {error}") from None
-    if f_number is None and pupil_diameter is None and given is not None:
-        return lens
+    try:
+        check_surfaces(opened)
+    except SurfaceError as error:
+        radius = float(opened.semi_diameters[stop])
+        why = f"the stop is {radius:.4g} mm wide by the file's aperture, but {error.of(called)}"
+        raise text.refuse(rows[stop].line, why) from None
+    for number in narrowed:
+        text.warn(
+            rows[number].line,
+            f"{called[number]} and {called[number + 1]} meet {radii[number]:.4g} mm from the axis, but have"
+            f" semi-diameters of {given[number]:.4g} and {given[number + 1]:.4g} mm; both are taken as"
+            f" {radii[number]:.4g} mm wide, which lets the whole axial beam through",
+        )
+    return opened
+
+
+def _stop(text: LensText, rows: list[Row]) -> int:
+    """The number of the only row that is one."""
+    stops = [number for number, row in enumerate(rows) if row.is_stop]
+    if len(stops) != 1:
+        where = ", ".join(str(rows[number].line) for number in stops)
+        found = f"has {len(stops)} stops (lines {where})" if stops else "has no stop"
+        raise LensFileError(f"{text.path}: {found}; expected one")
+    return stops[0]
+
+
+def _opened(lens: Prescription, f_number: float | None, pupil_diameter: float | None) -> Prescription:
+    """The lens with its stop by f-number or pupil, or as wide as the other surfaces let an axial beam be."""
     seen = first_order(lens)
-    radius = float(lens.semi_diameters[stop])
+    radius = float(lens.semi_diameters[lens.stop])
     if f_number is not None:
         radius *= float(seen.f_number) / f_number
     elif pupil_diameter is not None:
         radius *= pupil_diameter / 2.0 / float(seen.entrance_pupil_radius)
     else:
-        radius = _widest_axial_beam(lens)
-    opened = dataclasses.replace(lens, semi_diameters=lens.semi_diameters.at[stop].set(radius))
-    try:
-        check_surfaces(opened)
-    except SurfaceError as error:
-        why = f"the stop is {radius:.4g} mm wide by the file's aperture, but {error.of(called)}"
-        raise text.refuse(rows[stop].line, why) from None
-    return opened
+        heights = _axial_heights(lens)
+        others = [n for n in range(len(heights)) if n != lens.stop and heights[n] > 0]
+        radius = heights[lens.stop] * min(float(lens.semi_diameters[n]) / heights[n] for n in others)
+    return dataclasses.replace(lens, semi_diameters=lens.semi_diameters.at[lens.stop].set(radius))
 
 
-def _widest_axial_beam(lens: Prescription) -> float:
-    """Radius at the stop of the beam from infinity that fills the tightest of the other surfaces."""
+def _cuts_axial_beam(lens: Prescription, number: int) -> bool:
+    """Whether the beam from infinity that fills the stop is wider than a surface or the next one."""
+    heights, radii = np.array(_axial_heights(lens)), np.asarray(lens.semi_diameters)
+    wider = heights * radii[lens.stop] > radii * heights[lens.stop] * (1.0 + _ROUNDING)
+    return bool(wider[number : number + 2].any())
+
+
+def _axial_heights(lens: Prescription) -> list[float]:
+    """How far from the axis a ray from infinity is at each surface, over what it was before the first."""
     indices = lens.indices(line())
     y, u = jnp.ones(()), jnp.zeros(())
     heights = []
@@ -195,8 +227,7 @@ def _widest_axial_beam(lens: Prescription) -> float:
         before, after = indices[number], indices[number + 1]
         u = (before * u - y * surface.osculating()[0] * (after - before)) / after
         y = y + lens.thicknesses[number] * u
-    others = [n for n in range(len(heights)) if n != lens.stop and heights[n] > 0]
-    return heights[lens.stop] * min(float(lens.semi_diameters[n]) / heights[n] for n in others)
+    return heights
 
 
 def _without_dummies(rows: list[Row]) -> list[Row]:

@@ -1,6 +1,7 @@
 """Glasses and lens files: what is read, and what is refused in which words."""
 
 import codecs
+from importlib import resources
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -186,6 +187,88 @@ def test_glass_without_an_entry_is_taken_by_its_index(write):
 def test_bad_files_are_refused_by_file_and_line(write, name, text, message):
     with pytest.raises(LensFileError, match=message):
         load_lens(write(name, text))
+
+
+def facing(*, semi_diameters=(9.0, 8.5), stop=3.0, top=""):
+    """Two plano-concave lenses whose hollow sides face one another, 2 mm apart, and a lens behind them.
+
+    Both radii are 40 mm, so that the sides meet where either sag is 1 mm: sqrt(40^2 - 39^2) from the axis.
+    """
+    rows = (
+        (0.0, 2.0, "GLAS N-BK7", 12.0),
+        (1 / 40, 2.0, "", semi_diameters[0]),
+        (-1 / 40, 2.0, "GLAS N-BK7", semi_diameters[1]),
+        (0.0, 1.0, "", 12.0),
+        (1 / 12, 6.0, "GLAS N-SF11", 9.0),
+        (0.0, 1.0, "", 9.0),
+        (0.0, 20.0, "STOP", stop),
+    )
+    blocks = "".join(
+        f"SURF {number}\nTYPE STANDARD\nCURV {curvature}\nDISZ {gap}\n{more}\nDIAM {radius}\n"
+        for number, (curvature, gap, more, radius) in enumerate(rows, start=1)
+    )
+    return f"{top}SURF 0\nDISZ INFINITY\n{blocks}SURF 8\nDISZ 0\n"
+
+
+def test_surfaces_that_meet_near_their_rims_end_there(write):
+    """A warning has the numbers. At 8.8882 mm the sides meet; no ray of a lens passes farther out."""
+    edge = np.sqrt(40.0**2 - 39.0**2)
+    said = (
+        "SURF 2 and SURF 3 meet 8.888 mm from the axis, but have semi-diameters of 10 and 9.5 mm; both are"
+        " taken as 8.888 mm wide"
+    )
+    for line_number, top, radius in ((9, "", 3.0), (10, "ENPD 10\n", None)):
+        with pytest.warns(UserWarning, match=f"line {line_number}: {said}"):
+            lens = load_lens(write("a.zmx", facing(semi_diameters=(10.0, 9.5), top=top)))
+        np.testing.assert_allclose(lens.semi_diameters[1:3], edge, rtol=1e-9)
+        np.testing.assert_allclose(lens.semi_diameters[jnp.array([0, 3, 4, 5])], [12, 12, 9, 9])
+        assert radius is None or float(lens.semi_diameters[6]) == radius
+    # Narrow enough as they are, though one of them alone is wider.
+    assert float(load_lens(write("a.zmx", facing(semi_diameters=(9.0, 8.8)))).semi_diameters[1]) == 9.0
+
+
+def test_a_stop_that_is_open_is_as_wide_as_narrowed_surfaces_let_it_be(write):
+    with pytest.warns(UserWarning, match="meet 8.888 mm"):
+        lens = load_lens(write("a.zmx", facing(semi_diameters=(10.0, 9.5), stop=0.0)))
+    narrow = load_lens(write("a.zmx", facing(semi_diameters=(8.888, 8.888), stop=0.0)))
+    # Observed: 2.2e-5, the rounding of 8.888.
+    assert float(lens.semi_diameters[6]) == pytest.approx(float(narrow.semi_diameters[6]), rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        # More than a fifth of one of them.
+        (
+            facing(semi_diameters=(12.0, 9.5)),
+            "line 9: SURF 2 and SURF 3 of a cross within their clear radius",
+        ),
+        # The axial beam has a radius of 9 mm on SURF 2, and more on SURF 3.
+        (
+            facing(semi_diameters=(10.0, 9.5), top="ENPD 18\n"),
+            "line 10: SURF 2 and SURF 3 of a cross within their clear radius, by 0.289 mm 9.5 mm from",
+        ),
+    ],
+)
+def test_surfaces_that_really_cross_are_refused(write, text, message):
+    with pytest.raises(LensFileError, match=message):
+        load_lens(write("a.zmx", text))
+
+
+def test_the_shipped_retrofocus_as_its_source_has_it(write):
+    """Its file is the source's but for two semi-diameters, which the reader brings down by itself."""
+    shipped = lens_preset("retrofocus_35mm_f2")
+    path = resources.files("focusjax.optics").joinpath("data/lenses/retrofocus_35mm_f2.zmx")
+    text = (
+        path.read_text("utf-8").replace("DIAM 9.5 ", "DIAM 10.747 ", 1).replace("DIAM 9.5 ", "DIAM 10.445 ")
+    )
+    with pytest.warns(
+        UserWarning, match="SURF 8 and SURF 9 meet 9.538 mm from the axis, but have semi-diameter"
+    ):
+        lens = load_lens(write("a.zmx", text))
+    np.testing.assert_allclose(lens.semi_diameters[7:9], 9.538, atol=5e-4)
+    # The stop is as wide as SURF 9 lets it be; observed: 0.40 %.
+    np.testing.assert_allclose(lens.semi_diameters, shipped.semi_diameters, rtol=5e-3)
 
 
 def test_missing_files_and_unknown_presets():

@@ -64,7 +64,7 @@ def test_first_order_data_are_the_same(name):
         assert found[key] == pytest.approx(value, rel=1e-11, abs=1e-11), key
 
 
-# Optiland's sums leave the polynomial of an asphere out; test_seidel.py has another word on it.
+# Optiland's sums leave the polynomial of an asphere out; test_seidel.py takes them from traced rays.
 @pytest.mark.parametrize("name", [name for name in REFERENCES["lenses"] if name != "asphere"])
 def test_seidel_sums_are_the_same(name):
     field = np.radians(REFERENCES["field_deg"])

@@ -50,7 +50,7 @@ def read_zemax(path: Path) -> Prescription:
             continue
         key, rest = words[0], words[1:]
         if key == "SURF":
-            blocks.append(_Block(Row(line=number, called=" ".join(words[:2]))))
+            blocks.append(_Block(Row(line=number, called=f"SURF {rest[0] if rest else len(blocks)}")))
         elif key == "NAME":
             name = " ".join(rest)
         elif key == "MODE" and rest[:1] != ["SEQ"]:

@@ -19,3 +19,5 @@ from focusjax.trace._reach import check_reach as check_reach
 from focusjax.trace._reach import widest_opening as widest_opening
 from focusjax.trace._render import render as render
 from focusjax.trace._timed import Timing as Timing
+from focusjax.trace._told import ToldQuality as ToldQuality
+from focusjax.trace._told import told_by_rays as told_by_rays

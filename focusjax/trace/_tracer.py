@@ -130,9 +130,8 @@ class Tracer:
                 those of a picture that this is a part of. Not at all if None.
             independent: of pictures of other seeds, for their differences to tell of noise.
         """
-        camera = self.layers.camera
-        levels = [rays] if np.isin(counts, (0, rays)).all() else counts_for(rays)
-        fewest = levels[0]
+        levels = _levels(counts, rays)
+        blocks, together = self._blocks(counts, rays)
         samples = ray_samples(
             self.lens,
             levels,
@@ -141,9 +140,6 @@ class Tracer:
             pixel_filter=self.pixel_filter,
             independent=independent,
         )
-        together = max(k for k in range(1, FEWEST + 1) if fewest % k == 0)
-        at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together)
-        blocks = Blocks(counts // together, self._depth, self.layers.count, camera.width, at_once)
         classes = one_class(len(self.least), self.least.dtype) if classes is None else classes
         told = told_apart(self.lens, classes)
         sums = np.zeros((len(counts), math.prod(told) + 3), dtype=self.least.dtype)
@@ -151,7 +147,7 @@ class Tracer:
         def trace(number: int, shared: _Shared) -> tuple[Block, np.ndarray]:
             block = blocks[number]
             # The rays of the smaller counts come before those of a pixel's own.
-            first = jnp.asarray(counts[block.pixels] - fewest + together * block.part)
+            first = jnp.asarray(counts[block.pixels] - levels[0] + together * block.part)
             scene, lens, samples, ends, classes = shared
             chosen = samples, jnp.asarray(block.pixels), first, jnp.asarray(block.place), *ends, classes
             found = trace_block(scene, lens, *chosen, together=together, depth=block.depth)
@@ -172,10 +168,23 @@ class Tracer:
             over=over,
             aimed=self._by_aimed(counts, rays, seed),
             least=classes.least,
-            width=camera.width,
+            width=self.layers.camera.width,
             rays=rays,
             known=self.known_light,
         )
+
+    def work(self, counts: Int[np.ndarray, " p"], rays: int) -> int:
+        """How many rays `trace` follows, with those that only fill blocks; its time goes about as that."""
+        blocks, together = self._blocks(counts, rays)
+        return len(blocks) * blocks.size * together
+
+    def _blocks(self, counts: Int[np.ndarray, " p"], rays: int) -> tuple[Blocks, int]:
+        """The work that `counts` make, and how many rays of a pixel are traced together."""
+        fewest = _levels(counts, rays)[0]
+        together = max(k for k in range(1, FEWEST + 1) if fewest % k == 0)
+        at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together)
+        width = self.layers.camera.width
+        return Blocks(counts // together, self._depth, self.layers.count, width, at_once), together
 
     def _by_aimed(self, counts: Int[np.ndarray, " p"], rays: int, seed: int) -> np.ndarray | float:
         """What rays aimed at highlights bring to the pixels that are traced."""
@@ -185,6 +194,11 @@ class Tracer:
         ends = self.least, self.largest
         self._aimed.add_to(found, counts > 0, ends, self._aimed.rays(rays), seed, self._workforce)
         return self._workforce.total(found)
+
+
+def _levels(counts: Int[np.ndarray, " p"], rays: int) -> list[int]:
+    """The numbers of rays that pixels may get."""
+    return [rays] if np.isin(counts, (0, rays)).all() else counts_for(rays)
 
 
 def ready_tracer(

@@ -15,6 +15,8 @@ from focusjax.report import (
     glass_sentences,
     metres,
     movements,
+    quality_facts,
+    quality_sentence,
 )
 from focusjax.shot import SolvedShot
 
@@ -78,6 +80,10 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
             f" umbra {len(saving.umbra)}, which spares {100 * saving.samples_saved:.0f} % of the samples.",
             highlight=False,
         )
+    quality = quality_facts(outcome)
+    chosen = None if quality is None else quality_sentence(quality)
+    if chosen is not None:
+        console.print(chosen, highlight=False, markup=False)
     stages = outcome.seconds | {"compile": sum(outcome.compile_seconds.values())}
     seconds = ", ".join(f"{name.replace('_', ' ')} {_duration(value)}" for name, value in stages.items())
     console.print(f"[dim]{seconds}[/]", highlight=False, soft_wrap=True)

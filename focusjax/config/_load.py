@@ -124,6 +124,16 @@ class Config(Table):
             )
         return self
 
+    @model_validator(mode="after")
+    def _frames_alike(self) -> "Config":
+        """What is chosen for one frame would show in the next, and again where a shot is gone on with."""
+        if self.shot is not None and self.render.method == "auto":
+            raise ValueError(
+                "has a [shot] and render.method = 'auto', but frames of a shot are all made alike; say"
+                " 'trace' or 'post'"
+            )
+        return self
+
     def weighs(self, *, solving: bool) -> bool:
         """Whether focus and light are to share an f-number, with a solve or without."""
         if self.exposure is None or self.exposure.priority is None:

@@ -14,8 +14,10 @@ _ROUGH = 32.0
 class RenderTable(Table):
     """`[render]`: how carefully the picture is made, and how it is shown."""
 
-    method: Literal["trace", "post"] = Field(
-        default="trace", description="'trace', or 'post' to blur one sharp view instead of tracing rays"
+    method: Literal["trace", "post", "auto"] = Field(
+        default="trace",
+        description="'trace', 'post' to blur one sharp view instead of tracing rays, or 'auto' for the"
+        " quicker of those that reach the quality",
     )
     rays: Annotated[int, Field(ge=1, le=65536)] = Field(
         default=64,
@@ -89,7 +91,25 @@ class RenderTable(Table):
         )
         idle = [name for name in (*names, "pixel_filter") if name in self.model_fields_set]
         if self.method == "post" and idle:
-            raise ValueError(f"has {idle[0]}, which is about tracing, and method = 'post'; leave one out")
+            remedy = "say method = 'auto'" if idle[0] == "quality" else "leave one out"
+            raise ValueError(f"has {idle[0]}, which is about tracing, and method = 'post'; {remedy}")
+        return self
+
+    @model_validator(mode="after")
+    def _what_auto_takes(self) -> "RenderTable":
+        if self.method != "auto":
+            return self
+        if self.quality is None:
+            raise ValueError(
+                "has method = 'auto' and no quality to choose by; give one such as quality = '30 dB', or say"
+                " 'trace' or 'post'"
+            )
+        beyond = "view_dependent" if self.view_dependent else "pixel_filter"
+        if self.view_dependent or self.pixel_filter != "box":
+            raise ValueError(
+                f"has {beyond}, which post-processing cannot do, and method = 'auto'; leave {beyond} out, or"
+                " say method = 'trace'"
+            )
         return self
 
     @model_validator(mode="after")

@@ -20,3 +20,4 @@ from focusjax.job._run import blur_map as blur_map
 from focusjax.job._run import find_points as find_points
 from focusjax.job._run import run as run
 from focusjax.job._shutter_words import shutter as shutter
+from focusjax.job._way import Way as Way

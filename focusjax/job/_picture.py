@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from focusjax._stopwatch import Stopwatch
 from focusjax.config import RenderTable
 from focusjax.geometry import Camera
+from focusjax.job._way import Way, choose_way
 from focusjax.layers import (
     Extent,
     Layers,
@@ -23,23 +24,24 @@ from focusjax.layers import (
     umbra_saving,
 )
 from focusjax.lens import AbstractLens, PrescriptionLens, SpectralLens
-from focusjax.post import closed_lens, post_process, view_in_layers
+from focusjax.post import PinholeView, closed_lens, post_process, view_in_layers
 from focusjax.scene import Scene
 from focusjax.trace import (
     LensPlan,
-    RayPlan,
     nearest_in_layers,
     plan_lens,
-    plan_rays,
     quality_of,
     render,
     render_pinhole,
+    told_by_rays,
 )
 
 Progress = Callable[[str, float | None], None]
 """Told the stage that runs and, where that is known, the share of it that is done."""
 
 _EVERY_LAYER = 4096
+_OTHER_RAYS = 10
+"""Added to the seed for the rays that tell of a picture, to be other than those of its plan."""
 
 
 @dataclass(frozen=True)
@@ -71,10 +73,11 @@ class Picture:
         margin: pixels that the layers reach beyond the frame.
         complete: whether no surface was left out for want of layers.
         examined: what they miss and spare, when that was asked for.
-        rays: rays per pixel on the average.
+        rays: rays per pixel on the average; places looked at by post-processing.
+        method: "trace" or "post".
         extent: how large layers may be for compiled programs to serve again: the `like` of another run.
-        plan: what was expected of them, when a quality was asked for.
-        decibels: PSNR of the rays then, told from a sample of the pixels.
+        way: how that was chosen, and what was expected, when a quality was asked for.
+        decibels: PSNR of the picture then, told from a sample of the pixels.
         lens_plan: polynomials or the glass of a real lens, when the quality was to decide.
     """
 
@@ -86,9 +89,10 @@ class Picture:
     margin: float
     complete: bool
     rays: int
+    method: Literal["trace", "post"]
     extent: Extent
     examined: Examined | None = None
-    plan: RayPlan | None = None
+    way: Way | None = None
     decibels: float | None = None
     lens_plan: LensPlan | None = None
 
@@ -126,31 +130,45 @@ def make_picture(
     if table.examine_layers:
         with watch.stage("examine_layers"):
             examined = _examine(layers, scene, camera, lens)
-    rays, plan, decibels, lens_plan = table.rays, None, None, None
+    view = None
+    if table.method == "auto":
+        with watch.stage("pinhole"):
+            view = _view(layers, scene)
+    way, lens_plan = None, None
     if table.quality is not None:
         with watch.stage("plan"):
             if choose_lens:
                 assert isinstance(lens, PrescriptionLens | SpectralLens)
                 lens_plan = plan_lens(layers, lens, table.quality)
                 lens = lens_plan.lens
-            plan = plan_rays(layers, lens, table.quality, smooth=table.smooth, seed=table.seed)
-            rays = plan.rays
+            way = choose_way(table, view, layers, lens)
+    post = way.post if way is not None and way.by_post else None
     with watch.stage("render"):
-        image = render(
-            layers,
-            lens,
-            rays=rays,
-            smooth=table.smooth,
-            seed=table.seed,
-            progress=lambda share: tell("render", share),
-        )
+        if post is not None:
+            assert view is not None
+            rays = post.taps
+            image = post_process(view, camera, lens, taps=rays)
+        else:
+            rays = table.rays if way is None or way.traced is None else way.traced.rays
+            image = render(
+                layers,
+                lens,
+                rays=rays,
+                smooth=table.smooth,
+                seed=table.seed,
+                progress=lambda share: tell("render", share),
+            )
         image.block_until_ready()
-    if plan is not None:
+    decibels = None
+    if way is not None:
         with watch.stage("examine"):
-            decibels = quality_of(layers, lens, np.asarray(image), rays=rays, seed=table.seed)
-    with watch.stage("pinhole"):
-        pinhole = render_pinhole(layers)
-        pinhole.block_until_ready()
+            decibels = _reached(layers, lens, np.asarray(image), rays, table.seed, by_post=post is not None)
+    if view is None:
+        with watch.stage("pinhole"):
+            pinhole = render_pinhole(layers)
+            pinhole.block_until_ready()
+    else:
+        pinhole = view.image
     return Picture(
         **_facts(layers),
         image=image,
@@ -158,11 +176,27 @@ def make_picture(
         complete=layers.complete,
         examined=examined,
         rays=rays,
+        method="trace" if post is None else "post",
         extent=layers.extent.for_others(like),
-        plan=plan,
+        way=way,
         decibels=decibels,
         lens_plan=lens_plan,
     )
+
+
+def _reached(
+    layers: Layers, lens: AbstractLens, image: np.ndarray, rays: int, seed: int, *, by_post: bool
+) -> float:
+    """The PSNR of a picture in dB, told by other rays than its own and its plan's."""
+    if by_post:
+        return told_by_rays(layers, lens, image, seed=seed + _OTHER_RAYS).decibels
+    return quality_of(layers, lens, image, rays=rays, seed=seed)
+
+
+def _view(layers: Layers, scene: Scene) -> PinholeView:
+    view = view_in_layers(layers, scene)
+    jax.block_until_ready(view.image)
+    return view
 
 
 def _post_processed(
@@ -173,8 +207,7 @@ def _post_processed(
         layers = make_layers(table, scene, camera, closed_lens())
         jax.block_until_ready(eqx.filter(layers, eqx.is_array))
     with watch.stage("pinhole"):
-        view = view_in_layers(layers, scene)
-        jax.block_until_ready(view.image)
+        view = _view(layers, scene)
     with watch.stage("render"):
         image = post_process(view, camera, lens, taps=table.rays)
         image.block_until_ready()
@@ -184,6 +217,7 @@ def _post_processed(
         pinhole=view.image,
         complete=True,
         rays=table.rays,
+        method="post",
         extent=layers.extent.for_others(None),
     )
 

@@ -2,6 +2,8 @@
 
 from focusjax.report._glass import glass_facts as glass_facts
 from focusjax.report._glass import glass_sentences as glass_sentences
+from focusjax.report._quality import quality_facts as quality_facts
+from focusjax.report._quality import quality_sentence as quality_sentence
 from focusjax.report._save import FILES as FILES
 from focusjax.report._save import save_outcome as save_outcome
 from focusjax.report._summary import movements as movements

@@ -6,6 +6,7 @@ from typing import Any
 import jinja2
 
 from focusjax.report._glass import glass_sentences
+from focusjax.report._quality import quality_sentence
 from focusjax.report._words import angle, f_number, metres
 
 _TEMPLATES = jinja2.Environment(
@@ -44,16 +45,19 @@ def page(title: str, facts: dict[str, Any], pictures: dict[str, str]) -> str:
         pictures: data URLs by kind: "blur", and "image" and "pinhole" when a picture was made.
     """
     total = sum(facts["seconds"].values())
+    picture = facts["picture"]
+    names = _STAGES | ({"render": "post-process"} if picture and picture["method"] == "post" else {})
     return _TEMPLATES.get_template("page.html.j2").render(
         title=title,
         facts=facts,
         pictures=pictures,
         lens=facts["lens"],
         glass=glass_sentences(facts["lens"]["glass"]) if facts["lens"]["glass"] else [],
+        weighed=quality_sentence(picture["quality"]) if picture and picture["quality"] else None,
         wishes=facts["wishes"],
         met=sum(wish["met"] for wish in facts["wishes"]),
         stages=[
-            (_STAGES.get(name, name), seconds, 100 * seconds / total)
+            (names.get(name, name), seconds, 100 * seconds / total)
             for name, seconds in facts["seconds"].items()
         ],
         total=total,

@@ -14,6 +14,7 @@ from focusjax.io import for_json
 from focusjax.job import Examined, Outcome, room_for_more, shutter
 from focusjax.lens import FocalSurfaceLens, as_tilt_shift, depth_of_field
 from focusjax.report._glass import glass_facts
+from focusjax.report._quality import quality_facts
 
 _LIBRARIES = ("focusjax", "jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy", "trimesh", "OpenEXR")
 _RESULTS = ("solved", "undetermined", "max_steps_reached", "not_finite")
@@ -244,7 +245,7 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
     if picture is None:
         return None
     return {
-        "method": outcome.config.render.method,
+        "method": picture.method,
         "layers": picture.layer_count,
         "layers_complete": picture.complete,
         "layers_remedy": None if picture.complete else room_for_more(outcome.config.render),
@@ -253,15 +254,7 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
         "examined": _examined(picture.examined),
         "margin_px": picture.margin,
         "rays_per_pixel": picture.rays,
-        "quality": None
-        if picture.plan is None
-        else {
-            "wanted": outcome.config.render.quality,
-            "expected_db": picture.plan.decibels,
-            "expected_seconds": picture.plan.seconds,
-            "reached_db": picture.decibels,
-            "seconds": outcome.seconds["render"],
-        },
+        "quality": quality_facts(outcome),
         "largest_blur_px": float(np.abs(outcome.blur).max()),
     }
 

@@ -161,6 +161,19 @@ def test_a_lens_without_a_look_stays_as_it_is(path):
         ("lens.profile={}", "lens.profile needs exactly one of name and file"),
         ('lens.profile={file = "db.xml"}', "lens.profile has a lensfun file and no lens"),
         ("render={method = 'post', quality = 'draft'}", "render has quality, which is about tracing"),
+        ("render={method = 'auto'}", "render has method = 'auto' and no quality to choose by; give one"),
+        (
+            "render={method = 'auto', quality = 'draft', view_dependent = true}",
+            "render has view_dependent, which post-processing cannot do, and method = 'auto'; leave",
+        ),
+        (
+            "render={method = 'auto', quality = 'draft', pixel_filter = 'tent'}",
+            "render has pixel_filter, which post-processing cannot do, and method = 'auto'; leave",
+        ),
+        (
+            "render={method = 'auto', quality = 'draft', rays = 8}",
+            "render has rays, and a quality that finds its own number",
+        ),
     ],
 )
 def test_what_makes_no_sense_is_refused(path, override: str, message: str):

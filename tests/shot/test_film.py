@@ -231,6 +231,10 @@ def test_frames_may_be_blurred_from_one_sharp_view(config_file, tmp_path):
     slow = ["render.method=post", "shutter.angle_deg=180", "shutter.ramp=0.2"]
     with pytest.raises(ConfigError, match="opens slowly, which post-processing does not know; leave out"):
         build_settings(load_config(config_file, slow))
+    with pytest.raises(
+        ConfigError, match=r"has a \[shot\] and render.method = 'auto', but frames of a shot are"
+    ):
+        load_config(config_file, ["render={method = 'auto', quality = 'draft'}"])
 
 
 def test_a_shutter_and_an_exposure_have_one_time(config_file):

@@ -89,6 +89,8 @@ def build_settings(config: Config) -> FrameSettings:
     """How carefully `[render]` wants the frames."""
     table = config.render
     motion = _motion_settings(config)
+    # A config with a shot refuses it.
+    assert table.method != "auto"
     if table.method == "post" and motion is not None:
         uneven = max(motion.shutter.curve) > min(motion.shutter.curve)
         odd = "opens slowly" if uneven else "travels over the picture" if motion.shutter.travel_time else None

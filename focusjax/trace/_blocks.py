@@ -33,7 +33,7 @@ class Blocks:
     """Blocks of `size` parts (or of the next power of two, if all there are is less), one made at a time.
 
     Pixels are in Z-order, so that a block reads few places of the layers, those with few layers under their
-    rays apart from those with many.
+    rays apart from those with many: there are as many `kinds` of blocks as programs for them.
     """
 
     def __init__(
@@ -68,6 +68,7 @@ class Blocks:
             for begin, end, variant in zip(bounds, bounds[1:], variants, strict=False)
         ]
         # One block of each kind first, so that their programs are compiled side by side.
+        self.kinds = sum(map(bool, spans))
         self._spans = [some[0] for some in spans if some] + [span for some in spans for span in some[1:]]
 
     def __len__(self) -> int:

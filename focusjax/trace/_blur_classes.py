@@ -4,8 +4,8 @@ A class's rays are summed for themselves, as `focusjax.trace._reconstruct` asks 
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float, Int
 
 from focusjax.trace._focal_zone import FocalZone
@@ -19,31 +19,35 @@ class BlurClasses(eqx.Module):
     """Classes from near to far.
 
     Attributes:
-        near: disparities [p, k], decreasing, beyond which a pixel's rays meet something of class 0, 1, ...,
-            the first the most blurred.
-        far: disparities [p, m], decreasing, beyond which it is something of class k + 1, k + 2, ...
-        least: least blur of each class (static), as a radius in pixels; 0 in the focal zone.
+        zone: the focal zone of each pixel; not needed for one class only.
+        near: least blur before the zone of class 0, 1, ... (static), as a radius in pixels, decreasing.
+        far: the same behind it of classes after that of the zone (static), increasing.
     """
 
-    near: Float[Array, "p k"]
-    far: Float[Array, "p m"]
-    least: tuple[float, ...] = eqx.field(static=True)
+    zone: FocalZone | None
+    near: tuple[float, ...] = eqx.field(static=True)
+    far: tuple[float, ...] = eqx.field(static=True)
+
+    @property
+    def least(self) -> tuple[float, ...]:
+        """Least blur of each class; 0 in the focal zone."""
+        return (*self.near, 0.0, *self.far)
 
     def of(self, pixels: Int[Array, " b"], disparity: Float[Array, "b s"]) -> Int[Array, "b s"]:
         """The class of what rays of some pixels meet."""
-        near, far = self.near[pixels], self.far[pixels]
-        found = jnp.full(disparity.shape, near.shape[1], dtype=jnp.int32)
-        for number in range(near.shape[1]):
-            found -= (disparity > near[:, number, None]).astype(jnp.int32)
-        for number in range(far.shape[1]):
-            found += (disparity < far[:, number, None]).astype(jnp.int32)
+        found = jnp.full(disparity.shape, len(self.near), dtype=jnp.int32)
+        if self.zone is None:
+            return found
+        zone = jax.tree.map(lambda of_all: of_all[pixels], self.zone)
+        for blur in self.near:
+            found -= (disparity > zone.reach(blur)[0][:, None]).astype(jnp.int32)
+        for blur in self.far:
+            found += (disparity < zone.reach(blur)[1][:, None]).astype(jnp.int32)
         return found
 
 
-def one_class(pixels: int, dtype: np.dtype) -> BlurClasses:
-    """Nothing told apart."""
-    none = jnp.zeros((pixels, 0), dtype=dtype)
-    return BlurClasses(none, none, (0.0,))
+ONE_CLASS = BlurClasses(None, (), ())
+"""Nothing told apart."""
 
 
 def blur_classes(zone: FocalZone, nearest: Float[Array, " p"], farthest: Float[Array, " p"]) -> BlurClasses:
@@ -58,11 +62,6 @@ def blur_classes(zone: FocalZone, nearest: Float[Array, " p"], farthest: Float[A
         float(jnp.max(zone.parallax * depth)) for depth in (nearest - zone.near, zone.far - farthest)
     )
     edges = [_LEAST * 2.0**k for k in range(_OCTAVES)]
-    near_edges = [edge for edge in reversed(edges) if edge < near]
-    far_edges = [edge for edge in edges if edge < far]
-    none = one_class(len(zone.near), zone.near.dtype)
-    return BlurClasses(
-        near=jnp.stack([zone.reach(edge)[0] for edge in near_edges], axis=1) if near_edges else none.near,
-        far=jnp.stack([zone.reach(edge)[1] for edge in far_edges], axis=1) if far_edges else none.far,
-        least=(*near_edges, 0.0, *far_edges),
-    )
+    near_edges = tuple(edge for edge in reversed(edges) if edge < near)
+    far_edges = tuple(edge for edge in edges if edge < far)
+    return BlurClasses(zone, near_edges, far_edges) if near_edges or far_edges else ONE_CLASS

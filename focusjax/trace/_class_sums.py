@@ -1,17 +1,26 @@
-"""What rays bring, added up pixel by pixel for each class of blur."""
+"""What rays bring, added up pixel by pixel for each class of blur.
+
+Rays of a pixel meet few of many classes, so that sums of whole pictures are kept as sparse matrices.
+"""
+
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from scipy.sparse import csr_array
 
 from focusjax.lens import AbstractLens
 from focusjax.trace._blur_classes import BlurClasses
 
 
-def told_apart(lens: AbstractLens, classes: BlurClasses) -> tuple[int, int]:
-    """Classes, and how many numbers are told of each: three of radiance, and of weight one or three."""
-    return len(classes.least), 6 if lens.channels() else 4
+def told_apart(lens: AbstractLens, classes: BlurClasses) -> int:
+    """Numbers in a row of `class_sums`.
+
+    For each class they are three of radiance, and one or three of weight.
+    """
+    return len(classes.least) * (6 if lens.channels() else 4) + 3
 
 
 def class_sums(
@@ -57,8 +66,29 @@ def class_sums(
     return found.reshape(count, -1, 3) if in_each else found[:, None]
 
 
-def by_class(
-    sums: Float[np.ndarray, "p n"], told: tuple[int, int]
-) -> tuple[Float[np.ndarray, "p k c"], Float[np.ndarray, "p 3"]]:
-    """Rows of `class_sums`, apart: what is told of each class, and what is brighter than white."""
-    return sums[:, :-3].reshape(-1, *told), sums[:, -3:]
+def added_up(
+    parts: Sequence[tuple[Int[np.ndarray, " d"], csr_array]], shape: tuple[int, int], dtype: np.dtype
+) -> csr_array:
+    """A matrix of this shape, to whose rows those of `parts` are added, each to the one of its number.
+
+    It may hold several numbers for one place, which count together.
+    """
+    index = np.dtype(np.int32 if sum(rows.nnz for _, rows in parts) < 1 << 31 else np.int64)
+    ends = np.zeros(shape[0] + 1, dtype=index)
+    for numbers, rows in parts:
+        ends[numbers + 1] += np.diff(rows.indptr)
+    np.cumsum(ends, out=ends)
+    # So far each row is filled.
+    filled = ends[:-1].copy()
+    values, columns = np.empty(ends[-1], dtype=dtype), np.empty(ends[-1], dtype=index)
+    for numbers, rows in parts:
+        more = np.diff(rows.indptr)
+        to = np.repeat(filled[numbers] - rows.indptr[:-1], more) + np.arange(rows.nnz)
+        values[to], columns[to] = rows.data, rows.indices
+        filled[numbers] += more
+    return csr_array((values, columns, ends), shape=shape)
+
+
+def by_class(sums: csr_array) -> tuple[csr_array, Float[np.ndarray, "p 3"]]:
+    """Rows of `class_sums`, apart: what is told of all classes, and what is brighter than white."""
+    return sums[:, :-3], sums[:, -3:].toarray()

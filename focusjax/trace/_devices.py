@@ -15,11 +15,14 @@ import jax
 import numpy as np
 from jax.experimental import multihost_utils
 from jaxtyping import Float
+from scipy.sparse import csr_array, vstack
 
-from focusjax._parallel import CORES
+from focusjax._parallel import CORES, parts
 
 S = TypeVar("S")
 R = TypeVar("R")
+
+_ROWS_AT_ONCE = 1 << 16
 
 
 @runtime_checkable
@@ -90,3 +93,10 @@ class Workforce:
         if self._processes == 1:
             return sums
         return np.asarray(multihost_utils.process_allgather(sums)).sum(axis=0)
+
+    def total_of_sparse(self, sums: csr_array) -> csr_array:
+        """The same of sparse matrices, of which so many rows are spread out at a time."""
+        if self._processes == 1:
+            return sums
+        some = parts(sums.shape[0], _ROWS_AT_ONCE)  # pyright: ignore[reportOptionalSubscript]
+        return csr_array(vstack([csr_array(self.total(sums[rows].toarray())) for rows in some]))

@@ -1,7 +1,6 @@
 """Pictures of bodies that move: the rays of some pixels, span after span of the shutter's time."""
 
 import dataclasses
-import math
 from collections.abc import Callable, Sequence
 
 import equinox as eqx
@@ -9,13 +8,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt
+from scipy.sparse import csr_array
 
 from focusjax.geometry import Camera
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._allot import FEWEST
-from focusjax.trace._blur_classes import BlurClasses, blur_classes, one_class
-from focusjax.trace._class_sums import by_class, class_sums, told_apart
+from focusjax.trace._blur_classes import ONE_CLASS, BlurClasses, blur_classes
+from focusjax.trace._class_sums import added_up, by_class, class_sums, told_apart
 from focusjax.trace._devices import Workforce
 from focusjax.trace._focal_zone import focal_zone
 from focusjax.trace._known_light import known_light
@@ -74,8 +74,7 @@ def exposed(
     tracer = None if changing.all() else ready_tracer(backdrop, lens, None)
     # Small highlights are aimed at from pixels in which nothing changes, whose sums are without them then.
     alike = tracer is None or not tracer.aims or not changing.any()
-    none = one_class(len(changing), jnp.zeros(()).dtype)
-    classes = _classes(lens, camera, spans) if smooth and alike else none
+    classes = _classes(lens, camera, spans) if smooth and alike else ONE_CLASS
     told = None if changing.any() else progress
     still = (
         None if tracer is None else _still(tracer, ~changing, classes, rays=rays, seed=seed, progress=told)
@@ -83,7 +82,7 @@ def exposed(
     pixel_filter = backdrop.pixel_filter
     samples = timed_samples(lens, rays, seed, with_chances=_seen_through(spans), pixel_filter=pixel_filter)
     sums = _moving_sums(camera, lens, timing, spans, classes, changing, samples, progress)
-    apart, over = by_class(sums, told_apart(lens, classes))
+    apart, over = by_class(sums)
     traced = Traced(
         sums=apart,
         over=over,
@@ -103,9 +102,9 @@ def exposed(
 def _classes(lens: AbstractLens, camera: Camera, spans: Sequence[Span]) -> BlurClasses:
     """Those of all that any span shows; one where rays see highlights and mirrors for themselves."""
     bodies = [body for span in spans for body in span.bodies]
-    far = jnp.zeros(camera.width * camera.height)
     if any(body.scene.surface.gloss is not None for body in bodies):
-        return one_class(len(far), far.dtype)
+        return ONE_CLASS
+    far = jnp.zeros(camera.width * camera.height)
     # What comes nearer within a span is of the nearest class all the same.
     nearest = max(float(body.ranges.overall[1]) for body in bodies)
     return blur_classes(focal_zone(lens, camera), jnp.full_like(far, nearest), far)
@@ -143,10 +142,9 @@ def _moving_sums(
     changing: Bool[np.ndarray, " p"],
     samples: TimedSamples,
     progress: Callable[[float], None] | None,
-) -> Float[np.ndarray, "p n"]:
+) -> csr_array:
     """Means over the rays of each pixel that is `changing`, as `class_sums` tells them; 0 for the others."""
     rays, real = samples.moment.shape[1], samples.moment.dtype
-    sums = np.zeros((len(changing), math.prod(told_apart(lens, classes)) + 3), dtype=real)
     pixels = np.flatnonzero(changing).astype(np.int32)
     together = min(_TOGETHER, max(1, -(-rays // len(spans))))
     quantiles = jnp.asarray(timing.quantiles, dtype=real)
@@ -159,7 +157,7 @@ def _moving_sums(
     ]
     in_each = bool(lens.channels())
 
-    def trace(number: int, shared: TimedSamples) -> tuple["_Part", np.ndarray]:
+    def trace(number: int, shared: TimedSamples) -> tuple[Int[np.ndarray, " d"], csr_array]:
         span, part = work[number]
         chosen = tuple(jnp.asarray(a) for a in (part.pixels, part.first, part.last, part.shares))
         starts = _starts(shared, camera, quantiles, delay, *chosen, together=together)
@@ -175,13 +173,14 @@ def _moving_sums(
             return _sums(front, starts.mine, chosen[0], place, classes, in_each=in_each)
 
         found = np.asarray(in_colour(seen, lens))[: len(part.places)]
-        return part, found.reshape(len(found), -1)
+        return part.places, csr_array(found.reshape(len(found), -1) / rays)
 
-    for (part, values), done in Workforce(None).each(trace, len(work), samples):
-        sums[part.places] += values / rays
+    found = []
+    for part, done in Workforce(None).each(trace, len(work), samples):
+        found.append(part)
         if progress is not None:
             progress(done)
-    return sums
+    return added_up(found, (len(changing), told_apart(lens, classes)), real)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -36,6 +36,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from scipy.sparse import csr_array
 
 from focusjax._parallel import in_parallel
 
@@ -54,19 +55,19 @@ _ROWS = 64
 
 
 def reconstruct(
-    sums: Float[np.ndarray, "p k c"], width: int, least: tuple[float, ...], rays: float
+    sums: csr_array, width: int, least: tuple[float, ...], rays: float
 ) -> Float[np.ndarray, "p 3"]:
     """Radiance per light in each pixel; 0 where there is none.
 
     Args:
-        sums: mean over the rays of each pixel, row-major, and for each class from near to far, of weight
-            times radiance, at most 1, in red, green and blue, and of weight, once or in each colour.
+        sums: mean [p, k c] over the rays of each pixel, row-major, and for one class after the other from
+            near to far, of weight times radiance, at most 1, in red, green and blue, and of weight, once or
+            in each colour.
         width: pixels per row.
         least: least radius of blur in each class, in pixels.
         rays: per pixel on the average.
     """
-    height = len(sums) // width
-    picture = sums.reshape(height, width, -1)
+    height = sums.shape[0] // width  # pyright: ignore[reportOptionalSubscript]
     kernels = tuple(_kernel(_half_width(blur, rays)) for blur in least)
     halo = max([len(kernel) // 2 for kernel in kernels] + [reach for reach, _ in _BORROWED])
     rows = min(_ROWS, height)
@@ -75,15 +76,23 @@ def reconstruct(
     starts = [min(start, height - rows) for start in range(0, height, rows)]
 
     def strip(start: int) -> Float[np.ndarray, "r w 3"]:
-        planes = _planes(jnp.asarray(_with_halo(picture, start, rows, halo)), classes=len(least))
-        smooth = [_smoothed(some, own, halo=halo) for some, own in zip(planes, taps, strict=True)]
-        for number, own in enumerate(taps):
+        first, last = start - halo, start + rows + halo
+        beyond = max(-first, 0), max(last - height, 0)
+        inside = np.asarray(sums[max(first, 0) * width : min(last, height) * width].toarray())
+        told = inside.reshape(-1, width, len(least), inside.shape[1] // len(least))
+        smooth, planes = [], None
+        for number in reversed(range(len(least))):
+            own = taps[number]
+            planes = _planes(_with_halo(told[:, :, number], beyond, halo), planes)
+            found = _smoothed(planes, own, halo=halo)
             if len(own) == 1:
-                borrowed = zip(_BORROWED, tents, strict=True)
-                more = (count * _smoothed(planes[number], tent, halo=halo) for (_, count), tent in borrowed)
-                smooth[number] = sum(more, smooth[number])
+                for (_, count), tent in zip(_BORROWED, tents, strict=True):
+                    found += count * _smoothed(planes, tent, halo=halo)
+            # Else all classes would wait side by side.
+            smooth.append(jax.block_until_ready(found))
         most = tuple(math.inf if len(own) == 1 else _MOST_TIMES for own in taps)
-        return np.asarray(_composed(smooth, planes[0][:, halo:-halo, halo:-halo], most))
+        assert planes is not None
+        return np.asarray(_composed(smooth[::-1], planes[:, halo:-halo, halo:-halo], most))
 
     out = np.empty((height, width, 3), dtype=sums.dtype)
     for start, found in zip(starts, in_parallel(strip, starts), strict=True):
@@ -115,26 +124,29 @@ def _tent(reach: int) -> Float[np.ndarray, " n"]:
     return weights / weights.sum()
 
 
-def _with_halo(picture: Float[np.ndarray, "h w n"], start: int, rows: int, halo: int) -> np.ndarray:
-    """Some rows with a halo around them; beyond the picture it goes on mirrored in the points of the border.
+def _with_halo(
+    inside: Float[np.ndarray, "h w c"], beyond: tuple[int, int], halo: int
+) -> Float[np.ndarray, "r v c"]:
+    """Some rows with `beyond` above and below the picture, and a halo on either side of it.
 
-    That leaves ramps as they are, and the border itself to its own rays.
+    There it goes on mirrored in the points of its border. That leaves ramps as they are, and the border
+    itself to its own rays.
     """
-    first, last = start - halo, start + rows + halo
-    beyond = max(-first, 0), max(last - len(picture), 0)
-    inside = picture[max(first, 0) : last]
     return np.pad(inside, (beyond, (halo, halo), (0, 0)), mode="reflect", reflect_type="odd")
 
 
 # Three programs instead of one, in which XLA for CPU would work out much of each step anew for the next.
 
 
-@functools.partial(jax.jit, static_argnames="classes")
-def _planes(around: Float[Array, "r w n"], *, classes: int) -> list[Float[Array, "c r w"]]:
-    """For each class what is brought in red, green and blue, its light, and what passes all nearer ones."""
-    by_class = jnp.moveaxis(around, -1, 0).reshape(classes, -1, *around.shape[:2])
-    passing = jnp.cumsum(by_class[::-1, 3:], axis=0)[::-1]
-    return list(jnp.concatenate([by_class, passing], axis=1))
+@jax.jit
+def _planes(around: Float[Array, "r w n"], farther: Float[Array, "c r w"] | None) -> Float[Array, "c r w"]:
+    """What a class brings in red, green and blue, its light, and what passes all nearer ones.
+
+    The last is its own light and what passes it, of which the planes of the next `farther` class tell.
+    """
+    told = jnp.moveaxis(around, -1, 0)
+    light = told[3:]
+    return jnp.concatenate([told, light if farther is None else light + farther[len(told) :]])
 
 
 @functools.partial(jax.jit, static_argnames="most_times")

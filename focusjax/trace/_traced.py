@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 from jaxtyping import Float
+from scipy.sparse import csr_array
 
 from focusjax.trace._known_light import KnownLight, evened
 from focusjax.trace._reconstruct import reconstruct
@@ -15,7 +16,7 @@ class Traced:
 
     Attributes:
         sums: of weight times radiance, up to white, 1, in red, green and blue, and of weight, once or in each
-            colour; for each class of blur.
+            colour; for one class of blur [p, k c] after the other.
         over: of what is brighter than white, what is beyond that. A kernel that is right for a thing of its
             own brightness may be off by 1 % of it beside, which is much beside a lamp; so that is left as
             the rays have it.
@@ -26,7 +27,7 @@ class Traced:
         known: the light that is known to get through the lens; None where all passes.
     """
 
-    sums: Float[np.ndarray, "p k c"]
+    sums: csr_array
     over: Float[np.ndarray, "p 3"]
     aimed: Float[np.ndarray, "p 3"] | float
     least: tuple[float, ...]
@@ -36,7 +37,7 @@ class Traced:
 
     def raw(self) -> Float[np.ndarray, "p 3"]:
         """Each pixel by its own rays."""
-        return self._evened(self.sums[..., :3].sum(axis=1) + self.over) + self.aimed
+        return self._evened(self._of_all_classes(slice(3)) + self.over) + self.aimed
 
     def smooth(self) -> Float[np.ndarray, "p 3"]:
         """With those of the pixels around, as far as what they meet is blurred."""
@@ -51,4 +52,10 @@ class Traced:
         return brought if self.known is None else np.asarray(evened(brought, self._light(), self.known))
 
     def _light(self) -> Float[np.ndarray, "p 3"]:
-        return np.broadcast_to(self.sums[..., 3:].sum(axis=1), (len(self.sums), 3))
+        return np.broadcast_to(self._of_all_classes(slice(3, None)), self.over.shape)
+
+    def _of_all_classes(self, numbers: slice) -> Float[np.ndarray, "p n"]:
+        """Some of the `numbers` told of each class, added up."""
+        told = self.sums.shape[1] // len(self.least)  # pyright: ignore[reportOptionalSubscript]
+        chosen = np.eye(told, dtype=self.over.dtype)[:, numbers]
+        return self.sums @ np.tile(chosen, (len(self.least), 1))

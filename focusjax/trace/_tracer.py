@@ -1,7 +1,6 @@
 """Rays of chosen pixels through prepared layers, vmapped, in blocks of bounded memory."""
 
 import functools
-import math
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
@@ -10,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
+from scipy.sparse import csr_array
 
 from focusjax._arguments import require_kind
 from focusjax._freed import return_freed
@@ -17,9 +17,9 @@ from focusjax.layers import Layers
 from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._aimed import Aimed
 from focusjax.trace._allot import FEWEST, allot, allot_through, contrast, counts_for
-from focusjax.trace._blocks import Block, Blocks
-from focusjax.trace._blur_classes import BlurClasses, blur_classes, one_class
-from focusjax.trace._class_sums import by_class, class_sums, told_apart
+from focusjax.trace._blocks import Blocks
+from focusjax.trace._blur_classes import ONE_CLASS, BlurClasses, blur_classes
+from focusjax.trace._class_sums import added_up, by_class, class_sums, told_apart
 from focusjax.trace._devices import Device, Workforce
 from focusjax.trace._focal_zone import focal_zone
 from focusjax.trace._highlights import split_highlights
@@ -84,7 +84,7 @@ class Tracer:
         Not where rays see highlights and mirrors for themselves: what these show is not blurred as they are.
         """
         if self.layers.samples.gloss is not None:
-            return one_class(len(self.least), self.least.dtype)
+            return ONE_CLASS
         return blur_classes(focal_zone(self.lens, self.layers.camera), self.largest, self.least)
 
     @functools.cached_property
@@ -140,29 +140,32 @@ class Tracer:
             pixel_filter=self.pixel_filter,
             independent=independent,
         )
-        classes = one_class(len(self.least), self.least.dtype) if classes is None else classes
-        told = told_apart(self.lens, classes)
-        sums = np.zeros((len(counts), math.prod(told) + 3), dtype=self.least.dtype)
+        classes = ONE_CLASS if classes is None else classes
 
-        def trace(number: int, shared: _Shared) -> tuple[Block, np.ndarray]:
+        def trace(number: int, shared: _Shared) -> tuple[Int[np.ndarray, " d"], csr_array]:
             block = blocks[number]
             # The rays of the smaller counts come before those of a pixel's own.
             first = jnp.asarray(counts[block.pixels] - levels[0] + together * block.part)
             scene, lens, samples, ends, classes = shared
             chosen = samples, jnp.asarray(block.pixels), first, jnp.asarray(block.place), *ends, classes
             found = trace_block(scene, lens, *chosen, together=together, depth=block.depth)
-            return block, np.asarray(found)[: len(block.places)]
+            sums = np.asarray(found)[: len(block.places)]
+            return block.places, csr_array(sums / counts[block.places, None].astype(sums.dtype))
 
         shared = self._scene, self.lens, samples, (self.least, self.largest), classes
-        for (block, values), done in self._workforce.each(trace, len(blocks), shared):
-            sums[block.places] += values
+        found = []
+        for part, done in self._workforce.each(trace, len(blocks), shared):
+            found.append(part)
+            if len(found) == blocks.kinds:
+                # Their programs are compiled, which leaves much behind.
+                return_freed(4 * len(counts))
             if progress is not None:
                 progress(done)
-        return_freed(sums.size)
-        sums /= np.maximum(counts, 1)[:, None].astype(sums.dtype)
+        sums = added_up(found, (len(counts), told_apart(self.lens, classes)), self.least.dtype)
+        del found
+        return_freed(sums.nnz)
         # Of a pixel other processes may have traced a part.
-        sums = self._workforce.total(sums)
-        apart, over = by_class(sums, told)
+        apart, over = by_class(self._workforce.total_of_sparse(sums))
         return Traced(
             sums=apart,
             over=over,

@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 from small_scenes import WIDTH, front_camera, patch, varied_layers, wide_lens
 
 from focusjax.layers import peel
@@ -11,10 +12,16 @@ from focusjax.scene import constant_background, make_scene
 from focusjax.trace import render
 from focusjax.trace._blur_classes import blur_classes
 from focusjax.trace._focal_zone import FocalZone
-from focusjax.trace._reconstruct import _kernel, reconstruct
+from focusjax.trace._reconstruct import _kernel
+from focusjax.trace._reconstruct import reconstruct as reconstruct_sparse
 
 WIDE, HIGH = 40, 30
 LEAST = (8.0, 2.0, 0.0, 4.0)
+
+
+def reconstruct(sums: np.ndarray, width: int, least: tuple[float, ...], rays: float) -> np.ndarray:
+    """The same of sums [p, k, c] that are kept all."""
+    return reconstruct_sparse(csr_array(sums.reshape(len(sums), -1)), width, least, rays)
 
 
 def shares(seed: int = 0) -> np.ndarray:

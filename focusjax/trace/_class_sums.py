@@ -67,7 +67,7 @@ def class_sums(
 
 
 def added_up(
-    parts: Sequence[tuple[Int[np.ndarray, " d"], csr_array]], shape: tuple[int, int], dtype: np.dtype
+    parts: Sequence[tuple[Int[np.ndarray, " _"], csr_array]], shape: tuple[int, int], dtype: np.dtype
 ) -> csr_array:
     """A matrix of this shape, to whose rows those of `parts` are added, each to the one of its number.
 

@@ -30,6 +30,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--qualities", nargs="+", default=["30 dB", "35 dB", "40 dB"])
     parser.add_argument("--size", default="200x150")
     parser.add_argument("--reference-rays", type=int, default=1024)
+    parser.add_argument("--lights", action="store_true", help="leave lights as bright as they are")
     return parser.parse_args()
 
 
@@ -45,7 +46,8 @@ def study(path: Path, options: argparse.Namespace) -> list[dict]:
     outcome = job.run(config, rendering=False)
     camera = resized(outcome.camera, *(int(edge) for edge in options.size.split("x")))
     lens = outcome.lens
-    layers = peel(baked(build_scene(config)), camera, lens, max_layers=16)
+    scene = build_scene(config)
+    layers = peel(scene if options.lights else baked(scene), camera, lens, max_layers=16)
     truth = np.asarray(render(layers, lens, rays=options.reference_rays, smooth=False, seed=99))
     rows = []
     for quality in options.qualities:

@@ -72,6 +72,14 @@ class Tracer:
         """Whether some rays are aimed at small highlights, of whose light the others bring a part only."""
         return self._aimed is not None
 
+    @property
+    def aims_from(self) -> Bool[np.ndarray, " p"]:
+        """From which pixels [p] rays are aimed."""
+        found = np.zeros(len(self.least), dtype=bool)
+        if self._aimed is not None:
+            found[self._aimed.pixels] = True
+        return found
+
     @functools.cached_property
     def known_light(self) -> KnownLight | None:
         """Mean weights of each pixel's rays; None where all pass alike."""

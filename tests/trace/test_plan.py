@@ -4,10 +4,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from small_scenes import front_camera, varied_layers, varied_scene, wide_lens
+from small_scenes import front_camera, patch, varied_layers, varied_scene, wide_lens
 
 from focusjax.layers import peel
 from focusjax.metrics import psnr
+from focusjax.scene import make_scene
 from focusjax.trace import decibels_of, plan_rays, quality_of, render
 
 
@@ -76,3 +77,21 @@ def test_large_pictures_are_tried_in_squares():
     # Observed: 42.2 dB reached, 42.2 expected and 42.4 told.
     assert reached == pytest.approx(plan.decibels, abs=1.5)
     assert quality_of(layers, lens, picture, rays=plan.rays) == pytest.approx(reached, abs=1.5)
+
+
+def test_plans_count_small_lights_for_what_they_are():
+    """A lamp of one pixel, seen between bars by rays that are aimed at it."""
+    camera = front_camera(176, 132)
+    lens = wide_lens(camera)
+    lamp = patch("lamp", camera, (120, 31, 121, 32), 0.1, (900, 700, 500))
+    wall = patch("wall", camera, (-60, -60, 240, 200), 0.05, (0.2, 0.3, 0.2))
+    bars = [patch(f"bar {x}", camera, (x, -40, x + 2, 180), 1.5, (0.1, 0.1, 0.1)) for x in range(96, 144, 5)]
+    layers = peel(make_scene([lamp, wall, *bars], unlit=True), camera, lens, supersampling=1)
+    truth = np.asarray(render(layers, lens, rays=512, even=True, seed=9))
+    plan = plan_rays(layers, lens, 34.0)
+    picture = np.asarray(render(layers, lens, rays=plan.rays))
+    error = (picture - truth) / np.maximum(truth, 1.0)
+    reached = -10.0 * np.log10(np.mean(error**2))
+    # Observed: 34.7 dB reached, 35.4 expected of 64 rays; without squares around the lamp 44 of 295.
+    assert reached == pytest.approx(plan.decibels, abs=1.5)
+    assert plan.decibels < 37.0

@@ -140,8 +140,8 @@ class ShotTable(Table):
     )
     long_exposure: bool = Field(
         default=False,
-        description="true to make one picture of all frames as well, as bright as one, with trails of what"
-        " moves",
+        description="true to make one picture of the frames that are rendered as well, as bright as one, with"
+        " trails of what moves; they get rays of their own, and OpenEXR files",
     )
     camera: Annotated[tuple[CameraKey, ...], Strict(False)] = Field(
         default=(), description="[[shot.camera]] tables, each with a frame"

@@ -5,7 +5,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera, LensRay
-from focusjax.lens._aperture import AbstractAperture
 from focusjax.lens._length import Pair, root
 from focusjax.lens._pupils import openness
 from focusjax.lens._ray_bounds import STEEPEST
@@ -25,52 +24,23 @@ class Aim(eqx.Module):
     light: Float[Array, ""]
 
 
-class Passage(eqx.Module):
-    """How a ray gets through a real lens, from the film to the scene; y upwards.
-
-    Attributes:
-        slope: tangents ahead of the lens.
-        crossing: where it crosses the plane of the entrance pupil, in mm.
-        clearance: of all rims, as `RealRay` has it.
-        stop: where it crosses the stop, in radii of that; None where this is round, as a rim is.
-    """
-
-    slope: Pair
-    crossing: Pair
-    clearance: Float[Array, ""]
-    stop: Pair | None
-
-
 def line_of(
     camera: Camera,
     film_point: Float[Array, "2"],
     aim: Aim,
-    passage: Passage,
-    aperture: AbstractAperture,
+    slope: Pair,
+    crossing: Pair,
+    clearance: Float[Array, ""],
 ) -> LensRay:
-    """A ray ahead of a real lens as a line in image space.
-
-    Cut off by a rim, it is the pinhole's, without light. One that blades stop goes on, without light.
-    """
-    slope, crossing = passage.slope, passage.crossing
+    """A ray ahead of a real lens as a line in image space; cut off, it is the pinhole's, without light."""
     flat = slope[0] * slope[0] + slope[1] * slope[1] < STEEPEST**2
-    share = jnp.where(flat, openness(passage.clearance) * aim.light, 0.0)
+    share = jnp.where(flat, openness(clearance) * aim.light, 0.0)
     a, b = [], []
     for axis, sign in enumerate((1.0, -1.0)):
         ahead = camera.principal_point[axis] + sign * camera.focal_px * slope[axis]
         a.append(jnp.where(share > 0.0, ahead, film_point[axis]))
         b.append(jnp.where(share > 0.0, sign * 1e-3 * camera.focal_px * crossing[axis], 0.0))
-    weight = share if passage.stop is None else share * through_stop(aperture, passage.stop)
-    return LensRay(a=jnp.stack(a), b=jnp.stack(b), weight=weight)
-
-
-def through_stop(aperture: AbstractAperture, stop: Pair) -> Float[Array, ""]:
-    """Light at a place of the stop, in its radii and y upwards, relative to the mean over the opening.
-
-    Blades go from open to closed as rims do.
-    """
-    place = jnp.stack([stop[0], -stop[1]])
-    return openness(aperture.clearance(place)) * aperture.density(place)
+    return LensRay(a=jnp.stack(a), b=jnp.stack(b), weight=share)
 
 
 def polar(x: Float[Array, ""], y: Float[Array, ""]) -> tuple[Float[Array, ""], Pair]:

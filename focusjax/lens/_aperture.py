@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from focusjax._arguments import real_number
-from focusjax.lens._length import length, root
+from focusjax.lens._length import root
 
 
 class AbstractAperture(eqx.Module):
@@ -35,11 +35,8 @@ class AbstractAperture(eqx.Module):
         """The size of the hole, a share of the outline around it; None where there is none."""
 
     @abc.abstractmethod
-    def clearance(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        """How far within the outline, and from the hole, a point is: 0 on either, negative beside them.
-
-        As a share of the outline's distance from the middle in that direction.
-        """
+    def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
+        """Whether a point lies between hole and outline."""
 
     @abc.abstractmethod
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
@@ -51,10 +48,6 @@ class AbstractAperture(eqx.Module):
 
         Points out of focus become pictures of the opening, in which nothing is finer than that.
         """
-
-    def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
-        """Whether a point lies between hole and outline."""
-        return self.clearance(point) >= 0.0
 
     def at(self, place: Float[Array, "2"]) -> Float[Array, "2"]:
         """The point at a place (s, t) of the unit square, uniform by area whatever the density.
@@ -98,8 +91,8 @@ class Disk(AbstractAperture):
     def hole(self) -> None:
         return None
 
-    def clearance(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        return 1.0 - length(point)
+    def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
+        return point @ point <= 1.0
 
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return jnp.ones_like(point[0])
@@ -153,13 +146,11 @@ class Polygon(AbstractAperture):
     def hole(self) -> None:
         return None
 
-    def clearance(self, point: Float[Array, "2"]) -> Float[Array, ""]:
+    def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
         half = jnp.pi / self.blades
         straight = (1.0 - self.roundness) * jnp.cos(half) ** 2
-        # The middle has no angle, and a derivative that is finite in any.
-        aside = jnp.where(point @ point > 0.0, point, jnp.array([1.0, 0.0], dtype=point.dtype))
-        t = jnp.mod(jnp.arctan2(aside[1], aside[0]) - self.rotation, 2.0 * half) - half
-        return 1.0 - length(point) / jnp.sqrt(straight / jnp.cos(t) ** 2 + self.roundness)
+        t = jnp.mod(jnp.arctan2(point[1], point[0]) - self.rotation, 2.0 * half) - half
+        return point @ point <= straight / jnp.cos(t) ** 2 + self.roundness
 
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return jnp.ones_like(point[0])

@@ -6,7 +6,7 @@ from typing import SupportsFloat
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from focusjax.lens._aperture import AbstractAperture, Disk, Polygon
 from focusjax.lens._density import Density
@@ -43,8 +43,8 @@ class Apodized(AbstractAperture):
     def hole(self) -> Float[Array, ""] | None:
         return self.outline.hole()
 
-    def clearance(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        return self.outline.clearance(point)
+    def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
+        return self.outline.holds(point)
 
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return self._passes(point) / self._table().mean()

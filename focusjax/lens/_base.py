@@ -50,13 +50,6 @@ class AbstractLens(eqx.Module):
         """
         return False
 
-    def finest(self) -> Float[Array, ""]:
-        """Half the width of the narrowest part of the light, in aperture radii; less is on the safe side.
-
-        Points out of focus become pictures of it, in which nothing is finer than that.
-        """
-        return self.opening().finest()
-
     @abc.abstractmethod
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         """The ray that carries light from the scene through `pupil_point` to `film_point`.

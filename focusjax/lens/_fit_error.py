@@ -7,10 +7,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
-from focusjax.lens._aim import Passage, line_of
 from focusjax.lens._aperture import Disk
 from focusjax.lens._prescription import PrescriptionLens
-from focusjax.lens._pupils import SOFTNESS
+from focusjax.lens._pupils import SOFTNESS, openness
 from focusjax.lens._ray_bounds import STEEPEST
 from focusjax.lens._transfer import Transfer
 
@@ -52,36 +51,28 @@ def fit_error(
     def one(point: Array) -> tuple[Array, ...]:
         film, pupil = point[:2] * frame, Disk().point(point[2:])
         aim = exact.aim(camera, film, pupil)
-        true = exact.passing(aim)
-        slope, clearance = jnp.stack(true.slope), true.clearance
+        *line, clearance = exact.passing(aim)
+        slope, crossing = (jnp.stack(pair) for pair in line)
 
-        def fitted(pupil: Array) -> tuple[tuple[Array, Array, Array], tuple[Array, Array, Passage]]:
+        def fitted(pupil: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
             aim = exact.aim(camera, film, pupil)
-            found = transfer(aim.tangents, aim.target)
-            stop = pupil if found.stop is None else jnp.stack(found.stop)
-            return (landed(found), found.clearance, stop), (landed(found), stop, found)
+            (x, y), crossing, clear = transfer(aim.tangents, aim.target)
+            slope = jnp.stack([x - aim.tangents[0], y - aim.tangents[1]])
+            found = landed(slope, jnp.stack(crossing)), clear
+            return found, found
 
-        def landed(passage: Passage) -> Array:
-            slope, crossing = jnp.stack(passage.slope), jnp.stack(passage.crossing)
+        def landed(slope: Array, crossing: Array) -> Array:
             return camera.focal_px * (slope[None] + 1e-3 * disparities[:, None] * crossing[None])
 
-        (moves, gradient, stretch), (places, stop, found) = jax.jacfwd(fitted, has_aux=True)(pupil)
-        clear = found.clearance
+        (moves, gradient), (places, clear) = jax.jacfwd(fitted, has_aux=True)(pupil)
         flat = slope @ slope < STEEPEST**2
-        light, claimed = (
-            jnp.where(flat, line_of(camera, film, aim, passage, exact.aperture).weight, 0.0)
-            for passage in (true, found)
-        )
+        light, claimed = (jnp.where(flat, openness(c) * aim.light, 0.0) for c in (clearance, clear))
         square = gradient @ gradient
         rim = (jnp.abs(clearance) < SOFTNESS / 2) & (square > 0.0) & (aim.light > 0.0) & flat
         # The outline moves along the gradient of the clearance, and what is seen of it as the opening does.
         off = (clear - clearance) / jnp.where(rim, square, 1.0)
         outline = jnp.where(rim, jnp.linalg.norm(moves @ (gradient * off), axis=-1), 0.0)
-        if true.stop is not None:
-            # The shape in the stop moves by what its rays are off there.
-            aside = moves @ _solved(stretch, stop - jnp.stack(true.stop))
-            outline = jnp.where(light > 0.0, jnp.maximum(outline, jnp.linalg.norm(aside, axis=-1)), outline)
-        errors = jnp.linalg.norm(places - landed(true), axis=-1)
+        errors = jnp.linalg.norm(places - landed(slope, crossing), axis=-1)
         return jnp.where(light > 0.0, errors, 0.0), outline, light, jnp.abs(light - claimed)
 
     errors, outline, light, wrong = jax.vmap(one)(spread)
@@ -93,14 +84,6 @@ def fit_error(
         outline=outline.max(axis=0),
         light=wrong.sum() / total,
     )
-
-
-def _solved(matrix: Float[Array, "2 2"], wanted: Float[Array, "2"]) -> Float[Array, "2"]:
-    """By Cramer's rule; 0 where there is no answer."""
-    (a, b), (c, d) = matrix
-    det = a * d - b * c
-    x = jnp.stack([d * wanted[0] - b * wanted[1], a * wanted[1] - c * wanted[0]])
-    return jnp.where(det == 0, 0.0, x / jnp.where(det == 0, 1.0, det))
 
 
 def _spread(count: int) -> Float[np.ndarray, "n 4"]:

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from focusjax._arguments import real_number
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aim import line_of
-from focusjax.lens._aperture import Disk
+from focusjax.lens._aperture import AbstractAperture
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._fit_error import FitError, fit_error
 from focusjax.lens._prescription import PrescriptionLens
@@ -51,18 +51,17 @@ class FittedLens(AbstractLens):
     rims: tuple[int, ...] = eqx.field(static=True)
     error: FitError
 
-    def opening(self) -> Disk:
+    def opening(self) -> AbstractAperture:
         return self.exact.opening()
-
-    def finest(self) -> Float[Array, ""]:
-        return self.exact.finest()
 
     def vignettes(self) -> bool:
         return self.exact.vignettes()
 
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         aim = self.exact.aim(camera, film_point, pupil_point)
-        return line_of(camera, film_point, aim, self.transfer(aim.tangents, aim.target), self.exact.aperture)
+        (x, y), crossing, clearance = self.transfer(aim.tangents, aim.target)
+        slope = (x - aim.tangents[0], y - aim.tangents[1])
+        return line_of(camera, film_point, aim, slope, crossing, clearance)
 
     def blur(
         self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
@@ -211,8 +210,8 @@ def _fits(
     reach = jnp.max(jnp.hypot(beside + lens.pupils.radial, lens.pupils.tangential))
     scales = (1.0 / (last * lens.film_step), last * lean, 1.0 / reach)
     made, errors = [], []
-    for transfer, rest in fit_transfers(*scales, rays, degrees):
-        off = rest[:, :1] + 1e-3 * disparities[None, :, None] * rest[:, 1:2]
+    for transfer, slope, crossing, _ in fit_transfers(*scales, rays, degrees):
+        off = slope[:, None] + 1e-3 * disparities[None, :, None] * crossing[:, None]
         lit = rays.line_weight == 1.0
         errors.append(
             camera.focal_px * jnp.max(jnp.where(lit, jnp.linalg.norm(off, axis=-1).max(axis=1), 0.0))
@@ -254,11 +253,8 @@ def _traced(lens: PrescriptionLens, camera: Camera) -> TracedRays:
         near = jnp.where(found.clearance > -_BESIDE, 1.0, _LITTLE)
         rim = jnp.where(squares.max() < 1.5, 1.0, _LITTLE)
         weights = [jnp.where(there, weight, 0.0) for weight in (near, rim)]
-        vectors = [slope + jnp.stack([x, y]), crossing]
-        if not isinstance(lens.aperture, Disk):
-            stop = lens.prescription.stop
-            vectors.append(points[stop, :2] / lens.prescription.semi_diameters[stop])
-        return TracedRays(aim.tangents, aim.target, jnp.stack(vectors), squares, *weights)
+        beyond = slope + jnp.stack([x, y])
+        return TracedRays(aim.tangents, aim.target, beyond, crossing, squares, *weights)
 
     return jax.vmap(one)(jnp.asarray(places, dtype=dtype), jnp.asarray(pupil, dtype=dtype))
 

@@ -13,12 +13,12 @@ from jaxtyping import Array, Float
 
 from focusjax._arguments import real_number, require_kind
 from focusjax.geometry import Camera
-from focusjax.lens._aim import through_stop
 from focusjax.lens._aperture import AbstractAperture, Disk
 from focusjax.lens._film import RINGS, film_for
 from focusjax.lens._prescription import PrescriptionLens
 from focusjax.lens._pupils import find_pupils, from_film, openness
 from focusjax.lens._ray_bounds import STEEPEST, find_bounds
+from focusjax.lens._stop_map import find_stop_map
 from focusjax.optics import (
     Prescription,
     film_distance,
@@ -33,8 +33,8 @@ _RADII = 33
 """Film radii at which pupils and bounds are kept; as many less one lie between them."""
 _FRAME_MARGIN = 4.0
 """Pixels beyond the frame from which rays may start, for wide filters."""
-_OVER_SHAPE = 1 << 14
-"""Rays that tell how much light passes an opening that is not round."""
+_EDGE = 128
+"""Rays along and across an opening that tell how much light passes one that is not round."""
 _ROUND = Disk()
 _SHORTEST, _LONGEST = 300.0, 2500.0
 """Wavelengths in nm for which catalogues of glass are made."""
@@ -89,8 +89,9 @@ def prescription_lens(
     opening = Disk() if aperture is None else aperture
     remedy = "`polygon`, `obstructed`, `apodized`, `squeezed` and `mask` make one"
     require_kind(opening, AbstractAperture, "prescription_lens(aperture=)", remedy, "aperture")
-    ways = {"focus": focus, "breathing": breathing, "falloff": falloff}
-    made = focused_lens(lens, camera, disparity, aperture=opening, **ways)
+    made = focused_lens(
+        lens, camera, disparity, focus=focus, breathing=breathing, falloff=falloff, aperture=opening
+    )
     _refuse_all_around(made, camera)
     return made
 
@@ -215,20 +216,12 @@ def _placed(
     radii = 0.5 * step * jnp.arange(2 * _RADII - 1, dtype=indices.dtype)
     pupils = find_pupils(prescription, indices, film, scale * radii)
     bounds = find_bounds(prescription, indices, film, scale, pupil, pupils, radii)
-    # Rings of equal area: on the axis one ray stands for each, and of a shape many do, each at its own angle.
-    is_round = isinstance(aperture, Disk)
-    number = jnp.arange(RINGS if is_round else _OVER_SHAPE, dtype=indices.dtype)
-    rings = pupils.radial[0] * jnp.sqrt((number + 0.5) / len(number))
-    angles = number * (math.pi * (3.0 - math.sqrt(5.0)))
-
-    def light(ring: Array, angle: Array) -> Array:
-        zero = jnp.zeros_like(ring)
-        target = ring * jnp.cos(angle), ring * jnp.sin(angle)
-        found, stop, cosine = from_film(prescription, indices, film, (zero, zero), target)
-        passes = openness(found.clearance) * (cosine**4 if falloff else 1.0)
-        return passes if is_round else passes * through_stop(aperture, stop)
-
-    return PrescriptionLens(
+    kept = jax.tree.map(lambda leaf: leaf[::2], pupils)
+    stop_map, points = None, _rings(indices.dtype)
+    if not isinstance(aperture, Disk):
+        stop_map = find_stop_map(prescription, indices, film, scale * radii[::2], kept)
+        points = jax.vmap(aperture.point)(_square(indices.dtype))
+    lens = PrescriptionLens(
         prescription=prescription,
         indices=indices,
         focus_disparity=jnp.zeros_like(film),
@@ -236,11 +229,33 @@ def _placed(
         film_scale=scale,
         entrance_pupil=pupil,
         film_step=step,
-        pupils=jax.tree.map(lambda leaf: leaf[::2], pupils),
+        pupils=kept,
         bounds=bounds,
         aperture=aperture,
-        exposure=jnp.mean(jax.vmap(light)(rings, angles)) * pupils.radial[0] * pupils.tangential[0],
+        stop_map=stop_map,
+        exposure=jnp.ones_like(film),
         falloff=falloff,
         focus="traced",
         breathing=False,
     )
+
+    def light(point: Array) -> Array:
+        """On the axis, in mm^2."""
+        zero = jnp.zeros_like(film)
+        target, area = lens.aimed_at(zero, point[0], point[1])
+        found, cosine = from_film(prescription, indices, film, (zero, zero), target)
+        return area * openness(found.clearance) * (cosine**4 if falloff else 1.0)
+
+    return dataclasses.replace(lens, exposure=jnp.mean(jax.vmap(light)(points)))
+
+
+def _rings(dtype: jnp.dtype) -> Float[Array, "r 2"]:
+    """A point of each of many rings of equal area: on the axis it stands for all of that."""
+    radii = jnp.sqrt((jnp.arange(RINGS, dtype=dtype) + 0.5) / RINGS)
+    return jnp.stack([radii, jnp.zeros_like(radii)], axis=1)
+
+
+def _square(dtype: jnp.dtype) -> Float[Array, "s 2"]:
+    """Points spread evenly over the unit square, for shapes."""
+    middles = (jnp.arange(_EDGE, dtype=dtype) + 0.5) / _EDGE
+    return jnp.stack(jnp.meshgrid(middles, middles), axis=-1).reshape(-1, 2)

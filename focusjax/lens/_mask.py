@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from focusjax._arguments import real_numbers
 from focusjax.lens._aperture import AbstractAperture, Disk
@@ -39,8 +39,8 @@ class Mask(AbstractAperture):
     def hole(self) -> None:
         return None
 
-    def clearance(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        return 1.0 - (jnp.abs(point) / self.half).max()
+    def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
+        return (jnp.abs(point) < self.half).all()
 
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         within = (jnp.abs(point) < self.half).all()

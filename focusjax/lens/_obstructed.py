@@ -3,7 +3,7 @@
 from typing import SupportsFloat
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from focusjax._arguments import real_number
 from focusjax.lens._aperture import AbstractAperture, Disk, Polygon
@@ -32,9 +32,8 @@ class Obstructed(AbstractAperture):
     def hole(self) -> Float[Array, ""]:
         return self.obstruction
 
-    def clearance(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        within = self.outline.clearance(point)
-        return jnp.minimum(within, 1.0 - self.obstruction - within)
+    def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
+        return self.outline.holds(point) & ~self.outline.holds(point / self.obstruction)
 
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return self.outline.density(point)

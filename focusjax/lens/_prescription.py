@@ -13,10 +13,10 @@ closer. A ray from h leaves the front of the lens as a straight line with slopes
 the entrance pupil at P, and a = c + f m, b = f P as for every ray (y downwards). By first-order optics it is
 the thin lens's ray, with the entrance pupil's radius for the aperture's.
 
-Rays are spread over an ellipse around the opening that their film point sees (`_pupils`). Where the stop has
-blades or a shape, those that meet it are lost, and the rest count for them. Light that falls on the film is
-the integral of cos^4 over the last vertex plane, over the film distance squared; a ray's weight is its part
-of it, in units of that on the axis. So corners are darker by cos^4 and by vignetting, as in photographs.
+Rays are spread over an ellipse around the opening that their film point sees (`_pupils`); where the stop has
+blades or another shape, they cross it where its light is (`_stop_map`). Light that falls on the film is the
+integral of cos^4 over the last vertex plane, over the film distance squared; a ray's weight is its part of
+it, in units of that on the axis. So corners are darker by cos^4 and by vignetting, as in photographs.
 """
 
 import equinox as eqx
@@ -24,12 +24,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera, LensRay
-from focusjax.lens._aim import Aim, Passage, line_of, polar
-from focusjax.lens._aperture import AbstractAperture, Disk
+from focusjax.lens._aim import Aim, line_of, polar
+from focusjax.lens._aperture import AbstractAperture
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._length import Pair
 from focusjax.lens._pupils import Pupils, from_film
 from focusjax.lens._ray_bounds import RayBounds, exit_line
+from focusjax.lens._stop_map import StopMap
 from focusjax.optics import Prescription, first_order
 
 
@@ -49,10 +50,10 @@ class PrescriptionLens(AbstractLens):
         film_step: tangent between the film radii of `pupils` and `bounds`.
         pupils: openings that film points see.
         bounds: disks around the rays of film points.
-        aperture: what the stop lets through, round where it is a disk. Rays go all over the stop, and those
-            that meet blades or black have no light.
-        exposure: in mm^2, the product of the ellipse's half axes times the mean share of light over it, on
-            the axis.
+        aperture: shape of the opening in the stop.
+        stop_map: where rays are aimed to cross the stop; None where it is round, and all that is seen of it
+            is open.
+        exposure: in mm^2, the mean on the axis of the area that a ray stands for times its share of light.
         falloff: whether weights have the fourth power of the cosine to the axis at the film (static).
         focus: how it was focused, "traced" or "paraxial" (static).
         breathing: whether the film keeps its size at every focus (static).
@@ -68,23 +69,21 @@ class PrescriptionLens(AbstractLens):
     pupils: Pupils
     bounds: RayBounds
     aperture: AbstractAperture
+    stop_map: StopMap | None
     exposure: Float[Array, ""]
     falloff: bool = eqx.field(static=True)
     focus: str = eqx.field(static=True)
     breathing: bool = eqx.field(static=True)
 
-    def opening(self) -> Disk:
-        return Disk()
-
-    def finest(self) -> Float[Array, ""]:
-        return self.aperture.finest()
+    def opening(self) -> AbstractAperture:
+        return self.aperture
 
     def vignettes(self) -> bool:
         return True
 
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         aim = self.aim(camera, film_point, pupil_point)
-        return line_of(camera, film_point, aim, self.passing(aim), self.aperture)
+        return line_of(camera, film_point, aim, *self.passing(aim))
 
     def aim(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> Aim:
         """How a ray starts at the film."""
@@ -93,11 +92,11 @@ class PrescriptionLens(AbstractLens):
         x = (camera.principal_point[0] - film_point[0]) / camera.focal_px
         y = (film_point[1] - camera.principal_point[1]) / camera.focal_px
         radius, (along_x, along_y) = polar(x, y)
-        centre, radial, tangential = self._opening(radius / self.film_step)
         across_x, across_y = pupil_point[0], -pupil_point[1]
-        out = centre + (radial - tangential) * (along_x * across_x + along_y * across_y)
-        target_x, target_y = along_x * out + tangential * across_x, along_y * out + tangential * across_y
-        light = radial * tangential / self.exposure
+        r, t = along_x * across_x + along_y * across_y, along_x * across_y - along_y * across_x
+        (out, aside), area = self.aimed_at(radius / self.film_step, r, t)
+        target_x, target_y = along_x * out - along_y * aside, along_y * out + along_x * aside
+        light = area / self.exposure
         if self.falloff:
             step_x, step_y = target_x - self.film_scale * x, target_y - self.film_scale * y
             square = self.film_place**2
@@ -106,14 +105,13 @@ class PrescriptionLens(AbstractLens):
         light = jnp.where(radius <= last * self.film_step, light, 0.0)
         return Aim((x, y), (target_x, target_y), light)
 
-    def passing(self, aim: Aim) -> Passage:
-        """How a ray gets through the glass."""
+    def passing(self, aim: Aim) -> tuple[Pair, Pair, Float[Array, ""]]:
+        """A ray's slopes [2] ahead of the lens, where [2] in mm it crosses the pupil, and its clearance."""
         (x, y), scale = aim.tangents, self.film_scale
-        found, stop, _ = from_film(
+        found, _ = from_film(
             self.prescription, self.indices, self.film_place, (scale * x, scale * y), aim.target
         )
-        line = exit_line(found.position, found.direction, self.entrance_pupil)
-        return Passage(*line, found.clearance, None if isinstance(self.aperture, Disk) else stop)
+        return *exit_line(found.position, found.direction, self.entrance_pupil), found.clearance
 
     def blur(
         self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
@@ -166,8 +164,15 @@ class PrescriptionLens(AbstractLens):
         radius, _ = self._off_axis(camera, film_point)
         return self.bounds.at(radius / self.film_step)
 
-    def _opening(self, place: Float[Array, ""]) -> tuple[Array, Array, Array]:
-        """Centre and half axes in mm of the ellipse that a film point's rays are spread over."""
+    def aimed_at(
+        self, place: Float[Array, ""], r: Float[Array, ""], t: Float[Array, ""]
+    ) -> tuple[Pair, Array]:
+        """Point in mm of the last vertex plane for one of the opening, and mm^2 there per unit of its area.
+
+        Both are along the film point's side, at a `place` counted in film radii, and across.
+        """
+        if self.stop_map is not None:
+            return self.stop_map.at(place, r, t)
         pupils = self.pupils
         last = pupils.centre.shape[0] - 1
         low = jnp.clip(jnp.floor(place), 0, last - 1).astype(int)
@@ -176,4 +181,4 @@ class PrescriptionLens(AbstractLens):
             values[low] + share * (values[low + 1] - values[low])
             for values in (pupils.centre, pupils.radial, pupils.tangential)
         )
-        return centre, radial, tangential
+        return (centre + radial * r, tangential * t), radial * tangential

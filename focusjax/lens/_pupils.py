@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from focusjax.lens._length import Pair
-from focusjax.optics import Prescription, RealRay, trace_path
+from focusjax.optics import Prescription, RealRay, trace, trace_path
 
 SOFTNESS = 0.02
 """Share of its radius over which a rim goes from open to closed, so that weights have derivatives."""
@@ -52,15 +52,24 @@ def from_film(
     film_distance: Float[Array, ""],
     film: Pair,
     target: Pair,
-) -> tuple[RealRay, Pair, Float[Array, ""]]:
-    """The ray from a film point through a point of the last vertex plane (mm).
+) -> tuple[RealRay, Float[Array, ""]]:
+    """The ray from a film point through a point of the last vertex plane (mm), and its cosine at the film."""
+    start, way = way_from_film(lens, film_distance, film, target)
+    return trace(lens, indices, start, way, backward=True), -way[2]
 
-    With where it crosses the stop, in radii of that, and its cosine at the film.
-    """
+
+def from_film_through_stop(
+    lens: Prescription,
+    indices: Float[Array, " n_plus_1"],
+    film_distance: Float[Array, ""],
+    film: Pair,
+    target: Pair,
+) -> tuple[RealRay, Pair]:
+    """The same ray, and where it crosses the stop, in radii of that."""
     start, way = way_from_film(lens, film_distance, film, target)
     ray, points = trace_path(lens, indices, start, way, backward=True)
     x, y, _ = points[lens.stop] / lens.semi_diameters[lens.stop]
-    return ray, (x, y), -way[2]
+    return ray, (x, y)
 
 
 def way_from_film(
@@ -94,7 +103,7 @@ def find_pupils(
     reach = 1.5 * lens.semi_diameters[-1]
 
     def clearance(height: Array, x: Array, y: Array) -> Array:
-        ray, _, _ = from_film(lens, indices, film_distance, (height, jnp.zeros_like(height)), (x, y))
+        ray, _ = from_film(lens, indices, film_distance, (height, jnp.zeros_like(height)), (x, y))
         return ray.clearance
 
     def find(height: Array) -> tuple[Array, Array, Array]:

@@ -85,7 +85,7 @@ def find_bounds(
 
         def ray(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
             # Film points are on the negative side here, so that they look to the positive one.
-            found, _, _ = from_film(lens, indices, film_distance, film, (-x, y))
+            found, _ = from_film(lens, indices, film_distance, film, (-x, y))
             line = exit_line(found.position, found.direction, entrance_pupil)
             slope, crossing = (jnp.stack(pair) for pair in line)
             flat = slope @ slope < STEEPEST**2

@@ -3,7 +3,7 @@
 from typing import SupportsFloat
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from focusjax._arguments import real_number
 from focusjax.lens._aperture import AbstractAperture
@@ -31,8 +31,8 @@ class Squeezed(AbstractAperture):
     def hole(self) -> Float[Array, ""] | None:
         return self.whole.hole()
 
-    def clearance(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        return self.whole.clearance(self._widened(point))
+    def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
+        return self.whole.holds(self._widened(point))
 
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         return self.whole.density(self._widened(point))

@@ -6,12 +6,12 @@ makes of them vectors and numbers that depend on
 
     u = t . t,        v = t . T,        w = T . T
 
-only: the slope with which a ray leaves is A t + B T, and so are, with others for A and B, the place where it
-crosses the entrance pupil and that where it crosses the stop. The square of its distance from the axis on a
-surface is a number, all of them functions of u, v and w (Hopkins 1950). These functions are smooth, also
-where rims cut light off: a rim passes a ray where that square is less than its own. So they are fitted by
-polynomials of a total degree n, which is the aberrations of order 2 n + 1, of (n + 1) (n + 2) (n + 3) / 6
-terms each, by least squares over rays that are traced through the glass.
+only: the slope with which a ray leaves is A t + B T, the place where it crosses the entrance pupil is
+C t + D T, and the square of its distance from the axis on a surface is a number, all of them functions of
+u, v and w (Hopkins 1950). These functions are smooth, also where rims cut light off: a rim passes a ray where
+that square is less than its own. So they are fitted by polynomials of a total degree n, which is the
+aberrations of order 2 n + 1, of (n + 1) (n + 2) (n + 3) / 6 terms each, by least squares over rays that are
+traced through the glass.
 """
 
 import itertools
@@ -23,7 +23,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from focusjax.lens._aim import Passage
 from focusjax.lens._length import Pair
 
 _LEAST_SQUARE = 1e-3
@@ -37,8 +36,7 @@ class Transfer(eqx.Module):
         film: 1 over the largest tangent of film points.
         lean: mm by which the openings of the outermost film points are off the axis.
         pupil: 1 over the largest distance in mm of a target from there.
-        vectors: coefficients [n, 2, m] of A and B: of the slope in tangents, the place in the entrance pupil
-            in mm, and, where n is 3, that in the stop in its radii.
+        lines: coefficients [4, m] of A and B, in tangents, and of C and D, in mm.
         rims: coefficients [k, m] of the squares, over those of the rims that cut rays off.
         degree: the total degree n (static).
     """
@@ -46,28 +44,29 @@ class Transfer(eqx.Module):
     film: Float[Array, ""]
     lean: Float[Array, ""]
     pupil: Float[Array, ""]
-    vectors: Float[Array, "n 2 m"]
+    lines: Float[Array, "4 m"]
     rims: Float[Array, "k m"]
     degree: int = eqx.field(static=True)
 
-    def __call__(self, tangents: Pair, target: Pair) -> Passage:
-        """How the ray from a film point to a target gets through."""
+    def __call__(self, tangents: Pair, target: Pair) -> tuple[Pair, Pair, Float[Array, ""]]:
+        """Where the ray from a film point to a target goes.
+
+        Returns:
+            its slopes beyond those of the pinhole's ray, where in mm it crosses the entrance pupil, and its
+            least clearance of the rims.
+        """
         t, T = shares(self.film, self.lean, self.pupil, tangents, target)
         u, v, w = invariants(t, T)
         # One after the other: XLA for CPU would else work each out anew for every number that it is part of,
         # and compile as many.
-        count = len(self.vectors)
-        rows = jnp.concatenate([self.vectors.reshape(2 * count, -1), self.rims])
-        values = list(jax.lax.map(lambda row: polynomial(row, self.degree, u, v, w), rows))
-        farthest = jnp.full_like(values[0], _LEAST_SQUARE)
-        for square in values[2 * count :]:
+        rows = jnp.concatenate([self.lines, self.rims])
+        A, B, C, D, *squares = jax.lax.map(lambda row: polynomial(row, self.degree, u, v, w), rows)
+        farthest = jnp.full_like(A, _LEAST_SQUARE)
+        for square in squares:
             farthest = jnp.maximum(farthest, square)
         (x, y), (X, Y) = t, T
-        pairs = zip(values[: 2 * count : 2], values[1 : 2 * count : 2], strict=True)
-        beyond, crossing, *stop = [(A * x + B * X, A * y + B * Y) for A, B in pairs]
-        # Beside the pinhole's ray.
-        slope = beyond[0] - tangents[0], beyond[1] - tangents[1]
-        return Passage(slope, crossing, 1.0 - jnp.sqrt(farthest), stop[0] if stop else None)
+        slope, crossing = (A * x + B * X, A * y + B * Y), (C * x + D * X, C * y + D * Y)
+        return slope, crossing, 1.0 - jnp.sqrt(farthest)
 
 
 class TracedRays(eqx.Module):
@@ -76,16 +75,17 @@ class TracedRays(eqx.Module):
     Attributes:
         tangents: film points, x and y [r].
         target: where they are aimed, x and y [r] in mm.
-        vectors: slope beyond the pinhole's ray, crossing of the entrance pupil in mm, and perhaps of the stop
-            in its radii [r, n, 2].
+        slope: beyond the pinhole's ray [r, 2].
+        crossing: of the entrance pupil [r, 2] in mm.
         squares: of distances from the axis [r, k] on surfaces, over those of their rims.
-        line_weight: how much [r] these count.
+        line_weight: how much [r] slope and crossing count.
         rim_weight: how much [r] the squares count.
     """
 
     tangents: tuple[Float[Array, "*r"], Float[Array, "*r"]]
     target: tuple[Float[Array, "*r"], Float[Array, "*r"]]
-    vectors: Float[Array, "*r n 2"]
+    slope: Float[Array, "*r 2"]
+    crossing: Float[Array, "*r 2"]
     squares: Float[Array, "*r k"]
     line_weight: Float[Array, "*r"]
     rim_weight: Float[Array, "*r"]
@@ -137,8 +137,8 @@ def fit_transfers(
     pupil: Float[Array, ""],
     rays: TracedRays,
     degrees: Sequence[int],
-) -> list[tuple[Transfer, Float[Array, "r n 2"]]]:
-    """Polynomials of least squares for some increasing `degrees`, each with what is left of the vectors.
+) -> list[tuple[Transfer, Float[Array, "r 2"], Float[Array, "r 2"], Float[Array, "r k"]]]:
+    """Polynomials of least squares for some increasing `degrees`, each with what is left of the rays.
 
     Differentiable by what the rays do; where they are, and what counts how much, is taken as it is.
     """
@@ -157,17 +157,17 @@ def fit_transfers(
         jnp.stack([t[k][:, None] * table, T[k][:, None] * table], axis=2).reshape(len(table), -1)
         for k in range(2)
     ]
-    wanted = jnp.concatenate([rays.vectors[..., k] for k in range(2)])
+    wanted = jnp.concatenate([jnp.stack([rays.slope[:, k], rays.crossing[:, k]], axis=1) for k in range(2)])
     sizes = [len(terms(degree)) for degree in degrees]
     weight = jnp.concatenate([rays.line_weight] * 2)
     lines = _least_squares(jnp.concatenate(along), wanted, weight, [2 * size for size in sizes])
     rims = _least_squares(table, rays.squares, rays.rim_weight, sizes)
     found = []
-    count = rays.vectors.shape[1]
-    for degree, (line, rest), (rim, _) in zip(degrees, lines, rims, strict=True):
-        vectors = line.T.reshape(count, -1, 2).swapaxes(1, 2)
-        made = Transfer(film, lean, pupil, vectors, rim.T, degree)
-        found.append((made, jnp.moveaxis(rest.reshape(2, -1, count), 0, 2)))
+    for degree, (line, line_rest), (rim, rim_rest) in zip(degrees, lines, rims, strict=True):
+        columns = line.T.reshape(2, -1, 2).swapaxes(1, 2).reshape(4, -1)
+        made = Transfer(film, lean, pupil, columns, rim.T, degree)
+        slope_rest, crossing_rest = jnp.moveaxis(line_rest.reshape(2, -1, 2), 2, 0)
+        found.append((made, slope_rest.T, crossing_rest.T, rim_rest))
     return found
 
 

@@ -20,9 +20,6 @@ class AbstractLensWrapper(AbstractLens):
     def opening(self) -> AbstractAperture:
         return self.lens.opening()
 
-    def finest(self) -> Float[Array, ""]:
-        return self.lens.finest()
-
     def vignettes(self) -> bool:
         return self.lens.vignettes()
 

@@ -61,7 +61,7 @@ def exposed_together(frames: Sequence[Path]) -> LongExposure:
 
 
 def read_done(folder: Path) -> dict[str, str]:
-    """What each frame of a folder was made from, by its number; nothing where that is not known."""
+    """What each file of a folder was made from, by its name; nothing where that is not known."""
     try:
         return json.loads((folder / _DONE).read_text())
     except (OSError, ValueError):

@@ -150,7 +150,8 @@ def render_frames(
         ValueError: a frame that the shot does not have, or as `peel` and `render`.
     """
     tell: Progress = progress if progress is not None else lambda stage, share: None
-    shot, wanted = solved.shot, tuple(range(1, solved.shot.count + 1)) if frames is None else tuple(frames)
+    shot = solved.shot
+    wanted = tuple(range(1, shot.count + 1)) if frames is None else tuple(dict.fromkeys(frames))
     for number in wanted:
         if not 1 <= number <= shot.count:
             raise ValueError(f"frame {number} is not in the shot; it has frames 1 to {shot.count}")
@@ -169,7 +170,7 @@ def render_frames(
         names = [f"frame_{number:04d}.{kind}" for kind in kinds]
         files.append(tuple(folder / name for name in names))
         mark = fingerprint(_seen(solved, number, settings), camera, lens, settings)
-        if done.get(str(number)) == mark and all(path.is_file() for path in files[-1]):
+        if all(done.get(path.name) == mark and path.is_file() for path in files[-1]):
             kept += 1
             continue
         traced = settings.method == "trace"
@@ -195,7 +196,7 @@ def render_frames(
             else:
                 save_with_depth(unfinished, image, scene, camera, lens)
             os.replace(unfinished, path)
-        done[str(number)] = mark
+            done[path.name] = mark
         write_done(folder, done)
     tell("render", 1.0)
     if settings.motion is None:

@@ -126,7 +126,8 @@ def shot_summary(
                 "rays_per_pixel": rendered.rays,
                 "layers_complete": rendered.complete,
             }
-            | _motion(rendered),
+            | _motion(rendered)
+            | _long_exposure(config, rendered),
             "seconds": dict(seconds) | {"compile": sum(compile_seconds.values())},
             "compile_seconds": dict(compile_seconds),
         }
@@ -205,3 +206,9 @@ def _motion(rendered: RenderedFrames) -> dict[str, Any]:
     if rendered.motion_px is None:
         return {}
     return {"largest_motion_px": rendered.motion_px, "shutter_spans": rendered.spans}
+
+
+def _long_exposure(config: Config, rendered: RenderedFrames) -> dict[str, Any]:
+    """How many frames went into it; nothing without one."""
+    made = config.shot is not None and config.shot.long_exposure
+    return {"long_exposure_frames": len(rendered.frames)} if made else {}

@@ -66,6 +66,7 @@ def focal_zone(lens: AbstractLens, camera: Camera) -> FocalZone:
 
 def _zone_at(lens: AbstractLens, camera: Camera, film: Float[Array, "2"]) -> Float[Array, "3"]:
     """Largest and least disparity of a caustic, and least blur per dioptre, at one film point."""
+    opening = lens.opening()
     angle = 2 * np.pi * np.arange(_SPOKES) / _SPOKES
     rings = [np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1) for radius in _RINGS]
     points = jnp.asarray(np.concatenate([np.zeros((1, 2)), *rings]), dtype=film.dtype)
@@ -88,7 +89,7 @@ def _zone_at(lens: AbstractLens, camera: Camera, film: Float[Array, "2"]) -> Flo
     near = jnp.where(none, 0.0, jnp.where(passes, near, -jnp.inf).max())
     far = jnp.where(none, 0.0, jnp.where(passes, far, jnp.inf).min())
     parallax = jnp.where(none, 0.0, jnp.where(passes, stretch, jnp.inf).min())
-    return jnp.stack([near, far, parallax * lens.finest()])
+    return jnp.stack([near, far, parallax * opening.finest()])
 
 
 def _det(m: Float[Array, "2 2"]) -> Float[Array, ""]:

@@ -33,12 +33,11 @@ from focusjax.lens import (
     squeezed,
     thin_lens,
 )
-from focusjax.lens._pupils import SOFTNESS, way_from_film
+from focusjax.lens._pupils import way_from_film
 from focusjax.metrics import psnr
 from focusjax.optics import lens_preset, trace_path
 from focusjax.scene import constant_background, make_object, make_scene
 from focusjax.trace import render
-from focusjax.trace._focal_zone import focal_zone
 
 CAMERA = look_at((0, 0, 2), (0, 0, 0), width=60, height=40, focal_length=0.05)
 AXIS, CORNER = jnp.array([30.0, 20.0]), jnp.array([58.0, 37.0])
@@ -87,43 +86,66 @@ def test_it_is_seen_as_that_of_the_thin_lens_upright_and_as_bright(shape):
     # What the shape takes is made up for. Observed: within 2e-4.
     assert float(rays_at(lens, AXIS).weight.mean()) == pytest.approx(1.0, abs=1e-3)
     assert lens.vignettes()
-    assert isinstance(lens.opening(), Disk)
+
+
+@pytest.mark.parametrize("f_number", [1.9, 8.0])
+def test_rays_cross_the_stop_where_they_are_drawn(f_number):
+    """As the surfaces say, from all over the film, with corners that see a third of the stop."""
+    lens = gauss(SHAPES["heart"], f_number)
+    stop = lens.prescription.stop
+
+    def off(sample, place):
+        film = place * jnp.array([CAMERA.width, CAMERA.height])
+        drawn = lens.pupil_point(sample)
+        aim = lens.aim(CAMERA, film, drawn)
+        at = tuple(lens.film_scale * t for t in aim.tangents)
+        start = way_from_film(lens.prescription, lens.film_place, at, aim.target)
+        met = trace_path(lens.prescription, lens.indices, *start, backward=True)[1][stop]
+        crossing = met[:2] / lens.prescription.semi_diameters[stop] * jnp.array([1.0, -1.0])
+        passes = lens.ray(CAMERA, film, drawn).weight > 0
+        return jnp.where(passes, jnp.linalg.norm(crossing - drawn), 0.0)
+
+    places = jnp.roll(SQUARE, 37, axis=0)[:, ::-1]
+    # Observed: 2.8e-4 and 5.5e-4 radii of the stop.
+    assert np.asarray(jax.jit(jax.vmap(off))(SQUARE, places)).max() < 2e-3
 
 
 @pytest.mark.parametrize("film", [AXIS, CORNER], ids=["axis", "corner"])
-def test_rays_pass_where_the_shape_in_the_stop_is_open(film):
-    """As the surfaces say that rays meet, with a corner that vignetting darkens."""
-    shape = SHAPES["blades"]
-    lens, whole = gauss(shape, 1.9), gauss(Disk(), 1.9)
+def test_a_shape_that_is_round_is_a_round_stop(film):
+    """The one draws rays over the whole stop, and the other over what the film point sees of it."""
+    shaped, plain = (gauss(shape, 1.9) for shape in (polygon(5, roundness=1.0), Disk()))
+    ours, theirs = (rays_at(lens, film) for lens in (shaped, plain))
+    radius = float(thin_lens(focus_distance=2.0, f_number=1.9, focal_length=0.05).parallax(CAMERA))
+    for x, y in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)):
+        mine, others = (
+            float(jnp.mean(rays.weight * (rays.b[:, 0] / radius) ** x * (rays.b[:, 1] / radius) ** y))
+            for rays in (ours, theirs)
+        )
+        # Observed: 1.6e-3 at most, as the soft edge of the stop is met by more or fewer rays.
+        assert mine == pytest.approx(others, abs=3e-3)
 
-    def met(sample):
-        aim = lens.aim(CAMERA, film, lens.pupil_point(sample))
-        at = tuple(lens.film_scale * t for t in aim.tangents)
-        start = way_from_film(lens.prescription, lens.film_place, at, aim.target)
-        return trace_path(lens.prescription, lens.indices, *start, backward=True)[1][lens.prescription.stop]
 
-    x, y, _ = np.asarray(jax.jit(jax.vmap(met))(SQUARE)).T / float(
-        lens.prescription.semi_diameters[lens.prescription.stop]
-    )
-    clearance = np.asarray(jax.vmap(shape.clearance)(jnp.stack([jnp.asarray(x), -jnp.asarray(y)], axis=-1)))
-    rays, open_ = rays_at(lens, film), rays_at(whole, film)
-    weight, before = np.asarray(rays.weight), np.asarray(open_.weight)
-    assert (weight[clearance < -SOFTNESS / 2] == 0.0).all()
-    ratio = weight / np.where(before > 0, before, 1.0)
-    inside = (clearance > SOFTNESS / 2) & (before > 0.2)
-    assert 0.2 < inside.mean() < 0.9
-    # The same for all, as the shape is of one density. Observed: within 1e-12.
-    np.testing.assert_allclose(ratio[inside], ratio[inside][0], rtol=1e-9)
-    assert ratio[inside][0] == pytest.approx(1.3, abs=0.05)
-    # What the shape stops goes the same way, without light.
-    np.testing.assert_array_equal(np.asarray(rays.a)[before > 0], np.asarray(open_.a)[before > 0])
+def test_light_through_small_holes_is_all_there():
+    """No ray meets what is black, so that pictures of few rays have neither holes nor less light."""
+    image = np.zeros((81, 81))
+    image[40, 4] = image[40, 76] = 1.0
+    lens = gauss(mask(image))
+    assert float(rays_at(lens, AXIS).weight.mean()) == pytest.approx(1.0, abs=1e-3)
+    assert (np.asarray(rays_at(lens, AXIS).weight) > 0.5).all()
+    far = np.array([(50.0, 50.0, -100.0), (50.1, 50.0, -100.0), (50.0, 50.1, -100.0)])
+    aside = make_object("aside", far, np.array([(0, 1, 2)]))
+    wall = make_scene([aside], background=constant_background(0.4), unlit=True)
+    picture = np.asarray(render(peel(wall, CAMERA, lens), lens, rays=4))
+    # Of one hole less is seen from the corners. Observed: 0.16.
+    assert picture.min() > 0.1
+    assert picture[20, 30] == pytest.approx(0.4, abs=1e-3)
 
 
 @pytest.mark.parametrize("shape", [SHAPES["ring"], HEART], ids=["ring", "heart"])
 def test_polynomials_know_it(shape):
     lens = gauss(shape)
     fitted = fitted_lens(lens, CAMERA)
-    # Observed: 1e-4 to 2.2e-3 of the light is misplaced, most by the ring, at whose rims it changes most.
+    # Observed: 2e-5 to 3e-3 of the light is misplaced, most by the ring.
     assert float(fitted.error.light) < 5e-3
     for film in (AXIS, CORNER):
         ours, exact = (np.asarray(rays_at(each, film).weight) for each in (fitted, lens))
@@ -146,7 +168,7 @@ def test_it_stays_when_the_lens_is_focused_elsewhere_or_splits_colours():
 
 
 def test_derivatives_by_its_shape_are_those_of_differences():
-    """Of light and of its spread, which rays tell that the soft edges of blades let pass in part."""
+    """Of light and of its spread."""
     camera = CAMERA
     square = jnp.asarray(qmc.Sobol(2, rng=np.random.default_rng(3)).random_base2(12))
 
@@ -159,7 +181,8 @@ def test_derivatives_by_its_shape_are_those_of_differences():
         spread = (rays.a + 1.7 * rays.b) @ jnp.array([1.0, 0.4])
         return jnp.mean(rays.weight * spread**2) + rays.weight.mean()
 
-    check_gradients(told, jnp.array([0.4, 0.5]))
+    # Where rays are aimed is fitted to some whose places have no derivatives. Observed: 1.3e-6.
+    check_gradients(told, jnp.array([0.4, 0.5]), rtol=1e-5)
 
 
 PRESCRIPTION = biconvex()
@@ -183,15 +206,6 @@ def test_lights_show_it_as_those_of_the_thin_lens():
     real, ideal = (np.asarray(render(layers, lens, rays=64)) for lens in (glass, thin))
     # Observed: 46 dB. Upside down they would be 32 dB from it.
     assert psnr(real, ideal) > 42
-
-
-def test_what_is_fine_in_it_is_not_smoothed_away():
-    """Pictures are smoothed over less where a shape has details."""
-    parallax = [
-        float(np.median(focal_zone(gauss(shape), CAMERA).parallax)) for shape in (Disk(), obstructed(0.8))
-    ]
-    # A tenth of the radius is the half width of the ring. Observed: 0.1, as of thin lenses.
-    assert parallax[1] / parallax[0] == pytest.approx(0.1, rel=0.05)
 
 
 def test_a_closed_corner_has_finite_derivatives():

@@ -157,6 +157,18 @@ def test_frames_that_are_there_are_kept(filmed, config_file):
     assert iio.imread(first).mean() > iio.imread(lost).mean() + 20
 
 
+def test_files_of_a_kind_that_was_left_out_meanwhile_are_made_again(filmed, config_file, tmp_path):
+    """A frame's OpenEXR file is not taken for new because its PNG file is."""
+    noise = ["--set", "render.seed=5"]
+    command = ["shot", str(config_file), "--out", str(tmp_path), "--frames", "1"]
+    formats = {name: ["--set", f"shot.formats={name}"] for name in ("['png','exr']", "['png']")}
+    both, png = formats.values()
+    for options in (both, [*png, *noise], [*both, *noise]):
+        assert CliRunner().invoke(app, [*command, *options]).exit_code in (0, 3)
+    before, after = (load_exr(out / "frames" / "frame_0001.exr")["G"] for out in (filmed[0], tmp_path))
+    assert np.abs(after - before).max() > 0.0
+
+
 def test_frames_are_exposed_and_developed_alike(filmed, config_file, tmp_path):
     taken = ["exposure.luminance_cd_m2=20", "exposure.time=1/60", "film.preset=black_and_white"]
     options = ["--frames", "1", "--out", str(tmp_path), *(part for key in taken for part in ("--set", key))]
@@ -176,12 +188,13 @@ def test_frames_are_exposed_and_developed_alike(filmed, config_file, tmp_path):
 def test_frames_make_one_long_exposure(filmed, config_file, tmp_path):
     """Of those that are asked for, each with rays of its own; they are kept for the next time."""
     options = ["--out", str(tmp_path), "--set", "shot.long_exposure=true", "--set", "shot.formats=['png']"]
-    for frames, kept in (([1, 2], 0), ([1, 2, 3], 2)):
+    for frames, kept in (([1, 2], 0), ([1, 2, 3, 3], 2)):
         chosen = ["--frames", ",".join(map(str, frames))]
         result = CliRunner().invoke(app, ["shot", str(config_file), *options, *chosen])
         assert result.exit_code in (0, 3), result.output
-        assert json.loads((tmp_path / "report.json").read_text())["pictures"]["kept"] == kept
-        singles = [load_exr(tmp_path / "frames" / f"frame_{number:04d}.exr") for number in frames]
+        pictures = json.loads((tmp_path / "report.json").read_text())["pictures"]
+        assert (pictures["kept"], pictures["long_exposure_frames"]) == (kept, len(set(frames)))
+        singles = [load_exr(tmp_path / "frames" / f"frame_{number:04d}.exr") for number in set(frames)]
         together = load_exr(tmp_path / "long_exposure.exr")
         for name in "RGB":
             # Rounding, of single precision.

@@ -44,9 +44,6 @@ class AberratedLens(AbstractLens):
     def opening(self) -> AbstractAperture:
         return self.lens.opening()
 
-    def finest(self) -> Float[Array, ""]:
-        return self.lens.finest()
-
     def vignettes(self) -> bool:
         return self.lens.vignettes()
 

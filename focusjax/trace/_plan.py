@@ -36,7 +36,7 @@ _NEAR = 0.75
 _FALL = 1.0
 _PIXELS_PER_TRIED = 12
 _LEAST_PIXELS = 16384
-_AIMED_SQUARES = 16
+_AIMED_SQUARES = 32
 _SQUARE, _AROUND = 24, 6
 """Pixels along the edge of a square, and around it that are traced for it."""
 _MOST = 1 << 14
@@ -189,10 +189,13 @@ def _trial(tracer: Tracer, rays: int, seed: int, *, smooth: bool) -> tuple[float
     told = weight > 0
     counts = np.where(traced, whole, 0)
     classes = tracer.classes if smooth else None
-    checks = [tracer.trace(counts, rays, seed + k, classes=classes, independent=True) for k in (1, 2)]
+    # Few rays would tell little of what they miss themselves.
+    sure = max(rays, _FIRST_TRIAL)
+    told_counts = np.where(told, tracer.counts(sure), 0)
+    checks = [tracer.trace(told_counts, sure, seed + k, classes=classes, independent=True) for k in (1, 2)]
     one, other = (check.raw()[told] for check in checks)
     # For its programs to be compiled.
-    checks[0].smooth()
+    tracer.trace(counts, rays, seed, classes=classes).smooth()
     start = time.perf_counter()
     found = tracer.trace(counts, rays, seed, classes=classes)
     seconds = (time.perf_counter() - start) * float(whole.sum()) / float(counts.sum())

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from focusjax.lens._length import Pair
-from focusjax.optics import Prescription, RealRay, trace, trace_path
+from focusjax.optics import Prescription, RealRay, trace
 
 SOFTNESS = 0.02
 """Share of its radius over which a rim goes from open to closed, so that weights have derivatives."""
@@ -56,20 +56,6 @@ def from_film(
     """The ray from a film point through a point of the last vertex plane (mm), and its cosine at the film."""
     start, way = way_from_film(lens, film_distance, film, target)
     return trace(lens, indices, start, way, backward=True), -way[2]
-
-
-def from_film_through_stop(
-    lens: Prescription,
-    indices: Float[Array, " n_plus_1"],
-    film_distance: Float[Array, ""],
-    film: Pair,
-    target: Pair,
-) -> tuple[RealRay, Pair]:
-    """The same ray, and where it crosses the stop, in radii of that."""
-    start, way = way_from_film(lens, film_distance, film, target)
-    ray, points = trace_path(lens, indices, start, way, backward=True)
-    x, y, _ = points[lens.stop] / lens.semi_diameters[lens.stop]
-    return ray, (x, y)
 
 
 def way_from_film(

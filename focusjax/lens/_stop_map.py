@@ -17,8 +17,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.lens._length import Pair
-from focusjax.lens._pupils import Pupils, from_film_through_stop
-from focusjax.optics import BLOCKED, Prescription
+from focusjax.lens._pupils import Pupils, way_from_film
+from focusjax.optics import BLOCKED, Prescription, trace_path
 
 _DEGREE = 5
 _POWERS = tuple((i, j) for j in range(_DEGREE + 1) for i in range(_DEGREE + 1 - j))
@@ -83,22 +83,24 @@ def find_stop_map(
     wanted = jnp.asarray(spots, dtype=heights.dtype)
 
     def one(height: Array, inside: Array) -> tuple[Array, Array]:
-        def crossing(target: Array) -> tuple[Array, Array]:
-            ray, stop = from_film_through_stop(
-                lens, indices, film_distance, (height, jnp.zeros_like(height)), (target[0], target[1])
-            )
-            return jnp.stack(stop), ray.clearance
+        def crossing(target: Array) -> tuple[Array, tuple[Array, Array]]:
+            """Where a ray crosses the stop, twice, and its clearance."""
+            film = height, jnp.zeros_like(height)
+            start = way_from_film(lens, film_distance, film, (target[0], target[1]))
+            ray, points = trace_path(lens, indices, *start, backward=True)
+            place = points[lens.stop, :2] / lens.semi_diameters[lens.stop]
+            return place, (place, ray.clearance)
 
         # From a ray that passes, straight on: near enough, as it is where rays do cross that counts.
         middle = jnp.stack([inside, jnp.zeros_like(inside)])
-        (slope, _), (first, _) = jax.jacfwd(crossing)(middle), crossing(middle)
-        (a, b), (c, d) = jax.lax.stop_gradient(slope)
+        slope, (first, _) = jax.lax.stop_gradient(jax.jacfwd(crossing, has_aux=True)(middle))
+        (a, b), (c, d) = slope
         det = a * d - b * c
         safe = jnp.where(det == 0.0, 1.0, det)
-        off = wanted - jax.lax.stop_gradient(first)[None]
+        off = wanted - first[None]
         steps = jnp.stack([d * off[:, 0] - b * off[:, 1], a * off[:, 1] - c * off[:, 0]], axis=1) / safe
         targets = middle[None] + steps
-        (place, clearance) = jax.vmap(crossing)(targets)
+        _, (place, clearance) = jax.vmap(crossing)(targets)
         near = jnp.sum(place**2, axis=1) < 2.0
         weight = jnp.where((clearance > 0.5 * BLOCKED) & near, 1.0, 0.0)
 

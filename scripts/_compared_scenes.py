@@ -2,9 +2,8 @@
 
 Two kinds, each in two variants. `scan`: a scanned object of about a million triangles, several to a pixel,
 whose colours differ from vertex to vertex, before a checkered wall that is blurred over some 30 pixels.
-`leaves`: leafy trees before a town, in focus on a tree; 121,000
-and 141,000 triangles. The first variants are for tuning; the second ones
-are for reporting only, so nothing is ever tuned on them.
+`leaves`: leafy trees before a town, in focus on a tree, 121,000 and 141,000 triangles. The first variants are
+for tuning; the second ones are for reporting only, so nothing is ever tuned on them.
 
 All is unlit: colours of vertices are radiance.
 """
@@ -188,7 +187,7 @@ def _grid_faces(rows: int, columns: int) -> np.ndarray:
 
 
 def _painted(name: str, mesh: tuple[np.ndarray, np.ndarray], *, seed: int, hue: object) -> SceneObject:
-    """Broad stains, fine veins and a colour of its own for every vertex, as cameras of scanners leave them."""
+    """Broad stains, fine veins, and noise of its own at every vertex, as scanners leave it."""
     vertices, faces = mesh
     random = np.random.default_rng(seed)
     near = vertices - vertices.mean(axis=0)

@@ -1,6 +1,7 @@
 """Slow or simple ways to a picture that share no code with the tracer: to judge it by, and for previews."""
 
 from focusjax.baselines._accumulation import accumulate as accumulate
+from focusjax.baselines._denoise import denoised as denoised
 from focusjax.baselines._gather import gather as gather
 from focusjax.baselines._mitsuba import SAMPLER as SAMPLER
 from focusjax.baselines._mitsuba import UnlitScene as UnlitScene

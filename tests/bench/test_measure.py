@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from focusjax.baselines import lens_picture
-from focusjax.bench._measure import measure, peak_memory
+from focusjax.bench import Reference, speed_error
+from focusjax.bench import _run as module
+from focusjax.bench._measure import Measured, Timing, measure, peak_memory
 from focusjax.bench._methods import Method, method_named
 from focusjax.metrics import psnr
 
@@ -59,3 +61,30 @@ def test_methods_see_the_same_picture(case, name, setting, observed):
     measure(method, case, repeats=1, keep=kept.__setitem__)
     truth = lens_picture(case.scene, case.camera, case.lens, rays=128, seed=7)
     assert psnr(kept[0], truth) > observed - 1.0
+
+
+def test_a_scene_without_a_reference_leaves_the_others(case, tmp_path, monkeypatch):
+    def made(given, **_):
+        if given.name == "second":
+            raise ValueError("the maker gave up")
+        return Reference(np.full((24, 32, 3), 0.5), "raycast", 4, 0, 50.0, kept=True, seconds=1.0)
+
+    timing = Timing(4, 2.0, 1.0, 1.0, 100.0)
+    picture, broken = np.full((24, 32, 3), 0.4), np.full((24, 32, 3), np.nan)
+
+    def measured(method, case, *, repeats):
+        several = tuple(dataclasses.replace(timing, setting=setting) for setting in (4, 8))
+        return Measured(1.0, 1.0, 50.0, several), [picture, broken], None
+
+    monkeypatch.setattr(module, "reference_picture", made)
+    monkeypatch.setattr(module, "measured_apart", measured)
+    second = dataclasses.replace(case, name="second")
+    method = method_named("tracer-1")
+    results = speed_error([case, second], [method], cache=tmp_path, maker="raycast")
+    assert results.failures == {"second": "second has no reference: the maker gave up"}
+    (found,) = results.cases
+    # The picture that cannot be scored takes no other with it.
+    assert [row.setting for row in found.rows] == [4]
+    assert "tracer-1 with 8 rays: " in found.failures["tracer-1"]
+    with pytest.raises(ValueError, match="second has no reference: the maker gave up"):
+        speed_error([second], [method], cache=tmp_path, maker="raycast")

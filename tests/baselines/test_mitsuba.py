@@ -18,6 +18,7 @@ from focusjax.baselines import (
     unlit_scene,
     without_gaps,
 )
+from focusjax.bench import resized
 from focusjax.lens import thin_lens
 from focusjax.metrics import psnr
 from focusjax.scene import constant_background, make_object, make_scene
@@ -126,12 +127,13 @@ def test_samples_that_are_not_finite_are_left_out_and_counted(monkeypatch):
 @needs_mitsuba
 @needs_denoiser
 def test_denoising_takes_noise_out():
-    scene = painted_scene()
-    noisy = mitsuba_picture(unlit_scene(scene), CAMERA, LENS, samples=8, variant="scalar_rgb")
-    truth = lens_picture(scene, CAMERA, LENS, rays=256)
+    scene, camera = painted_scene(), resized(CAMERA, 192, 144)
+    noisy = mitsuba_picture(unlit_scene(scene), camera, LENS, samples=4, variant="scalar_rgb")
+    truth = lens_picture(scene, camera, LENS, rays=64)
     clean = denoised(noisy)
     assert clean.shape == noisy.shape
-    assert psnr(clean, truth) > psnr(noisy, truth) + 1.0
+    # Observed: 34.4 dB instead of 24.0.
+    assert psnr(clean, truth) > psnr(noisy, truth) + 8.0
 
 
 def test_says_what_denoising_needs(monkeypatch):

@@ -26,6 +26,7 @@ from focusjax.scene import (
 )
 
 Compared = tuple[Scene, Camera, ThinLens]
+Colour = tuple[float, float, float]
 SIZE = (800, 600)
 _MESHES = Path(__file__).parent.parent / "configs" / "meshes"
 _SKY = (0.45, 0.56, 0.72)
@@ -186,7 +187,7 @@ def _grid_faces(rows: int, columns: int) -> np.ndarray:
     return np.stack([corner, corner + 1, below + 1, corner, below + 1, below], axis=-1).reshape(-1, 3)
 
 
-def _painted(name: str, mesh: tuple[np.ndarray, np.ndarray], *, seed: int, hue: object) -> SceneObject:
+def _painted(name: str, mesh: tuple[np.ndarray, np.ndarray], *, seed: int, hue: Colour) -> SceneObject:
     """Broad stains, fine veins, and noise of its own at every vertex, as scanners leave it."""
     vertices, faces = mesh
     random = np.random.default_rng(seed)
@@ -200,7 +201,7 @@ def _painted(name: str, mesh: tuple[np.ndarray, np.ndarray], *, seed: int, hue: 
 
 
 def _checkered_wall(
-    depth: float, edge: float, dark: object, light: object, *, turn: float, lean: float = 0.0
+    depth: float, edge: float, dark: Colour, light: Colour, *, turn: float, lean: float = 0.0
 ) -> SceneObject:
     """Squares `edge` metres wide at `depth` metres before a camera at the origin, beyond the view.
 

@@ -297,16 +297,17 @@ def without_gaps(picture: Float[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w 
     Raises:
         ValueError: a pixel that is not finite has no finite neighbour.
     """
-    finite = np.isfinite(picture).all(axis=-1)
+    finite = np.asarray(np.isfinite(picture).all(axis=-1))
     if finite.all():
         return picture
     out = picture.copy()
     for row, column in np.argwhere(~finite):
         around = slice(max(row - 1, 0), row + 2), slice(max(column - 1, 0), column + 2)
-        if not finite[around].any():
+        sound = picture[around][finite[around]]
+        if not len(sound):
             raise ValueError(
                 f"pixel ({column}, {row}) and all its neighbours are not finite; expected single pixels"
                 " without a finite sample, so look for vertices and colours that are not finite"
             )
-        out[row, column] = picture[around][finite[around]].mean(axis=0)
+        out[row, column] = sound.mean(axis=0)
     return out

@@ -81,11 +81,11 @@ def reference_picture(case: Case, *, maker: str, samples: int, cache: Path) -> R
     made = made_apart(maker, case, list(zip(shares, _SEEDS, strict=True)))
     seconds = time.perf_counter() - start
     (first, second), dropped = (half for half, _ in made), sum(count for _, count in made)
-    sound = [np.isfinite(half).all(axis=-1) for half in (first, second)]
+    sound = [np.isfinite(half).all(axis=-1, keepdims=True) for half in (first, second)]
     mean = (shares[0] * first + shares[1] * second) / samples
     # A half that has no sample of a pixel leaves it to the other, and to the neighbours where that has none.
-    mean = np.where((sound[0] & ~sound[1])[..., None], first, mean)
-    mean = np.where((sound[1] & ~sound[0])[..., None], second, mean)
+    mean = np.where(sound[0] & ~sound[1], first, mean)
+    mean = np.where(sound[1] & ~sound[0], second, mean)
     mean = without_gaps(mean)
     # The mean has half the variance of a half, the difference of the halves twice that.
     floor = psnr(without_gaps(first), without_gaps(second)) + 20 * math.log10(2.0)

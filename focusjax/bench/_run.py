@@ -23,7 +23,7 @@ from focusjax.layers import disparity_map
 Progress = Callable[[str, float | None], None]
 """Told what runs and the share of all that is done."""
 
-ANCHORS = (("mitsuba", 64), ("mitsuba-scalar", 64))
+ANCHORS = (("mitsuba+oidn", 16), ("mitsuba", 64), ("mitsuba-scalar", 64))
 """Method and setting whose error the others are timed to; the first that was measured."""
 
 

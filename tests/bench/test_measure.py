@@ -6,11 +6,12 @@ import importlib.util
 import numpy as np
 import pytest
 
-from focusjax.baselines import lens_picture
-from focusjax.bench import Reference, speed_error
+from focusjax.baselines import denoised, lens_picture
+from focusjax.bench import Reference, resized, speed_error
 from focusjax.bench import _run as module
 from focusjax.bench._measure import Measured, Timing, measure, peak_memory
 from focusjax.bench._methods import Method, method_named
+from focusjax.bench._methods import _mitsuba as mitsuba_method
 from focusjax.metrics import psnr
 
 
@@ -88,3 +89,23 @@ def test_a_scene_without_a_reference_leaves_the_others(case, tmp_path, monkeypat
     assert "tracer-1 with 8 rays: " in found.failures["tracer-1"]
     with pytest.raises(ValueError, match="second has no reference: the maker gave up"):
         speed_error([second], [method], cache=tmp_path, maker="raycast")
+
+
+@pytest.mark.skipif(
+    any(importlib.util.find_spec(name) is None for name in ("mitsuba", "pyoidn")),
+    reason="Mitsuba or Open Image Denoise is not installed (`bench` extra)",
+)
+def test_the_denoised_method_is_the_noisy_one_denoised(case):
+    noisy, clean = (
+        mitsuba_method("path tracer", "path tracer", (4,), variant="scalar_rgb", denoise=denoise)
+        for denoise in (False, True)
+    )
+    assert (noisy.needs, clean.needs) == (("mitsuba",), ("mitsuba", "pyoidn"))
+    larger = dataclasses.replace(case, camera=resized(case.camera, 160, 120))
+    kept, pictures = {}, []
+    for method in (noisy, clean):
+        measure(method, larger, repeats=1, keep=kept.__setitem__)
+        pictures.append(kept[0])
+    np.testing.assert_allclose(pictures[1], denoised(pictures[0]), atol=1e-5)
+    truth = lens_picture(larger.scene, larger.camera, larger.lens, rays=64, seed=7)
+    assert psnr(pictures[1], truth) > psnr(pictures[0], truth) + 3.0

@@ -44,6 +44,7 @@ from rich.table import Table
 from focusjax.baselines import UnlitScene, denoised, load_unlit, mitsuba_picture, unlit_scene
 from focusjax.bench import Case, Reach, reference_picture, time_to_reach
 from focusjax.geometry import Camera
+from focusjax.io import for_json
 from focusjax.layers import Layers, peel
 from focusjax.lens import ThinLens
 from focusjax.metrics import psnr
@@ -295,14 +296,15 @@ def derived_table(results: list[dict[str, Any]]) -> Table:
     for letter, label in LABELS.items():
         for result in results:
             row = result["derived"][letter]
-            ratio = (
-                f"{'≥ ' if row.get('at least') else ''}{row['times as quick']:.2f}" if letter != "f" else ""
-            )
+            reached = math.isfinite(row.get("ours s", math.nan))
+            ratio = f"{'≥ ' if row.get('at least') else ''}{row['times as quick']:.2f}" if reached else ""
+            ours = f"{row['ours s']:.4f}" if reached else "not reached" if "ours s" in row else ""
             table.add_row(
                 letter,
                 label,
                 result["scene"],
-                *(f"{row[key]:.4f}" if key in row else "" for key in ("ours s", "theirs s")),
+                ours,
+                f"{row['theirs s']:.4f}" if "theirs s" in row else "",
                 ratio,
                 f"{row['dB']:.2f}" if "dB" in row else "",
             )
@@ -320,7 +322,8 @@ def main() -> None:
         if options.json is not None:
             # After every scene, so that what is measured is kept whatever comes.
             options.json.parent.mkdir(parents=True, exist_ok=True)
-            options.json.write_text(json.dumps({"machine": about, "scenes": results}, indent=1) + "\n")
+            facts = for_json({"machine": about, "scenes": results})
+            options.json.write_text(json.dumps(facts, indent=1, allow_nan=False) + "\n")
     console.print(derived_table(results))
     print(json.dumps(about))
 

@@ -34,6 +34,10 @@ class Boxes:
         """How many samples are in each."""
         return self.span[:, 0].astype(float) * self.span[:, 1]
 
+    def take(self, index: np.ndarray) -> "Boxes":
+        """The boxes at the positions `index`."""
+        return Boxes(*(np.take(a, index, axis=0) for a in (self.triangle, self.first, self.span)))
+
     def portions(self, cost: Float[np.ndarray, " b"], most: float) -> Iterator["Boxes"]:
         """The same in turns that cost no more than `most`, or are of one box."""
         spent = np.cumsum(cost)
@@ -56,7 +60,7 @@ def boxes_on(grid: Grid, triangles: ScreenTriangles, *, reach: float = 0.0) -> l
         rows = _samples(triangles.span(1, part), grid.rows, reach)
         index = np.flatnonzero((columns[1] > 0) & (rows[1] > 0))
         first, span = (np.stack([columns[k][index], rows[k][index]], axis=1) for k in (0, 1))
-        return Boxes(part.start + index, first, span)
+        return Boxes((part.start + index).astype(np.int32), first, span)
 
     return in_parallel(some, parts(triangles.count, _AT_ONCE))
 

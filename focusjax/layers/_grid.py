@@ -46,4 +46,4 @@ def homogeneous_image(vertices: np.ndarray, camera: Camera, grid: Grid) -> np.nd
     x, y, z = ((vertices - pose[:3, 3]) @ pose[:3, :3]).T
     focal = float(camera.focal_px) * grid.supersampling
     centre = np.asarray(camera.principal_point, dtype=np.float64) * grid.supersampling + grid.margin
-    return np.stack([focal * x - centre[0] * z, -focal * y - centre[1] * z, -z], axis=1)
+    return np.stack([focal * x - centre[0] * z, -focal * y - centre[1] * z, -z]).T

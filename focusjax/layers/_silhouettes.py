@@ -16,10 +16,11 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, UInt
 
 from focusjax._parallel import in_parallel, parts
-from focusjax.layers._blocks import in_blocks
+from focusjax.layers._blocks import pad_rows
 from focusjax.layers._boxes import boxes_on
 from focusjax.layers._cells import line_code
 from focusjax.layers._clip import ScreenTriangles
+from focusjax.layers._edges import edge_functions
 from focusjax.layers._grid import Grid
 from focusjax.layers._joins import NEIGHBOURS, UNJOINED, Joins, Planes
 from focusjax.layers._raster import rasterise
@@ -151,7 +152,7 @@ def _covered_points(
     wanted = count > 0
     near = triangles.take(_touching(triangles, grid, wanted))
     stamps = dice(near, boxes_on(grid, near, reach=0.5), reach=0.5)
-    fragments = rasterise(stamps, grid, reach=0.5, wanted=wanted)
+    fragments = rasterise(near, stamps, grid, reach=0.5, wanted=wanted)
     cell = fragments.sample
     # Every fragment beside every surface of its square.
     times = count[cell]
@@ -161,12 +162,16 @@ def _covered_points(
     w = fragments.disparity[fragment]
     same = np.flatnonzero((w >= low[square]) & (w <= high[square]))
     fragment, square = fragment[same], square[same]
-    stamp, sample = fragments.stamp[fragment], fragments.sample[fragment]
-    row, column = np.divmod(sample, np.int32(grid.columns))
-    place = np.stack([column, row], axis=1) - np.take(stamps.origin, stamp, axis=0)
-    masks, centres = in_blocks(
-        _inside, (np.take(stamps.edges, stamp, axis=0), place.astype(np.float32)), _AT_ONCE
-    )
+    row, column = np.divmod(fragments.sample[fragment], np.int32(grid.columns))
+
+    def block(part: slice) -> tuple[np.ndarray, ...]:
+        corners = near.around(fragments.triangle[fragment[part]], column[part], row[part])
+        sides = edge_functions(*corners, np)
+        columns = (pad_rows(a.astype(np.float32), _AT_ONCE) for side in sides for a in side[:3])
+        return tuple(np.asarray(a)[: part.stop - part.start] for a in _inside(*columns))
+
+    blocks = in_parallel(block, parts(len(fragment), _AT_ONCE)) or [block(slice(0, 0))]
+    masks, centres = (np.concatenate(each) for each in zip(*blocks, strict=True))
     together = np.zeros(len(order), dtype=np.uint32)
     np.bitwise_or.at(together, order[square], masks)
     at_centre = np.zeros(len(order), dtype=bool)
@@ -196,16 +201,15 @@ def _squares_under(span: tuple[np.ndarray, np.ndarray], limit: int) -> tuple[np.
 
 
 @jax.jit
-def _inside(
-    edges: Float[Array, "n 3 3"], place: Float[Array, "n 2"]
-) -> tuple[UInt[Array, " n"], Bool[Array, " n"]]:
-    """Points around `place` inside the triangle, a bit each, and whether `place` itself is."""
-    points = jnp.asarray(_OFFSETS, dtype=edges.dtype)
-    at_place = edges[:, :, 0] * place[:, :1] + edges[:, :, 1] * place[:, 1:] + edges[:, :, 2]
-    inside = jnp.ones((edges.shape[0], _POINTS), dtype=bool)
-    for side in range(3):
-        nx, ny = edges[:, side, :1], edges[:, side, 1:2]
-        inside &= nx * points[None, :, 0] + ny * points[None, :, 1] + at_place[:, side, None] >= -1e-5
+def _inside(*sides: Float[Array, " n"]) -> tuple[UInt[Array, " n"], Bool[Array, " n"]]:
+    """Points around a place inside each triangle, a bit each, and whether the place itself is.
+
+    `sides` are the coefficients x, y and offset of the three sides, one after the other, counted from there.
+    """
+    points = jnp.asarray(_OFFSETS, dtype=sides[0].dtype)
+    inside, at_place = jnp.ones((len(sides[0]), _POINTS), dtype=bool), jnp.ones(len(sides[0]), dtype=bool)
+    for x, y, offset in (sides[k : k + 3] for k in (0, 3, 6)):
+        inside &= x[:, None] * points[None, :, 0] + y[:, None] * points[None, :, 1] + offset[:, None] >= -1e-5
+        at_place &= offset >= -1e-5
     bits = inside.astype(jnp.uint32) << jnp.arange(_POINTS, dtype=jnp.uint32)[None]
-    bits = bits.sum(axis=1, dtype=jnp.uint32)
-    return bits, (at_place >= -1e-5).all(axis=1)
+    return bits.sum(axis=1, dtype=jnp.uint32), at_place

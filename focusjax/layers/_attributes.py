@@ -44,7 +44,7 @@ def _attributes(
     """
     edges = edge_functions(x, y, w, jnp)
     share = [jnp.maximum(offset, 0.0) * scale for _, _, offset, scale in edges]
-    slope_x, slope_y = (sum(edge[axis] * edge[3] for edge in edges) for axis in (0, 1))
+    slope_x, slope_y = (sum((edge[k] * edge[3] for edge in edges), jnp.zeros((), x[0].dtype)) for k in (0, 1))
     total = jnp.maximum(sum(share), jnp.finfo(x[0].dtype).tiny)
     return jnp.stack([part / total for part in share], axis=1), slope_x, slope_y
 

@@ -1,6 +1,7 @@
 """Near-plane clipping, so that every triangle that goes on to the rasteriser has a projection."""
 
 import dataclasses
+import functools
 
 import numpy as np
 
@@ -43,11 +44,16 @@ class ScreenTriangles:
         """Grid x, grid y and disparity of the three corners [t, 3, 3]."""
         return self.points[self.faces]
 
-    def coordinate(self, number: int, part: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Grid x (0), grid y (1) or disparity (2) of the three corners, [t] each, of some triangles."""
-        values = self.points[:, number]
-        first, second, third = (np.take(values, self.faces[part, corner]) for corner in range(3))
-        return first, second, third
+    @functools.cached_property
+    def quarters(self) -> tuple[np.ndarray, np.ndarray]:
+        """Grid x and y [v] in quarters of a sample, odd where they are neither whole nor half.
+
+        They tell on which side of a point centres and squares of samples lie.
+        """
+        far = 1 << 28
+        doubled = (np.clip(2.0 * self.points[:, k], -far, far) for k in (0, 1))
+        x, y = ((np.floor(a) + np.ceil(a)).astype(np.int32) for a in doubled)
+        return x, y
 
     def around(
         self, index: np.ndarray, column: np.ndarray, row: np.ndarray
@@ -61,9 +67,10 @@ class ScreenTriangles:
         across, down = column + 0.5, row + 0.5
         return tuple(a - across for a in x), tuple(a - down for a in y), w
 
-    def span(self, number: int, part: slice) -> tuple[np.ndarray, np.ndarray]:
-        """Least and largest of a coordinate [t] over the corners of some triangles."""
-        first, second, third = self.coordinate(number, part)
+    def span(self, axis: int, part: slice, *, quarters: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest x (0) or y (1) [t] over the corners of some triangles, in samples or quarters."""
+        values = self.quarters[axis] if quarters else self.points[:, axis]
+        first, second, third = (np.take(values, corner[part]) for corner in self.faces.T)
         return (
             np.minimum(np.minimum(first, second), third),
             np.maximum(np.maximum(first, second), third),

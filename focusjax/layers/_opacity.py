@@ -13,8 +13,8 @@ from focusjax.layers._attributes import surface_samples
 from focusjax.layers._blocks import in_blocks
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
-from focusjax.layers._peel import SEPARATION
 from focusjax.layers._raster import Fragments
+from focusjax.layers._umbra import SEPARATION
 from focusjax.scene import Opacity, Scene
 
 LEVELS = 255

@@ -48,50 +48,40 @@ def _cover(
     corners: tuple[tuple[Float[Array, " n"], ...], ...],
     first: tuple[Int[Array, " n"], Int[Array, " n"]],
     limits: tuple[Int[Array, ""], Int[Array, ""]],
-    reach: Float[Array, ""],
     *,
     size: int,
 ) -> tuple[Bool[Array, "n samples"], Float[Array, "n samples"], Int[Array, "n samples"]]:
-    """Which samples of each stamp a triangle covers within `reach` in x and y, the disparity, and the place.
+    """Which samples of each stamp a triangle covers, the disparity there, and the place.
 
     Args:
         edges: the functions of each stamp's triangle; None to work them out.
         corners: x, y and disparity of its corners, counted from the stamp's first sample.
         first: that sample's column and row.
         limits: columns and rows of the grid.
-        reach: in samples.
         size: edge of a stamp in samples.
     """
-    if edges is None:
-        edges = edge_functions(*corners, jnp)
-    w0, w1, w2 = corners[2]
+    x, y, (w0, w1, w2) = corners
+    sides = edge_functions(x, y, (w0, w1, w2), jnp) if edges is None else edges
     step = jnp.arange(size, dtype=jnp.int32)
     right, below = jnp.tile(step, size)[None, :], jnp.repeat(step, size)[None, :]
     x, y = right.astype(w0.dtype), below.astype(w0.dtype)
     column, row = first[0][:, None] + right, first[1][:, None] + below
     inside = (column < limits[0]) & (row < limits[1])
     w = jnp.zeros(inside.shape, dtype=w0.dtype)
-    for across, down, offset, scale in edges:
+    for across, down, offset, scale in sides:
         distance = across[:, None] * x + down[:, None] * y + offset[:, None]
-        inside &= distance + (reach * (jnp.abs(across) + jnp.abs(down)))[:, None] >= -_TOLERANCE
+        inside &= distance >= -_TOLERANCE
         w += distance * scale[:, None]
     # Fattening may step outside a sliver; its disparity must stay between those of its corners.
     least, most = (op(op(w0, w1), w2)[:, None] for op in (jnp.minimum, jnp.maximum))
     return inside, jnp.clip(w, least, most), row * limits[0] + column
 
 
-def rasterise(
-    triangles: ScreenTriangles,
-    stamps: Stamps,
-    grid: Grid,
-    *,
-    reach: float = 0.0,
-    wanted: Bool[np.ndarray, " samples"] | None = None,
-) -> Fragments:
-    """All fragments of `stamps`, diced for the same `reach`, on `grid`, or at its `wanted` samples alone."""
+def rasterise(triangles: ScreenTriangles, stamps: Stamps, grid: Grid) -> Fragments:
+    """All fragments of `stamps` on `grid`."""
     limits = np.int32(grid.columns), np.int32(grid.rows)
 
-    def block(work: tuple[int, slice]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def block(work: tuple[int, slice]) -> tuple[np.ndarray, ...]:
         size, part = work
         triangle, *first = (
             pad_rows(a[part], _at_once(size)) for a in (stamps.triangle, stamps.column, stamps.row)
@@ -100,21 +90,17 @@ def rasterise(
         edges = _single(edge_functions(*corners, np)) if size == SIZES[-1] else None
         covered, disparity, sample = (
             np.asarray(a)[: part.stop - part.start]
-            for a in _cover(edges, _single(corners), tuple(first), limits, np.float32(reach), size=size)
+            for a in _cover(edges, _single(corners), tuple(first), limits, size=size)
         )
         flat = np.flatnonzero(covered)
-        sample = np.take(sample, flat)
-        if wanted is not None:
-            kept = np.take(wanted, sample)
-            flat, sample = np.compress(kept, flat), np.compress(kept, sample)
-        return sample, np.take(disparity, flat), np.take(triangle, flat // size**2)
+        return np.take(sample, flat), np.take(disparity, flat), np.take(triangle, flat // size**2)
 
     work, start = [], 0
     for size, count in zip(SIZES, stamps.counts, strict=True):
         for part in parts(count, _at_once(size)):
             work.append((size, slice(start + part.start, start + part.stop)))
         start += count
-    empty = (np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.int32))
+    empty = np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.int32)
     return Fragments(*(np.concatenate(a) for a in zip(empty, *in_parallel(block, work), strict=True)))
 
 

@@ -15,20 +15,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, UInt
 
-from focusjax._parallel import in_parallel, parts
-from focusjax.layers._blocks import pad_rows
-from focusjax.layers._boxes import boxes_on
+from focusjax.layers._blocks import in_blocks
 from focusjax.layers._cells import line_code
 from focusjax.layers._clip import ScreenTriangles
-from focusjax.layers._edges import edge_functions
 from focusjax.layers._grid import Grid
 from focusjax.layers._joins import NEIGHBOURS, UNJOINED, Joins, Planes
-from focusjax.layers._raster import rasterise
-from focusjax.layers._stamps import dice
+from focusjax.layers._touching import touching
 
 _SIDES = 4
-_AT_ONCE = 1 << 16
-_TRIANGLES_AT_ONCE = 1 << 17
+_AT_ONCE = 1 << 14
 _POINTS = 32
 
 
@@ -147,57 +142,14 @@ def _covered_points(
     """Points of each square that its surface covers, a bit each, and whether it covers the centre."""
     order = np.argsort(squares.cell, kind="stable")
     low, high = squares.low[order] - tolerance, squares.high[order] + tolerance
-    count = np.bincount(squares.cell, minlength=grid.size).astype(np.int32)
-    first = np.cumsum(count, dtype=np.int32) - count
-    wanted = count > 0
-    near = triangles.take(_touching(triangles, grid, wanted))
-    stamps = dice(near, boxes_on(grid, near, reach=0.5), reach=0.5)
-    fragments = rasterise(near, stamps, grid, reach=0.5, wanted=wanted)
-    cell = fragments.sample
-    # Every fragment beside every surface of its square.
-    times = count[cell]
-    fragment = np.repeat(np.arange(len(cell)), times)
-    within = np.arange(len(fragment)) - np.repeat(np.cumsum(times) - times, times)
-    square = np.repeat(first[cell], times) + within
-    w = fragments.disparity[fragment]
-    same = np.flatnonzero((w >= low[square]) & (w <= high[square]))
-    fragment, square = fragment[same], square[same]
-    row, column = np.divmod(fragments.sample[fragment], np.int32(grid.columns))
-
-    def block(part: slice) -> tuple[np.ndarray, ...]:
-        corners = near.around(fragments.triangle[fragment[part]], column[part], row[part])
-        sides = edge_functions(*corners, np)
-        columns = (pad_rows(a.astype(np.float32), _AT_ONCE) for side in sides for a in side[:3])
-        return tuple(np.asarray(a)[: part.stop - part.start] for a in _inside(*columns))
-
-    blocks = in_parallel(block, parts(len(fragment), _AT_ONCE)) or [block(slice(0, 0))]
-    masks, centres = (np.concatenate(each) for each in zip(*blocks, strict=True))
+    found = touching(triangles, grid, squares.cell[order], low, high)
+    masks, centres = in_blocks(_inside, found.sides, _AT_ONCE)
+    square = order[found.square]
     together = np.zeros(len(order), dtype=np.uint32)
-    np.bitwise_or.at(together, order[square], masks)
+    np.bitwise_or.at(together, square, masks)
     at_centre = np.zeros(len(order), dtype=bool)
-    at_centre[order[square[centres]]] = True
+    at_centre[square[centres]] = True
     return together, at_centre
-
-
-def _touching(triangles: ScreenTriangles, grid: Grid, wanted: Bool[np.ndarray, " n"]) -> np.ndarray:
-    """Triangles whose box overlaps the square of a wanted sample, by a summed-area table."""
-    table = np.zeros((grid.rows + 1, grid.columns + 1), dtype=np.int32)
-    table[1:, 1:] = wanted.reshape(grid.rows, grid.columns).cumsum(axis=0, dtype=np.int32).cumsum(axis=1)
-
-    def some(part: slice) -> np.ndarray:
-        left, right = _squares_under(triangles.span(0, part), grid.columns)
-        top, bottom = _squares_under(triangles.span(1, part), grid.rows)
-        inside = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
-        return part.start + np.flatnonzero(inside)
-
-    found = in_parallel(some, parts(triangles.count, _TRIANGLES_AT_ONCE))
-    return np.concatenate([np.zeros(0, dtype=np.intp), *found])
-
-
-def _squares_under(span: tuple[np.ndarray, np.ndarray], limit: int) -> tuple[np.ndarray, np.ndarray]:
-    """First sample whose square an interval reaches, and the one after the last."""
-    first = np.clip(np.floor(span[0]), 0, limit).astype(np.int32)
-    return first, np.clip(np.floor(span[1]) + 1, first, limit).astype(np.int32)
 
 
 @jax.jit

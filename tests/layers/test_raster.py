@@ -218,13 +218,3 @@ def test_a_corner_on_sample_centres_leaves_no_gap():
     times = np.bincount(drawn.fragments.sample, minlength=WIDTH * HEIGHT)
     assert times.min() >= 1
     assert times.max() <= 4
-
-
-def test_wanted_samples_are_those_of_all():
-    screen, grid, stamps, all_, _ = drawn_soup()
-    wanted = np.random.default_rng(3).random(grid.size) < 0.1
-    some = rasterise(screen, stamps, grid, wanted=wanted)
-    kept = all_.take(np.flatnonzero(wanted[all_.sample]))
-    assert 0 < len(some.sample) < len(all_.sample)
-    for name in ("sample", "disparity", "triangle"):
-        np.testing.assert_array_equal(getattr(some, name), getattr(kept, name))

@@ -1,0 +1,147 @@
+"""The picture from a few rays per pixel, each circle-of-confusion bin smoothed as far as its blur allows.
+
+What is blurred over a radius c has no detail much finer than c, but the rays of each pixel have their own
+noise. So the rays of a pixel are kept apart by how blurred what they meet is, and those of one bin are
+averaged with those of pixels around, by weights that leave every quadratic polynomial as it is over a few
+tenths of c. What is in focus is not touched. (Soler et al. 2009 give the bandwidth of a defocused light
+field; Vaidyanathan et al. 2015, Layered Light Field Reconstruction for Defocus Blur, filter by layers.)
+
+Bins go from near to far, k = 0, 1, .... Of a pixel's rays let n_k be the light of those that end in bin k, L_k
+what they bring, and m_k = n_k + n_(k+1) + ... the light that passes all nearer bins. With S_k the smoothing of
+bin k, both the share that it stops and what it brings are ratios,
+
+    a_k = S_k n_k / S_k m_k,        l_k = S_k L_k / S_k m_k,
+
+and the picture per light is composed from front to back,
+
+    I = sum_k T_k l_k,        T_k = (1 - a_0) ... (1 - a_(k-1)).
+
+Without smoothing all of that cancels to sum_k L_k / m_0, the plain mean; how much light there is does not
+matter. A pixel of which no ray passes the nearer bins, although T_k says that some light does, borrows from
+around: tents a few pixels wide are added with small weights. Radiances are at most 1 here, and so is what is
+made of them; but for that, and for weights below 0 that nothing is made darker than black by, all is linear in
+them.
+
+Where something less blurred cuts off part of the aperture, what is behind it does change faster than its own
+blur says, within the blur of the edge; and the pixels of the border are left to their own rays.
+
+The more rays, the less is smoothed: noise falls as rays^-1 or faster and the bias as a power of the width
+above three, so that widths go as rays^-0.3 and the error of the picture still falls to that of the rays.
+"""
+
+import functools
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from focusjax.trace._accumulate import PixelSums
+
+_WIDTH, _FALL = 1.6, 0.3
+"""Half the width of a kernel is this times rays^-0.3 times the blur's radius, at most that radius."""
+_GAUSSIAN = 1.7
+"""Standard deviations of the weights of the fit in half the width of a kernel."""
+_BORROWED = ((2, 1e-3), (8, 1e-5))
+"""Half the widths of tents in pixels, and what they count where there is no light."""
+_MOST_TIMES = 4.0
+"""What weights below 0 make of next to no light is taken no more often than that."""
+
+
+def denoised(sums: PixelSums, width: int, least: tuple[float, ...], rays: float) -> Float[Array, "p 3"]:
+    """Radiance per light in each pixel, up to white; 0 where there is none.
+
+    Args:
+        sums: of all rays of the picture.
+        width: pixels per row.
+        least: least radius of blur in each bin, in pixels.
+        rays: per pixel on the average.
+    """
+    lights = sums.light.shape[-1]
+
+    def as_planes(values: Float[Array, "p k c"]) -> Float[Array, "k c h w"]:
+        return jnp.moveaxis(values.reshape(-1, width, *values.shape[1:]), (2, 3), (0, 1))
+
+    light = as_planes(sums.light)
+    passing = jnp.cumsum(light[::-1], axis=0)[::-1]
+    planes = jnp.concatenate([as_planes(sums.brought), light, passing], axis=1)
+    picture = jnp.zeros_like(planes[0, :3])
+    stopped_so_far = jnp.zeros_like(passing[0])
+    through = passing[0]
+    for number, blur in enumerate(least):
+        kernel = _kernel(min(_WIDTH * rays**-_FALL, 1.0) * blur)
+        own = len(kernel) == 1
+        most = math.inf if own else _MOST_TIMES
+
+        def smooth(of_bin: Float[Array, "c h w"], kernel=kernel, own=own) -> Float[Array, "c h w"]:
+            found = of_bin if own else _smoothed(of_bin, kernel)
+            for reach, count in _BORROWED if own else ():
+                found += count * _smoothed(of_bin, _tent(reach))
+            return found
+
+        def compose(
+            state: tuple[Array, Array, Array], of_bin=planes[number], smooth=smooth, most=most, number=number
+        ) -> tuple[Array, Array, Array]:
+            picture, told, through = state
+            found = smooth(of_bin)
+            stopped, light = found[3 : 3 + lights], found[3 + lights :]
+            if number == 0:
+                # Of the light that there is: lenses may let pass next to none.
+                through = jnp.maximum(through, light)
+            # Nothing is brighter than white.
+            brought = jnp.minimum(found[:3], stopped)
+            # How much light passes is known twice, by this bin's kernel and by those of nearer ones. No more
+            # is stopped than that, although with weights below 0 it may seem so.
+            least = jnp.maximum(light, stopped)
+            times = jnp.minimum(jnp.where(least > 0, through / jnp.where(least > 0, least, 1.0), 0.0), most)
+            return picture + times * brought, told + times * stopped, through - times * stopped
+
+        anything = (light[number] > 0).any()
+        state = picture, stopped_so_far, through
+        picture, stopped_so_far, through = jax.lax.cond(anything, compose, lambda state: state, state)
+    lit = stopped_so_far > 0
+    picture = jnp.where(lit, picture / jnp.where(lit, stopped_so_far, 1.0), 0.0)
+    return jnp.moveaxis(picture, 0, -1).reshape(-1, 3)
+
+
+@functools.lru_cache(maxsize=64)
+def _kernel(half_width: float) -> Float[np.ndarray, " n"]:
+    """Weights at whole pixels about 0 that fit a quadratic polynomial, and give its value at 0.
+
+    The fit is weighted by a Gaussian (Savitzky and Golay 1964). One of less than a pixel leaves all as it is.
+    """
+    if half_width < 1.0:
+        return np.ones(1)
+    reach = math.ceil(half_width)
+    x = np.arange(-reach, reach + 1)
+    root = np.exp(-0.25 * (_GAUSSIAN * x / half_width) ** 2)
+    powers = np.stack([np.ones_like(root), x, x**2], axis=1) * root[:, None]
+    return np.linalg.pinv(powers)[0] * root
+
+
+def _tent(reach: int) -> Float[np.ndarray, " n"]:
+    weights = reach + 1.0 - np.abs(np.arange(-reach, reach + 1))
+    return weights / weights.sum()
+
+
+def _smoothed(planes: Float[Array, "c h w"], taps: Float[np.ndarray, " n"]) -> Float[Array, "c h w"]:
+    """The planes averaged along both axes; what weights below 0 leave below 0 is 0.
+
+    Beyond the picture it goes on mirrored in the points of its border. That leaves ramps as they are, and the
+    border itself to its own rays.
+    """
+    reach = len(taps) // 2
+    for axis in (1, 2):
+        padding = [(reach, reach) if k == axis else (0, 0) for k in range(3)]
+        around = jnp.pad(planes, padding, mode="reflect", reflect_type="odd")
+        size = planes.shape[axis]
+
+        def at(step: int, around=around, size=size, axis=axis) -> Float[Array, "c h w"]:
+            return jax.lax.slice_in_dim(around, reach + step, reach + step + size, axis=axis)
+
+        total = float(taps[reach]) * at(0)
+        for step in range(1, reach + 1):
+            total += float(taps[reach + step]) * (at(step) + at(-step))
+        planes = total
+    return jnp.maximum(planes, 0.0)

@@ -54,9 +54,9 @@ def traced_sums(
         pixel = jnp.minimum(some.pixel, pixels - 1)
         column, row = pixel % width, pixel // width
         # All first rays of groups, then all second ones, and so on: sums over groups are sums of columns.
-        number = jnp.arange(together, dtype=jnp.int32)[:, None] + some.first
+        number = jnp.arange(together, dtype=jnp.int32)[:, None] + some.first[None]
         shape = number.shape
-        starts = samples.at(jnp.broadcast_to(column, shape), jnp.broadcast_to(row, shape), number)
+        starts = samples.at(*(jnp.broadcast_to(a[None], shape) for a in (column, row)), number)
         least, largest, depth = ranges.at(column, row)
         ends = (jnp.tile(end, together) for end in (least, largest))
         flat = jax.tree.map(lambda a: a.reshape(-1), starts)
@@ -89,7 +89,7 @@ def summed(
     ]
 
     def rows(some: RayGroups) -> Float[Array, "g c"]:
-        def of_lens(lens: AbstractLens) -> Float[Array, "g r 3"]:
+        def of_lens(lens: AbstractLens) -> Float[Array, "g r c"]:
             return _rows(seen(some, lens), some, bins, in_each=in_each)
 
         return (in_colour(of_lens, lens) if in_each else of_lens(lens)).reshape(size, -1)
@@ -122,7 +122,7 @@ def _rows(found: Seen, some: RayGroups, bins: CocBins, *, in_each: bool) -> Floa
 
     def block(values: tuple[Array, ...]) -> Float[Array, "r c b"]:
         pixel, share, weight, disparity, *colours = values
-        bin_, weight = bins.of(pixel, disparity), weight * share
+        bin_, weight = bins.of(pixel, disparity), weight * share[None]
         told = jnp.stack([*(weight * jnp.minimum(colour, 1.0) for colour in colours), weight])
         over = jnp.stack([(weight * jnp.maximum(colour - 1.0, 0.0)).sum(axis=0) for colour in colours])
         nearest, farthest = bin_.min(), bin_.max()
@@ -131,7 +131,7 @@ def _rows(found: Seen, some: RayGroups, bins: CocBins, *, in_each: bool) -> Floa
             # Most blocks have rays of few bins.
             return jax.lax.cond(
                 (kind >= nearest) & (kind <= farthest),
-                lambda: jnp.where(bin_ == kind, told, 0.0).sum(axis=1),
+                lambda: jnp.where((bin_ == kind)[None], told, 0.0).sum(axis=1),
                 lambda: jnp.zeros((4, _ROWS), dtype=told.dtype),
             )
 

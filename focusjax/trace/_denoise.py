@@ -18,7 +18,7 @@ and the picture per light is composed from front to back,
 
 Without smoothing all of that cancels to sum_k L_k / m_0, the plain mean; how much light there is does not
 matter. A pixel of which no ray passes the nearer bins, although T_k says that some light does, borrows from
-around: tents a few pixels wide are added with small weights. Radiances are at most 1 here, and so is what is
+around: tents a few pixels wide count there, with small weights. Radiances are at most 1 here, and so is what is
 made of them; but for that, and for weights below 0 that nothing is made darker than black by, all is linear in
 them.
 
@@ -75,10 +75,7 @@ def denoised(sums: PixelSums, width: int, least: tuple[float, ...], rays: float)
         most = math.inf if own else _MOST_TIMES
 
         def smooth(of_bin: Float[Array, "c h w"], kernel=kernel, own=own) -> Float[Array, "c h w"]:
-            found = of_bin if own else _smoothed(of_bin, kernel)
-            for reach, count in _BORROWED if own else ():
-                found += count * _smoothed(of_bin, _tent(reach))
-            return found
+            return _borrowing(of_bin, lights) if own else _smoothed(of_bin, kernel)
 
         def compose(
             state: tuple[Array, Array, Array], of_bin=planes[number], smooth=smooth, most=most, number=number
@@ -103,6 +100,17 @@ def denoised(sums: PixelSums, width: int, least: tuple[float, ...], rays: float)
     lit = stopped_so_far > 0
     picture = jnp.where(lit, picture / jnp.where(lit, stopped_so_far, 1.0), 0.0)
     return jnp.moveaxis(picture, 0, -1).reshape(-1, 3)
+
+
+def _borrowing(planes: Float[Array, "c h w"], lights: int) -> Float[Array, "c h w"]:
+    """The planes as they are, but for pixels without any light, which have a little of that around."""
+    dark = planes[3 + lights :].sum(axis=0) == 0
+
+    def borrow(planes: Float[Array, "c h w"]) -> Float[Array, "c h w"]:
+        around = [count * _smoothed(planes, _tent(reach)) for reach, count in _BORROWED]
+        return jnp.where(dark[None], functools.reduce(jnp.add, around), planes)
+
+    return jax.lax.cond(dark.any(), borrow, lambda planes: planes, planes)
 
 
 @functools.lru_cache(maxsize=64)

@@ -17,12 +17,12 @@ from jaxtyping import Array, Float, Int, UInt
 
 from focusjax.geometry import film_offsets
 from focusjax.lens import AbstractLens
-from focusjax.trace._sobol import sobol_points, stirred
+from focusjax.trace._sobol import shuffled, sobol_points, stirred
 
 _MOST_SAMPLES = 1 << 20
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
-_CHANCE = 64
-"""Number of the seed's stream for chances, after those of dimensions."""
+_CHANCE, _ORDER = 64, 65
+"""Numbers of the seed's streams for chances and the order of pixels, after those of dimensions."""
 
 
 class RaySamples(eqx.Module):
@@ -100,9 +100,14 @@ def ray_samples(
 
 
 def pixel_points(dimensions: int, edge: int, rays: int, seed: UInt[Array, ""]) -> Float[Array, "t s d"]:
-    """Points of the unit hypercube, some for each pixel of a tile, spread evenly over each and over all."""
-    order = z_order(*reversed(np.divmod(np.arange(edge**2), edge)))
-    index = jnp.asarray(order, dtype=jnp.int32)[:, None] * rays + jnp.arange(rays, dtype=jnp.int32)
+    """Points of the unit hypercube, some for each pixel of a tile, spread evenly over each and over all.
+
+    Which pixel has which block of the sequence is chosen by the seed, too: scrambling alone leaves what is
+    coarse about a block, but for few random bits, so that the noise of two seeds would go together.
+    """
+    order = jnp.asarray(z_order(*reversed(np.divmod(np.arange(edge**2), edge))), dtype=jnp.int32)
+    order = shuffled(order, edge**2, stirred(seed, _ORDER))
+    index = order[:, None] * rays + jnp.arange(rays, dtype=jnp.int32)[None]
     return jnp.stack(sobol_points(index, seed, dimensions, most=edge**2 * rays), axis=-1)
 
 
@@ -110,11 +115,11 @@ def pixel_chances(edge: int, rays: int, seed: UInt[Array, ""]) -> UInt[Array, "t
     """32 bits [t, s] evenly spaced for the rays of each pixel of a tile, its first rays among them evenly."""
     order = z_order(*reversed(np.divmod(np.arange(edge**2), edge)))
     leap = next(k for k in range(round(_GOLDEN * rays), 2 * rays + 2) if math.gcd(k, rays) == 1)
-    of_ray = np.arange(rays) * leap % rays / rays
-    of_pixel = (order * _GOLDEN % 1.0)[:, None]
-    spread = jnp.asarray((of_ray + of_pixel) % 1.0, dtype=jnp.float32)
-    shift = (stirred(seed, _CHANCE) >> 8).astype(jnp.float32) * 2.0**-24
-    return jnp.minimum((spread + shift) % 1.0 * 2.0**32, 2.0**32 - 256.0).astype(jnp.uint32)
+    # In whole numbers: those of later surfaces are multiples of these, and so would be their rounding.
+    of_ray = np.arange(rays) * leap % rays * 2**32 // rays
+    of_pixel = np.floor(order * _GOLDEN % 1.0 * 2.0**32).astype(np.int64)[:, None]
+    spaced = ((of_ray + of_pixel) % 2**32).astype(np.uint32)
+    return jnp.asarray(spaced) + stirred(seed, _CHANCE)
 
 
 def line_points(edge: int, rays: int, seed: UInt[Array, ""]) -> Float[Array, "k j s 3"]:

@@ -58,16 +58,18 @@ def denoised(sums: PixelSums, width: int, least: tuple[float, ...], rays: float)
         least: least radius of blur in each bin, in pixels.
         rays: per pixel on the average.
     """
-    lights = sums.light.shape[-1]
+    lights, kinds = sums.light.shape[-1], len(least)
 
     def as_planes(values: Float[Array, "p k c"]) -> Float[Array, "k c h w"]:
-        return jnp.moveaxis(values.reshape(-1, width, *values.shape[1:]), (2, 3), (0, 1))
+        # One transposition of a matrix, which is quicker than one of more axes.
+        return values.reshape(len(values), -1).T.reshape(kinds, -1, len(values) // width, width)
 
-    light = as_planes(sums.light)
-    passing = jnp.cumsum(light[::-1], axis=0)[::-1]
-    planes = jnp.concatenate([as_planes(sums.brought), light, passing], axis=1)
-    picture = jnp.zeros_like(planes[0, :3])
-    stopped_so_far = jnp.zeros_like(passing[0])
+    brought, light = as_planes(sums.brought), as_planes(sums.light)
+    passing = [light[-1]]
+    for of_bin in light[-2::-1] if kinds > 1 else ():
+        passing.insert(0, passing[0] + of_bin)
+    picture = jnp.zeros_like(brought[0])
+    arrived = jnp.zeros_like(passing[0])
     through = passing[0]
     for number, blur in enumerate(least):
         kernel = _kernel(min(_WIDTH * rays**-_FALL, 1.0) * blur)
@@ -78,27 +80,26 @@ def denoised(sums: PixelSums, width: int, least: tuple[float, ...], rays: float)
             return _borrowing(of_bin, lights) if own else _smoothed(of_bin, kernel)
 
         def compose(
-            state: tuple[Array, Array, Array], of_bin=planes[number], smooth=smooth, most=most, number=number
+            state: tuple[Array, Array, Array], smooth=smooth, most=most, number=number
         ) -> tuple[Array, Array, Array]:
-            picture, told, through = state
-            found = smooth(of_bin)
-            stopped, light = found[3 : 3 + lights], found[3 + lights :]
-            if number == 0:
-                # Of the light that there is: lenses may let pass next to none.
-                through = jnp.maximum(through, light)
+            picture, arrived, through = state
+            found = smooth(jnp.concatenate([brought[number], light[number], passing[number]]))
+            stopped, lit = found[3 : 3 + lights], found[3 + lights :]
+            # Of the light that there is: lenses may let pass next to none.
+            through = jnp.where(arrived > 0, through, jnp.maximum(through, lit))
             # Nothing is brighter than white.
-            brought = jnp.minimum(found[:3], stopped)
+            added = jnp.minimum(found[:3], stopped)
             # How much light passes is known twice, by this bin's kernel and by those of nearer ones. No more
             # is stopped than that, although with weights below 0 it may seem so.
-            least = jnp.maximum(light, stopped)
+            least = jnp.maximum(lit, stopped)
             times = jnp.minimum(jnp.where(least > 0, through / jnp.where(least > 0, least, 1.0), 0.0), most)
-            return picture + times * brought, told + times * stopped, through - times * stopped
+            return picture + times * added, arrived + times * stopped, through - times * stopped
 
         anything = (light[number] > 0).any()
-        state = picture, stopped_so_far, through
-        picture, stopped_so_far, through = jax.lax.cond(anything, compose, lambda state: state, state)
-    lit = stopped_so_far > 0
-    picture = jnp.where(lit, picture / jnp.where(lit, stopped_so_far, 1.0), 0.0)
+        state = picture, arrived, through
+        picture, arrived, through = jax.lax.cond(anything, compose, lambda state: state, state)
+    lit = arrived > 0
+    picture = jnp.where(lit, picture / jnp.where(lit, arrived, 1.0), 0.0)
     return jnp.moveaxis(picture, 0, -1).reshape(-1, 3)
 
 
@@ -140,16 +141,21 @@ def _smoothed(planes: Float[Array, "c h w"], taps: Float[np.ndarray, " n"]) -> F
     border itself to its own rays.
     """
     reach = len(taps) // 2
-    for axis in (1, 2):
-        padding = [(reach, reach) if k == axis else (0, 0) for k in range(3)]
-        around = jnp.pad(planes, padding, mode="reflect", reflect_type="odd")
-        size = planes.shape[axis]
+    around = [(0, 0), (reach, reach), (reach, reach)]
+    planes = jnp.pad(planes, around, mode="reflect", reflect_type="odd")
+    for axis in (0, 1):
 
-        def at(step: int, around=around, size=size, axis=axis) -> Float[Array, "c h w"]:
-            return jax.lax.slice_in_dim(around, reach + step, reach + step + size, axis=axis)
+        def along(plane: Float[Array, "v w"], axis: int = axis) -> Float[Array, "_ _"]:
+            size = plane.shape[axis] - 2 * reach
 
-        total = float(taps[reach]) * at(0)
-        for step in range(1, reach + 1):
-            total += float(taps[reach + step]) * (at(step) + at(-step))
-        planes = total
+            def at(step: int) -> Float[Array, "_ _"]:
+                return jax.lax.slice_in_dim(plane, reach + step, reach + step + size, axis=axis)
+
+            total = float(taps[reach]) * at(0)
+            for step in range(1, reach + 1):
+                total += float(taps[reach + step]) * (at(step) + at(-step))
+            return total
+
+        # A loop, as XLA for CPU would work out the first axis anew for each place along the second.
+        planes = jax.lax.map(along, planes)
     return jnp.maximum(planes, 0.0)

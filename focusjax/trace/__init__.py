@@ -6,9 +6,20 @@ from focusjax.trace._pinhole import render_pinhole as render_pinhole
 from focusjax.trace._reach import check_reach as check_reach
 from focusjax.trace._reach import widest_opening as widest_opening
 from focusjax.trace._render import render as render
+
 # TEMPORARY
 from focusjax.trace._render import render as render_differentiable
-class _X: pass
-RayPlan=LensPlan=ToldQuality=MovingLayers=Span=Timing=_X
-def decibels_of(*a): return 30.0
-plan_rays=quality_of=plan_lens=told_by_rays=exposed=moved_ray=moving_layers=decibels_of
+
+
+class _X:
+    pass
+
+
+RayPlan = LensPlan = ToldQuality = MovingLayers = Span = Timing = _X
+
+
+def decibels_of(*a):
+    return 30.0
+
+
+plan_rays = quality_of = plan_lens = told_by_rays = exposed = moved_ray = moving_layers = decibels_of

@@ -6,9 +6,9 @@ averaged with those of pixels around, by weights that leave every quadratic poly
 tenths of c. What is in focus is not touched. (Soler et al. 2009 give the bandwidth of a defocused light
 field; Vaidyanathan et al. 2015, Layered Light Field Reconstruction for Defocus Blur, filter by layers.)
 
-Bins go from near to far, k = 0, 1, .... Of a pixel's rays let n_k be the light of those that end in bin k, L_k
-what they bring, and m_k = n_k + n_(k+1) + ... the light that passes all nearer bins. With S_k the smoothing of
-bin k, both the share that it stops and what it brings are ratios,
+Bins go from near to far, k = 0, 1, .... Of a pixel's rays let n_k be the light of those that end in bin k,
+L_k what they bring, and m_k = n_k + n_(k+1) + ... the light that passes all nearer bins. With S_k the
+smoothing of bin k, both the share that it stops and what it brings are ratios,
 
     a_k = S_k n_k / S_k m_k,        l_k = S_k L_k / S_k m_k,
 
@@ -18,9 +18,9 @@ and the picture per light is composed from front to back,
 
 Without smoothing all of that cancels to sum_k L_k / m_0, the plain mean; how much light there is does not
 matter. A pixel of which no ray passes the nearer bins, although T_k says that some light does, borrows from
-around: tents a few pixels wide count there, with small weights. Radiances are at most 1 here, and so is what is
-made of them; but for that, and for weights below 0 that nothing is made darker than black by, all is linear in
-them.
+around: tents a few pixels wide count there, with small weights. Radiances are at most 1 here, and so is what
+is made of them; but for that, and for weights below 0 that nothing is made darker than black by, all is
+linear in them.
 
 Where something less blurred cuts off part of the aperture, what is behind it does change faster than its own
 blur says, within the blur of the edge; and the pixels of the border are left to their own rays.

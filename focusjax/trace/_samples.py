@@ -28,7 +28,7 @@ _CHANCE, _ORDER = 64, 65
 class RaySamples(eqx.Module):
     """Ray starts for the pixels of a tile, for pixels with different numbers of rays.
 
-    The rays of a pixel with the fewest rays come first, then those of a pixel with the next number, and so on.
+    Those of a pixel with the fewest rays come first, then those of a pixel with the next number, and so on.
 
     Attributes:
         place: x and y in the pixel, each [t * s], 0 to 1 from its left and top border, or beyond as far as
@@ -134,7 +134,7 @@ def line_points(edge: int, rays: int, seed: UInt[Array, ""]) -> Float[Array, "k 
     order = jnp.argsort(points[..., :1], axis=1)
     points = jnp.take_along_axis(points, order, axis=1)
     within = jnp.arange(strata, dtype=jnp.int32) % rays
-    along = (points[..., 0] * strata % 1.0 + within.astype(points.dtype)) / rays
+    along = (points[..., 0] * strata % 1.0 + within.astype(points.dtype)[None]) / rays
     along = jnp.minimum(along, 1.0 - 2.0**-24)
     return points.at[..., 0].set(along).reshape(edge, edge, rays, 3)
 

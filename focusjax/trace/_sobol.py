@@ -46,9 +46,9 @@ def sobol_points(
 
 
 def shuffled(index: Int[Array, "*n"], count: int, seed: UInt[Array, ""]) -> Int[Array, "*n"]:
-    """The numbers from 0 to below `count`, a power of two, in another order: halves swapped, halves of them...
+    """The numbers from 0 to below `count`, a power of two, in another order: halves swapped, and halves of them.
 
-    So runs of 2^k numbers that begin at a multiple of it stay together.
+    Runs of 2^k numbers that begin at a multiple of it stay together.
     """
     bits = count.bit_length() - 1
     if bits == 0:

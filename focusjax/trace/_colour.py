@@ -110,6 +110,8 @@ def radiance_at(surface: Surface, ray: LensRay, hit: Int[Array, ""]) -> Float[Ar
     """Radiance that `ray` (in grid units) brings from sample `hit`, or from infinity if that is -1."""
     met = hit >= 0
     corners, disparity, place = corners_at(surface, ray, hit)
+    if __import__('os').environ.get('NEAREST'):
+        corners = ((corners[0][0], jnp.ones_like(disparity)),)
     behind = place if surface.background[0].size > 1 else jnp.zeros_like(place)
     # Worked out once, not again in each of the look-ups that use them.
     corners, behind = jax.lax.optimization_barrier((corners, behind))

@@ -26,3 +26,4 @@ from focusjax.layers._pyramid import RangePyramid as RangePyramid
 from focusjax.layers._saving import UmbraSaving as UmbraSaving
 from focusjax.layers._saving import umbra_saving as umbra_saving
 from focusjax.layers._slabs import decompose as decompose
+from focusjax.layers._slopes import radiance_slopes as radiance_slopes

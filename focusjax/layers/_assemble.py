@@ -60,6 +60,8 @@ def assemble(
         outline.low,
         outline.high,
         np.concatenate([np.arange(len(disparity)), outline.source]),
+        outline.line != WHOLE,
+        outline.index,
     )
     # Shading needs nothing of ranges, cells and places: while one compiles or waits, the other works.
     with concurrent.futures.ThreadPoolExecutor(1) as pool:

@@ -30,6 +30,7 @@ class Seen:
         low: least disparity [n] that each spans.
         high: largest disparity [n].
         source: sample [n] whose surface it is: itself of the samples held.
+        cut: whether [n] a line cuts it.
     """
 
     cell: np.ndarray
@@ -37,6 +38,8 @@ class Seen:
     low: np.ndarray
     high: np.ndarray
     source: np.ndarray
+    cut: np.ndarray
+    index: np.ndarray
 
 
 def mean_radiances(
@@ -57,6 +60,11 @@ def mean_radiances(
     number, count = len(surface.face), len(seen.cell)
     faces = scene.may_be_seen_through()
     several = np.concatenate([~inside_one(held.stamps, held.fragments, held.grid), np.ones(count - number, bool)])
+    E = __import__("os").environ.get("ALLC")
+    if E == "1":
+        several[:] = True
+    elif E == "2":
+        several[:number] |= _beside_another(held, seen.index[:number])
     several = np.flatnonzero(several)
     squares = _squares(seen, tolerance, None if faces is None else faces[surface.face[seen.source]])
     parts = square_parts(held.triangles, held.grid, squares.take(several), faces)
@@ -109,5 +117,38 @@ def _squares(seen: Seen, tolerance: float, clear: np.ndarray | None) -> Squares:
     same = seen.cell[farther] == seen.cell[nearer]
     farther, nearer = farther[same], nearer[same]
     middle = 0.5 * (seen.disparity[farther] + seen.disparity[nearer])
-    high[farther], low[nearer] = np.minimum(high[farther], middle), np.maximum(low[nearer], middle)
+    high[farther] = np.minimum(high[farther], middle)
+    cut = seen.cut[nearer]
+    nearer, middle = nearer[cut], middle[cut]
+    low[nearer] = np.maximum(low[nearer], middle)
     return Squares(seen.cell, low, high, clear)
+
+
+def _beside_another(held: Rasterised, index: np.ndarray) -> np.ndarray:
+    """Whether one of the samples around each in its layer, of those held at flat `index`, shows another triangle."""
+    triangle = held.stamps.triangle[held.fragments.stamp]
+    columns, size = held.grid.columns, held.grid.size
+    ends = np.searchsorted(index, size * np.arange(index[-1] // size + 2))
+    out = np.zeros(len(index), bool)
+    for layer, (a, b) in enumerate(zip(ends[:-1], ends[1:])):
+        there = index[a:b] - layer * size
+        shown = np.full(size, -1, np.int32)
+        shown[there] = triangle[a:b]
+        shown = shown.reshape(held.grid.rows, columns)
+        differs = np.zeros(shown.shape, bool)
+        across = shown[:, 1:] != shown[:, :-1]
+        differs[:, 1:] |= across
+        differs[:, :-1] |= across
+        down = shown[1:] != shown[:-1]
+        differs[1:] |= down
+        differs[:-1] |= down
+        for k in (0, 1):
+            diagonal = shown[1:, 1:] != shown[:-1, :-1] if k == 0 else shown[1:, :-1] != shown[:-1, 1:]
+            if k == 0:
+                differs[1:, 1:] |= diagonal
+                differs[:-1, :-1] |= diagonal
+            else:
+                differs[1:, :-1] |= diagonal
+                differs[:-1, 1:] |= diagonal
+        out[a:b] = differs.reshape(-1)[there]
+    return out

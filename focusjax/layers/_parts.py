@@ -100,19 +100,20 @@ def square_parts(
         which, square = at.surfaces_of(fragments)
         fragments = fragments.take(which)
         triangle = np.take(stamps.triangle, fragments.stamp)
-        points, _ = in_blocks(_inside, _in_stamps(stamps, fragments.stamp, fragments.sample, grid), _AT_ONCE)
+        edges, place = _in_stamps(stamps, fragments.stamp, fragments.sample, grid)
+        points, plane = in_blocks(_pieces, (edges, stamps.disparity[fragments.stamp], place), _AT_ONCE)
         there = points > 0
         if clear is not None and squares.clear is not None:
             there &= clear[near.source[triangle]] == squares.clear[square]
         there = np.flatnonzero(there)
         kept = fragments.take(there)
         stamp = (a[kept.stamp] for a in (stamps.origin, stamps.edges, stamps.disparity, stamps.bounds))
-        return square[there], points[there], kept.disparity, kept.sample, *stamp, triangle[there]
+        return square[there], points[there], plane[there], kept.sample, *stamp, triangle[there]
 
     found = in_parallel(some, boxes_on(grid, near, reach=0.5)) or [some(Boxes(*_NO_BOXES))]
-    square, points, disparity, sample, *stamp = (np.concatenate(a) for a in zip(*found, strict=True))
-    order = np.argsort(_nearest_first(square, disparity))
-    points = _not_covered_before(points[order], square[order])
+    square, points, plane, sample, *stamp = (np.concatenate(a) for a in zip(*found, strict=True))
+    order = np.argsort(square, kind="stable")
+    points = _where_nearest(points[order], plane[order], square[order])
     seen = np.flatnonzero(points)
     order = order[seen]
     place, share = in_blocks(_centroids, (points[seen],), _AT_ONCE)
@@ -151,26 +152,46 @@ class _Lookup:
         return which, np.take(self._order, place)
 
 
-def _nearest_first(square: np.ndarray, disparity: np.ndarray) -> UInt[np.ndarray, " p"]:
-    """Words by which pieces are in the order of their squares, and the nearest of each square first."""
-    # Positive floats are ordered as their bits are.
-    bits = np.maximum(disparity, 0).astype(np.float32).view(np.uint32)
-    return square.astype(np.uint64) << np.uint64(32) | (~bits).astype(np.uint64)
+@jax.jit
+def _pieces(
+    edges: Float[Array, "p 3 3"], disparity: Float[Array, "p 3"], place: Float[Array, "p 2"]
+) -> tuple[UInt[Array, " p"], Float[Array, "p 3"]]:
+    """Points around each `place` inside a triangle, a bit each; its disparity there, and change in x and y."""
+    across, down, offset = ((edges[:, :, k] * disparity).sum(axis=1) for k in range(3))
+    plane = jnp.stack([across * place[:, 0] + down * place[:, 1] + offset, across, down], axis=1)
+    return _inside(edges, place)[0], plane
 
 
-def _not_covered_before(points: UInt[np.ndarray, " p"], square: np.ndarray) -> UInt[np.ndarray, " p"]:
-    """Points of each piece that no piece before it in its square has."""
+def _where_nearest(
+    points: UInt[np.ndarray, " p"], plane: Float[np.ndarray, "p 3"], square: Int[np.ndarray, " p"]
+) -> UInt[np.ndarray, " p"]:
+    """Points of each piece where its `plane` is the nearest of its square; the pieces of one are in a row."""
     points = points.copy()
     start = np.flatnonzero(np.diff(square, prepend=-1))
     length = np.diff(start, append=len(square))
-    covered, rank = points[start], 1
-    while len(start := start[length > rank]):
-        covered, length = covered[length > rank], length[length > rank]
-        own = points[start + rank]
-        points[start + rank] = own & ~covered
-        covered |= own
-        rank += 1
+    apart = np.bitwise_or.reduceat(points, start) if len(start) else points
+    several = np.bitwise_count(apart) < np.add.reduceat(np.bitwise_count(points), start, dtype=np.int32) if len(start) else apart > 0
+    start, length = start[several], length[several]
+    nearest = np.zeros((len(start), _POINTS), dtype=np.float32)
+    owner = np.full((len(start), _POINTS), -1, dtype=np.int32)
+    left = np.arange(len(start))
+    for rank in range(int(length.max(initial=0))):
+        left = left[length[left] > rank]
+        piece = start[left] + rank
+        w = plane[piece, :1] + plane[piece, 1:] @ _OFFSETS.T.astype(np.float32)
+        nearer = (w > nearest[left]) & _unpacked(points[piece])
+        nearest[left] = np.where(nearer, w, nearest[left])
+        owner[left] = np.where(nearer, rank, owner[left])
+    left = np.arange(len(start))
+    for rank in range(int(length.max(initial=0))):
+        left = left[length[left] > rank]
+        bits = np.packbits(owner[left] == rank, axis=1, bitorder="little")
+        points[start[left] + rank] = np.ascontiguousarray(bits).view(np.uint32)[:, 0]
     return points
+
+
+def _unpacked(points: UInt[np.ndarray, " n"]) -> Bool[np.ndarray, "n 32"]:
+    return np.unpackbits(points[:, None].view(np.uint8), axis=1, bitorder="little").astype(bool)
 
 
 @jax.jit

@@ -57,9 +57,17 @@ def _attributes(
 
 
 def surface_samples(
-    stamps: Stamps, triangles: ScreenTriangles, sample: np.ndarray, stamp: np.ndarray, grid: Grid, offset: np.ndarray | None = None
+    stamps: Stamps,
+    triangles: ScreenTriangles,
+    sample: np.ndarray,
+    stamp: np.ndarray,
+    grid: Grid,
+    offset: np.ndarray | None = None,
 ) -> SurfaceSamples:
-    """Attributes of the fragments at grid index `sample` [n] that came from `stamp` [n]."""
+    """Attributes of the fragments at grid index `sample` [n] that came from `stamp` [n].
+
+    At the samples' centres, or at the `offset` [n, 2] from them in samples.
+    """
     length = padded_length(len(stamps.triangle))
     rows = np.concatenate([stamps.edges, stamps.disparity[:, :, None]], axis=2).reshape(-1, 12)
     coefficients = tuple(jnp.asarray(pad_rows(column, length)) for column in rows.T)

@@ -5,13 +5,15 @@
 where part k of the square lies in triangle k of the surface, |P_k| is its share of the square, and c_k its
 centroid (see `_parts`): exact where radiance changes linearly within each triangle. So edges between
 colours inside a surface keep their place, and triangles smaller than a sample their share of the light. A
-square inside one triangle is looked at in its centre alone.
+square inside one triangle, as all around it are, is looked at in its centre alone.
 """
 
 import dataclasses
 
 import numpy as np
+from jaxtyping import Bool, Int
 
+from focusjax._parallel import in_parallel
 from focusjax.geometry import Camera
 from focusjax.layers._attributes import SurfaceSamples
 from focusjax.layers._parts import Parts, Squares, inside_one, square_parts
@@ -31,6 +33,7 @@ class Seen:
         high: largest disparity [n].
         source: sample [n] whose surface it is: itself of the samples held.
         cut: whether [n] a line cuts it.
+        index: flat index [n] in the layers.
     """
 
     cell: np.ndarray
@@ -59,19 +62,18 @@ def mean_radiances(
     """
     number, count = len(surface.face), len(seen.cell)
     faces = scene.may_be_seen_through()
-    several = np.concatenate([~inside_one(held.stamps, held.fragments, held.grid), np.ones(count - number, bool)])
-    E = __import__("os").environ.get("ALLC")
-    if E == "1":
-        several[:] = True
-    elif E == "2":
-        several[:number] |= _beside_another(held, seen.index[:number])
+    several = np.ones(count, dtype=bool)
+    several[:number] = ~inside_one(held.stamps, held.fragments, held.grid)
+    several[:number] |= _beside_another(held, seen.index[:number])
     several = np.flatnonzero(several)
     squares = _squares(seen, tolerance, None if faces is None else faces[surface.face[seen.source]])
     parts = square_parts(held.triangles, held.grid, squares.take(several), faces)
     owner = several[parts.square]
     total = np.bincount(owner, parts.share, count)
     centres = np.arange(number) if gloss_apart else np.flatnonzero(total[:number] == 0)
-    look = _shaded_together(scene, camera, held, surface, seen, parts, owner, centres, gloss_apart=gloss_apart)
+    look = _shaded_together(
+        scene, camera, held, surface, seen, parts, owner, centres, gloss_apart=gloss_apart
+    )
     radiance = np.zeros((count, 3), dtype=look.radiance.dtype)
     radiance[centres] = look.radiance[: len(centres)]
     there = np.flatnonzero(total)
@@ -109,7 +111,10 @@ def _shaded_together(
 
 
 def _squares(seen: Seen, tolerance: float, clear: np.ndarray | None) -> Squares:
-    """Of all samples, with disparities that are nearer to them than to others in the same place."""
+    """Of all samples, with the disparities of their surface: without those of others in the same place.
+
+    A sample that no line cuts is all that rays see of its square, so it takes in what is right behind it.
+    """
     low, high = np.maximum(seen.low - tolerance, 0.0), seen.high + tolerance
     several = np.flatnonzero(np.bincount(seen.cell)[seen.cell] > 1)
     several = several[np.lexsort((seen.disparity[several], seen.cell[several]))]
@@ -124,31 +129,32 @@ def _squares(seen: Seen, tolerance: float, clear: np.ndarray | None) -> Squares:
     return Squares(seen.cell, low, high, clear)
 
 
-def _beside_another(held: Rasterised, index: np.ndarray) -> np.ndarray:
-    """Whether one of the samples around each in its layer, of those held at flat `index`, shows another triangle."""
+def _beside_another(held: Rasterised, index: Int[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Whether one of the eight samples around each in its layer shows another triangle, or none.
+
+    Of the samples held, at flat `index`. Where all show one, nothing as large as a sample reaches in.
+    """
+    grid = held.grid
     triangle = held.stamps.triangle[held.fragments.stamp]
-    columns, size = held.grid.columns, held.grid.size
-    ends = np.searchsorted(index, size * np.arange(index[-1] // size + 2))
-    out = np.zeros(len(index), bool)
-    for layer, (a, b) in enumerate(zip(ends[:-1], ends[1:])):
-        there = index[a:b] - layer * size
-        shown = np.full(size, -1, np.int32)
-        shown[there] = triangle[a:b]
-        shown = shown.reshape(held.grid.rows, columns)
-        differs = np.zeros(shown.shape, bool)
-        across = shown[:, 1:] != shown[:, :-1]
-        differs[:, 1:] |= across
-        differs[:, :-1] |= across
-        down = shown[1:] != shown[:-1]
-        differs[1:] |= down
-        differs[:-1] |= down
-        for k in (0, 1):
-            diagonal = shown[1:, 1:] != shown[:-1, :-1] if k == 0 else shown[1:, :-1] != shown[:-1, 1:]
-            if k == 0:
-                differs[1:, 1:] |= diagonal
-                differs[:-1, :-1] |= diagonal
-            else:
-                differs[1:, :-1] |= diagonal
-                differs[:-1, 1:] |= diagonal
-        out[a:b] = differs.reshape(-1)[there]
+    ends = np.searchsorted(index, grid.size * np.arange(index.max(initial=0) // grid.size + 2))
+
+    def inside(layer: int) -> Bool[np.ndarray, " k"]:
+        part = slice(ends[layer], ends[layer + 1])
+        there = index[part] - layer * grid.size
+        least = np.full(grid.size, -1, dtype=np.int32)
+        least[there] = triangle[part]
+        least = most = least.reshape(grid.rows, grid.columns)
+        for _ in range(2):
+            # Along rows, then along columns: over squares of three.
+            least, most = (_over_three(least, np.minimum).T, _over_three(most, np.maximum).T)
+        return (least != most).reshape(-1)[there]
+
+    return np.concatenate([np.zeros(0, dtype=bool), *in_parallel(inside, range(len(ends) - 1))])
+
+
+def _over_three(values: Int[np.ndarray, "h w"], op: np.ufunc) -> Int[np.ndarray, "h w"]:
+    """`op` over each number and the ones before and after it in its row."""
+    out = values.copy()
+    op(out[:, 1:], values[:, :-1], out=out[:, 1:])
+    op(out[:, :-1], values[:, 1:], out=out[:, :-1])
     return out

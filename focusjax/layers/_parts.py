@@ -5,6 +5,7 @@ square's surface; its share of the square is that of the points in it, and its p
 """
 
 import dataclasses
+from collections.abc import Iterator
 
 import jax
 import jax.numpy as jnp
@@ -156,7 +157,7 @@ class _Lookup:
 def _pieces(
     edges: Float[Array, "p 3 3"], disparity: Float[Array, "p 3"], place: Float[Array, "p 2"]
 ) -> tuple[UInt[Array, " p"], Float[Array, "p 3"]]:
-    """Points around each `place` inside a triangle, a bit each; its disparity there, and change in x and y."""
+    """Points around each `place` inside a triangle, a bit each; its disparity there, its change in x, y."""
     across, down, offset = ((edges[:, :, k] * disparity).sum(axis=1) for k in range(3))
     plane = jnp.stack([across * place[:, 0] + down * place[:, 1] + offset, across, down], axis=1)
     return _inside(edges, place)[0], plane
@@ -169,29 +170,42 @@ def _where_nearest(
     points = points.copy()
     start = np.flatnonzero(np.diff(square, prepend=-1))
     length = np.diff(start, append=len(square))
-    apart = np.bitwise_or.reduceat(points, start) if len(start) else points
-    several = np.bitwise_count(apart) < np.add.reduceat(np.bitwise_count(points), start, dtype=np.int32) if len(start) else apart > 0
+    several = length > 1
     start, length = start[several], length[several]
+    together = points[start]
+    overlap = np.zeros(len(start), dtype=bool)
+    for rank, left in _ranks(length, first=1):
+        own = points[start[left] + rank]
+        overlap[left] |= (together[left] & own) > 0
+        together[left] |= own
+    start, length = start[overlap], length[overlap]
     nearest = np.zeros((len(start), _POINTS), dtype=np.float32)
     owner = np.full((len(start), _POINTS), -1, dtype=np.int32)
-    left = np.arange(len(start))
-    for rank in range(int(length.max(initial=0))):
-        left = left[length[left] > rank]
+    for rank, left in _ranks(length):
         piece = start[left] + rank
         w = plane[piece, :1] + plane[piece, 1:] @ _OFFSETS.T.astype(np.float32)
         nearer = (w > nearest[left]) & _unpacked(points[piece])
         nearest[left] = np.where(nearer, w, nearest[left])
         owner[left] = np.where(nearer, rank, owner[left])
-    left = np.arange(len(start))
-    for rank in range(int(length.max(initial=0))):
-        left = left[length[left] > rank]
+    for rank, left in _ranks(length):
         bits = np.packbits(owner[left] == rank, axis=1, bitorder="little")
         points[start[left] + rank] = np.ascontiguousarray(bits).view(np.uint32)[:, 0]
     return points
 
 
+def _ranks(length: Int[np.ndarray, " s"], first: int = 0) -> Iterator[tuple[int, Int[np.ndarray, " k"]]]:
+    """Numbers from `first` on, and which of the lengths are above each."""
+    left = np.arange(len(length))
+    for rank in range(first, int(length.max(initial=0))):
+        left = left[length[left] > rank]
+        yield rank, left
+
+
 def _unpacked(points: UInt[np.ndarray, " n"]) -> Bool[np.ndarray, "n 32"]:
-    return np.unpackbits(points[:, None].view(np.uint8), axis=1, bitorder="little").astype(bool)
+    """Whether each point is among those of a mask."""
+    return np.unpackbits(
+        np.ascontiguousarray(points)[:, None].view(np.uint8), axis=1, bitorder="little"
+    ).astype(bool)
 
 
 @jax.jit

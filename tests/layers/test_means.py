@@ -44,7 +44,7 @@ def checkers(edge: float, turn: float) -> tuple[np.ndarray, np.ndarray, np.ndarr
     corner = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
     corners = (np.stack([column, row], axis=1)[:, None] + corner).reshape(-1, 2) * edge
     first = 4 * np.arange(len(row))[:, None]
-    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
+    faces = (first[:, None] + np.array([(0, 1, 2), (0, 2, 3)])).reshape(-1, 3)
     colours = np.repeat(np.where((row + column) % 2 == 0, 0.9, 0.1), 4)[:, None] * np.ones(3)
     y, x = (np.mgrid[: HEIGHT * FINE, : WIDTH * FINE] + 0.5) / FINE
     square = np.floor((np.stack([x, y], axis=-1) - middle) @ across.T / edge)

@@ -64,7 +64,6 @@ from focusjax.layers import decompose as decompose
 from focusjax.layers import disparity_map as disparity_map
 from focusjax.layers import missed_light as missed_light
 from focusjax.layers import peel as peel
-from focusjax.layers import prefilter as prefilter
 from focusjax.layers import umbra_saving as umbra_saving
 from focusjax.lens import Disk as Disk
 from focusjax.lens import FittedLens as FittedLens

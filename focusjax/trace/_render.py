@@ -124,7 +124,9 @@ def within_reach(layers: Layers, lens: AbstractLens, pixel_filter: str) -> Abstr
         ValueError: they do not.
     """
     if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((layers, lens))):
-        check_reach(layers, lens, pixel_filter)
+        # Also where something else is traced, such as the seed.
+        with jax.ensure_compile_time_eval():
+            check_reach(layers, lens, pixel_filter)
         return lens
     return eqx.error_if(
         lens,

@@ -48,6 +48,12 @@ def test_seeds_are_mapped_over():
         np.testing.assert_allclose(found[seed], render(layers, layers.lens, rays=RAYS, seed=seed), atol=1e-12)
 
 
+def test_a_seed_alone_may_be_traced():
+    layers = varied_layers()
+    found = jax.jit(lambda seed: render(layers, layers.lens, rays=RAYS, seed=seed))(4)
+    np.testing.assert_allclose(found, render(layers, layers.lens, rays=RAYS, seed=4), atol=1e-12)
+
+
 def test_layers_of_one_shape_are_mapped_over():
     layers = varied_layers()
     scales = jnp.array([0.5, 1.0])

@@ -98,7 +98,6 @@ from focusjax.trace import plan_lens as plan_lens
 from focusjax.trace import plan_rays as plan_rays
 from focusjax.trace import quality_of as quality_of
 from focusjax.trace import render as render
-from focusjax.trace import render_differentiable as render_differentiable
 from focusjax.trace import render_pinhole as render_pinhole
 
 __version__ = "0.1.0"

@@ -35,7 +35,7 @@ from focusjax.bench import Case, case_from_config
 from focusjax.config import load_config
 from focusjax.layers import Layers, peel, prefilter
 from focusjax.lens import TiltShiftLens, as_tilt_shift
-from focusjax.trace import render, render_differentiable
+from focusjax.trace import render
 from focusjax.trace._differentiable import _starts, _traced
 from focusjax.trace._flux import Rays
 
@@ -138,7 +138,7 @@ def timed(function: Callable[[], Array]) -> tuple[np.ndarray, float]:
 @eqx.filter_jit
 def jacobian(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3 3"]:
     def picture(values: Float[Array, "3"]) -> Float[Array, "h w 3"]:
-        return render_differentiable(layers, moved(lens, values), rays=rays, derivative_rays=rays)
+        return render(layers, moved(lens, values), even=True, rays=rays, derivative_rays=rays)
 
     return jax.jacfwd(picture)(jnp.zeros(3))
 

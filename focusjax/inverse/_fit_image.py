@@ -46,7 +46,7 @@ def fit_image(
     """The lens whose picture of `layers` is most like `target`.
 
     Least squares over all pixels by Levenberg and Marquardt's method (Optimistix), with the picture's true
-    derivatives (`render_differentiable`), which know what appears and disappears behind silhouettes. Coarse
+    derivatives (`render`), which know what appears and disappears behind silhouettes. Coarse
     to fine: means over 8 x 8 pixels, over 2 x 2, then single pixels, each of which counts by how well those
     around it were met before: noise is largest along blurred silhouettes, and so are errors of the model.
 

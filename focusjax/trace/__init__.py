@@ -15,7 +15,17 @@ from focusjax.trace._timed import Timing as Timing
 
 # TEMPORARY
 from focusjax.trace._render import render as render_differentiable
-class _X: pass
-RayPlan=LensPlan=ToldQuality=_X
-def decibels_of(*a): return 30.0
-plan_rays=quality_of=plan_lens=told_by_rays=decibels_of
+
+
+class _X:
+    pass
+
+
+RayPlan = LensPlan = ToldQuality = _X
+
+
+def decibels_of(*a):
+    return 30.0
+
+
+plan_rays = quality_of = plan_lens = told_by_rays = decibels_of

@@ -13,7 +13,7 @@ from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._groups import RayGroups
 from focusjax.trace._radiances import Seen, TracedScene, seen_along
 from focusjax.trace._ranges import DisparityRanges
-from focusjax.trace._samples import RaySamples, Starts
+from focusjax.trace._samples import RaySamples
 
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
 _ROWS = 4096
@@ -70,7 +70,7 @@ def starts_of(
     pixel = jnp.minimum(some.pixel, camera.width * camera.height - 1)
     column, row = pixel % camera.width, pixel // camera.width
     number = jnp.arange(some.together, dtype=jnp.int32)[:, None] + some.first[None]
-    places = (jnp.broadcast_to(a, number.shape) for a in (column, row))
+    places = (jnp.broadcast_to(a[None], number.shape) for a in (column, row))
     starts = samples.at(*places, jnp.minimum(number, samples.per_pixel - 1))
     return column, row, number, jax.tree.map(lambda a: a.reshape(-1), starts)
 
@@ -111,7 +111,9 @@ def summed(
             some = RayGroups(*chunk, jnp.int32(size), groups.together)
             return sums.at[some.pixel].add(rows(some), mode="drop")
 
-        return jax.lax.cond(number * size < groups.used, jax.checkpoint(traced), lambda sums: sums, sums), None
+        return jax.lax.cond(
+            number * size < groups.used, jax.checkpoint(traced), lambda sums: sums, sums
+        ), None
 
     nothing = jnp.zeros((pixels, _row_length(kinds, in_each)), dtype=jnp.zeros(()).dtype)
     sums, _ = jax.lax.scan(add, nothing, (jnp.arange(chunks, dtype=jnp.int32), *columns))

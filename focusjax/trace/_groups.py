@@ -66,8 +66,8 @@ def groups_of(
     before, used = prefix_sums(parts)
     # The position in the tiled order of each group's pixel: marks where pixels begin, summed up.
     start = jnp.where(parts > 0, before, most)
-    marks = jnp.zeros(most, dtype=jnp.int32).at[start].max(
-        jnp.arange(len(pixel), dtype=jnp.int32), mode="drop"
+    marks = (
+        jnp.zeros(most, dtype=jnp.int32).at[start].max(jnp.arange(len(pixel), dtype=jnp.int32), mode="drop")
     )
     place = running_max(marks)
     number = jnp.arange(most, dtype=jnp.int32)
@@ -87,10 +87,7 @@ def running_max(values: Int[Array, " n"]) -> Int[Array, " n"]:
     length = values.shape[0]
     rows = jnp.pad(values, (0, -length % row)).reshape(-1, row)
     last = rows.max(axis=1)
-    if last.shape[0] > 4 * row:
-        above = running_max(last)
-    else:
-        above = jnp.maximum.accumulate(last)
+    above = running_max(last) if last.shape[0] > 4 * row else jnp.maximum.accumulate(last)
     above = jnp.concatenate([jnp.zeros(1, dtype=values.dtype), above[:-1]])
     inside = jnp.maximum.accumulate(rows, axis=1)
     return jnp.maximum(above[:, None], inside).reshape(-1)[:length]

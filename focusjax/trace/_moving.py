@@ -174,9 +174,7 @@ def _seen_of(
     return Seen(radiance, rays.weight, now)
 
 
-def _range(
-    ranges: RangePyramid, rays: LensRay
-) -> tuple[Float[Array, ""], Float[Array, ""], Int[Array, ""]]:
+def _range(ranges: RangePyramid, rays: LensRay) -> tuple[Float[Array, ""], Float[Array, ""], Int[Array, ""]]:
     """Least and largest disparity that some rays, in grid units, can meet, and layer count.
 
     As `disparity_range`.

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
-from jaxtyping import Array, Float, Int, UInt
+from jaxtyping import Array, Float, UInt
 
 from focusjax._arguments import require_kind, require_switches
 from focusjax._counts import require_counts, require_seed
@@ -26,7 +26,7 @@ def render(
     even: bool = False,
     smooth: bool | None = None,
     pixel_filter: str | None = None,
-    seed: int | Int[Array, ""] = 0,
+    seed: int | Array = 0,
 ) -> Float[Array, "h w 3"]:
     """The picture that `lens` forms of `layers`: linear radiance, mean over the rays of each pixel.
 
@@ -75,7 +75,9 @@ def render(
         smooth=smooth,
         pixel_filter=pixel_filter,
     )
-    return picture(layers, within_reach(layers, lens, settings.pixel_filter), seed_of(seed), settings=settings)
+    return picture(
+        layers, within_reach(layers, lens, settings.pixel_filter), seed_of(seed), settings=settings
+    )
 
 
 def render_settings(

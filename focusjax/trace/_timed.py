@@ -29,9 +29,7 @@ class Timing(eqx.Module):
     quantiles: Float[np.ndarray, " q"] | Float[Array, " q"]
     delay: Float[np.ndarray, ""] | Float[Array, ""] = eqx.field(converter=np.asarray)
 
-    def times(
-        self, moment: Float[Array, "s g"], row: Int[Array, " g"], height: int
-    ) -> Float[Array, "s g"]:
+    def times(self, moment: Float[Array, "s g"], row: Int[Array, " g"], height: int) -> Float[Array, "s g"]:
         """When the share `moment` of the light of pixels in some rows has arrived."""
         delay = jnp.asarray(self.delay) * ((row.astype(moment.dtype) + 0.5) / height - 0.5)
         return interpolated(jnp.asarray(self.quantiles), moment) + delay[None]

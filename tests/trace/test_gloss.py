@@ -86,8 +86,8 @@ def test_gradients_reach_lights_and_materials():
             model,
             (colour, direction, specular, shininess),
         )
-        return radiance_at(
-            eqx.tree_at(lambda s: s.gloss.model, surface, changed), on_grid, jnp.asarray(bright)
+        return jnp.stack(
+            radiance_at(eqx.tree_at(lambda s: s.gloss.model, surface, changed), on_grid, jnp.asarray(bright))
         )
 
     sun = model.lights[0]

@@ -13,7 +13,7 @@ from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._groups import RayGroups
 from focusjax.trace._radiances import Seen, TracedScene, seen_along
 from focusjax.trace._ranges import DisparityRanges
-from focusjax.trace._samples import RaySamples
+from focusjax.trace._samples import RaySamples, Starts
 
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
 _ROWS = 4096

@@ -7,12 +7,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._groups import RayGroups
 from focusjax.trace._radiances import Seen, TracedScene, seen_along
 from focusjax.trace._ranges import DisparityRanges
-from focusjax.trace._samples import RaySamples
+from focusjax.trace._samples import RaySamples, Starts
 
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
 _ROWS = 4096
@@ -47,22 +48,31 @@ def traced_sums(
     Groups are traced some at a time, in memory that does not grow with their number; of a list that is not
     used to its end, only what is used.
     """
-    camera, together = scene.camera, groups.together
-    width, pixels = camera.width, camera.width * camera.height
+    camera = scene.camera
 
     def seen(some: RayGroups, lens: AbstractLens) -> Seen:
-        pixel = jnp.minimum(some.pixel, pixels - 1)
-        column, row = pixel % width, pixel // width
-        # All first rays of groups, then all second ones, and so on: sums over groups are sums of columns.
-        number = jnp.arange(together, dtype=jnp.int32)[:, None] + some.first[None]
-        shape = number.shape
-        starts = samples.at(*(jnp.broadcast_to(a[None], shape) for a in (column, row)), number)
+        column, row, _, starts = starts_of(some, samples, camera)
         least, largest, depth = ranges.at(column, row)
-        ends = (jnp.tile(end, together) for end in (least, largest))
-        flat = jax.tree.map(lambda a: a.reshape(-1), starts)
-        return seen_along(scene, lens, flat, *ends, depth.max())
+        ends = (jnp.tile(end, some.together) for end in (least, largest))
+        return seen_along(scene, lens, starts, *ends, depth.max())
 
-    return summed(seen, lens, groups, bins, pixels)
+    return summed(seen, lens, groups, bins, camera.width * camera.height)
+
+
+def starts_of(
+    some: RayGroups, samples: RaySamples, camera: Camera
+) -> tuple[Int[Array, " g"], Int[Array, " g"], Int[Array, "s g"], Starts]:
+    """Column and row of each group's pixel, the numbers of its rays, and where they start, [s * g].
+
+    Rays of numbers beyond those of the samples start as the last of them. All first rays of groups come
+    first, then all second ones, and so on: sums over groups are sums of columns.
+    """
+    pixel = jnp.minimum(some.pixel, camera.width * camera.height - 1)
+    column, row = pixel % camera.width, pixel // camera.width
+    number = jnp.arange(some.together, dtype=jnp.int32)[:, None] + some.first[None]
+    places = (jnp.broadcast_to(a[None], number.shape) for a in (column, row))
+    starts = samples.at(*places, jnp.minimum(number, samples.per_pixel - 1))
+    return column, row, number, jax.tree.map(lambda a: a.reshape(-1), starts)
 
 
 def summed(

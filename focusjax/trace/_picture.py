@@ -12,7 +12,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, UInt
+from jaxtyping import Array, Bool, Float, UInt
 
 from focusjax.geometry import Camera
 from focusjax.layers import Layers
@@ -111,16 +111,36 @@ def traced_picture(
     layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings
 ) -> Float[Array, "p 3"]:
     """The picture, row-major."""
+    known = known_light(lens, layers.camera)
+    bins = coc_bins(layers, lens) if settings.smooth else CocBins(None)
+    sums = picture_sums(layers, lens, seed, settings, bins, known)
+    return developed(sums, layers.camera, bins, settings.rays, known)
+
+
+def picture_sums(
+    layers: Layers,
+    lens: AbstractLens,
+    seed: UInt[Array, ""],
+    settings: RenderSettings,
+    bins: CocBins,
+    known: KnownLight | None,
+    wanted: Bool[Array, " p"] | None = None,
+) -> PixelSums:
+    """The sums of all pixels, or of those that are `wanted` as they are among all; 0 in the others."""
     camera = layers.camera
     fixed = jax.lax.stop_gradient(layers)
     ranges = disparity_ranges(layers, lens, settings.pixel_filter)
-    known = known_light(lens, camera)
-    bins = coc_bins(layers, lens) if settings.smooth else CocBins(None)
     if settings.even or settings.rays < FEWEST:
         together = max(k for k in range(1, _TOGETHER + 1) if settings.rays % k == 0)
-        groups, counts = even_groups(camera.width, camera.height, settings.rays, together), (settings.rays,)
+        counts = (settings.rays,)
+        if wanted is None:
+            groups = even_groups(camera.width, camera.height, settings.rays, together)
+        else:
+            most = camera.width * camera.height * settings.rays // together
+            chosen = jnp.where(wanted, settings.rays, 0)
+            groups = groups_of(chosen, camera.width, camera.height, together, most=most)
     else:
-        groups, counts = _adaptive_groups(fixed, lens, ranges, known, settings)
+        groups, counts = _adaptive_groups(fixed, lens, ranges, known, settings, wanted)
     samples = ray_samples(
         lens,
         counts,
@@ -128,8 +148,7 @@ def traced_picture(
         with_chances=layers.samples.opacity is not None,
         pixel_filter=settings.pixel_filter,
     )
-    sums = traced_sums(traced_scene(layers), lens, samples, groups, ranges, bins)
-    return developed(sums, camera, bins, settings.rays, known)
+    return traced_sums(traced_scene(layers), lens, samples, groups, ranges, bins)
 
 
 def coc_bins(layers: Layers, lens: AbstractLens) -> CocBins:
@@ -146,6 +165,7 @@ def _adaptive_groups(
     ranges: DisparityRanges,
     known: KnownLight | None,
     settings: RenderSettings,
+    wanted: Bool[Array, " p"] | None,
 ) -> tuple[RayGroups, tuple[int, ...]]:
     """Groups of rays by what differs in each pixel, and the numbers of rays that pixels may have."""
     camera, rays = layers.camera, settings.rays
@@ -156,6 +176,8 @@ def _adaptive_groups(
         count = allocated(variance, rays, rays)
     else:
         count = allocated_through(variance, known.share[:, 1], rays)
+    if wanted is not None:
+        count = jnp.where(wanted, count, 0)
     most = -(-rays * camera.width * camera.height // _TOGETHER)
     groups = groups_of(count, camera.width, camera.height, _TOGETHER, most=most, nested=FEWEST)
     return groups, counts_for(rays)

@@ -36,6 +36,8 @@ class RaySamples(eqx.Module):
         pupil: x and y on the aperture, each [t * s], in aperture radii.
         chance: 32 bits [t * s] that decide where a ray stops among surfaces of partial opacity; None where
             there are none.
+        moment: share of its pixel's light [t * s], 0 to 1, that arrives before the ray; None where nothing
+            moves.
         edge: edge of the tile in pixels (static).
         per_pixel: s, rays of all numbers together (static).
     """
@@ -43,6 +45,7 @@ class RaySamples(eqx.Module):
     place: tuple[Float[Array, " n"], Float[Array, " n"]]
     pupil: tuple[Float[Array, " n"], Float[Array, " n"]]
     chance: UInt[Array, " n"] | None
+    moment: Float[Array, " n"] | None
     edge: int = eqx.field(static=True)
     per_pixel: int = eqx.field(static=True)
 
@@ -55,18 +58,19 @@ class RaySamples(eqx.Module):
 
         x, y = (look(plane) for plane in self.place)
         u, v = (look(plane) for plane in self.pupil)
-        chance = None if self.chance is None else look(self.chance)
-        return Starts(column.astype(x.dtype) + x, row.astype(y.dtype) + y, u, v, chance)
+        chance, moment = (None if plane is None else look(plane) for plane in (self.chance, self.moment))
+        return Starts(column.astype(x.dtype) + x, row.astype(y.dtype) + y, u, v, chance, moment)
 
 
 class Starts(eqx.Module):
-    """Film points in pixels, aperture points in aperture radii, and chances of some rays, each [*n]."""
+    """Some rays, each [*n]: film points in pixels, aperture points in aperture radii, chances, moments."""
 
     x: Float[Array, "*n"]
     y: Float[Array, "*n"]
     u: Float[Array, "*n"]
     v: Float[Array, "*n"]
     chance: UInt[Array, "*n"] | None
+    moment: Float[Array, "*n"] | None = None
 
 
 def ray_samples(
@@ -94,6 +98,7 @@ def ray_samples(
         place=(film_offsets(pixel_filter, x), film_offsets(pixel_filter, y)),
         pupil=(pupil[:, 0], pupil[:, 1]),
         chance=chance,
+        moment=None,
         edge=edge,
         per_pixel=sum(counts),
     )

@@ -21,6 +21,8 @@ from focusjax.trace._accumulate import PixelSums, traced_sums
 from focusjax.trace._allocate import FEWEST, allocated, allocated_through, contrast, counts_for
 from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._denoise import denoised
+from focusjax.trace._emitter_rays import emitter_light
+from focusjax.trace._emitters import split_emitters
 from focusjax.trace._flux import Rays, Still, picture_flow
 from focusjax.trace._focal_zone import focal_zone
 from focusjax.trace._groups import RayGroups, even_groups, groups_of
@@ -46,6 +48,7 @@ class RenderSettings:
         even: whether every pixel has as many rays.
         smooth: whether what is blurred is denoised.
         pixel_filter: "box", "tent" or "gaussian".
+        emitters: whether anything may be bright enough for rays of its own.
     """
 
     rays: int
@@ -53,6 +56,7 @@ class RenderSettings:
     even: bool
     smooth: bool
     pixel_filter: str
+    emitters: bool
 
 
 @eqx.filter_jit
@@ -111,7 +115,9 @@ def traced_picture(
     layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings
 ) -> Float[Array, "p 3"]:
     """The picture, row-major."""
-    camera = layers.camera
+    camera, emitters = layers.camera, None
+    if settings.emitters:
+        layers, emitters = split_emitters(layers, lens)
     fixed = jax.lax.stop_gradient(layers)
     ranges = disparity_ranges(layers, lens, settings.pixel_filter)
     known = known_light(lens, camera)
@@ -128,8 +134,14 @@ def traced_picture(
         with_chances=layers.samples.opacity is not None,
         pixel_filter=settings.pixel_filter,
     )
-    sums = traced_sums(traced_scene(layers), lens, samples, groups, ranges, bins)
-    return developed(sums, camera, bins, settings.rays, known)
+    scene = traced_scene(layers)
+    sums = traced_sums(scene, lens, samples, groups, ranges, bins)
+    means = developed(sums, camera, bins, settings.rays, known)
+    if emitters is None:
+        return means
+    return means + emitter_light(
+        scene, lens, emitters, ranges, seed, rays=settings.rays, pixel_filter=settings.pixel_filter
+    )
 
 
 def coc_bins(layers: Layers, lens: AbstractLens) -> CocBins:
@@ -174,9 +186,7 @@ def developed(
     return denoised(sums, camera.width, bins.least, rays) * share + over
 
 
-def _still(
-    layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings
-) -> Still:
+def _still(layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings) -> Still:
     """What derivatives are made of: the scene, and the mean radiance of rays like those through the rim."""
     camera, scene, number = layers.camera, traced_scene(layers), settings.derivative_rays
     ranges = disparity_ranges(layers, lens)

@@ -1,0 +1,138 @@
+"""How even the out-of-focus discs of small lamps are, by rays per pixel.
+
+A lamp of 3 x 3 pixels far behind the focus becomes a picture of the aperture, 40 pixels wide. Within it every
+pixel has the same light, so that what differs is noise: its standard deviation over the mean, in per cent,
+and the whole disc's light over that of the lamp.
+
+    python scripts/disc_grain.py
+    python scripts/disc_grain.py --rays 16 64 --out out/grain
+"""
+
+import argparse
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from focusjax.film import to_bytes
+from focusjax.geometry import Camera, look_at
+from focusjax.io import save_png
+from focusjax.layers import peel
+from focusjax.lens import AbstractLens, ThinLens, polygon, prescription_lens, tilt_shift_lens
+from focusjax.optics import lens_preset
+from focusjax.scene import Scene, constant_background, make_object, make_scene
+from focusjax.trace import render
+
+WIDTH, HEIGHT = 160, 120
+LENGTH, FOCUS, FAR = 0.05, 1.0, 4.0
+"""Metres: focal length, focus distance, and distance of the lamp."""
+RADIUS = 20.0
+"""Pixels, of the disc."""
+SQUARE = np.array([(0, 1, 2), (0, 2, 3)])
+SIZE, LIGHT, DARK = 3.0, 200.0, 0.02
+WITHIN = 0.8
+"""Share of the disc's radius in which its grain is measured."""
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--rays", type=int, nargs="+", default=[16, 64, 256], help="per pixel")
+    parser.add_argument("--only", nargs="+", choices=list(LENSES), default=list(LENSES), help="some lenses")
+    parser.add_argument("--supersampling", type=int, default=2, help="samples of layers per pixel")
+    parser.add_argument("--out", type=Path, help="folder for pictures and grain.json")
+    return parser.parse_args()
+
+
+def camera() -> Camera:
+    return look_at((0, 0, 0), (0, 0, -1), width=WIDTH, height=HEIGHT, focal_length=LENGTH)
+
+
+def radius_of_aperture() -> float:
+    """Metres, for discs of the wanted size."""
+    return RADIUS / (float(camera().focal_px) * (1 / FOCUS - 1 / FAR))
+
+
+def thin(blades: int | None = None) -> Callable[[], AbstractLens]:
+    def lens() -> AbstractLens:
+        shape = {} if blades is None else {"aperture": polygon(blades, roundness=0.6)}
+        return ThinLens(jnp.array(1 / FOCUS), jnp.array(radius_of_aperture()), **shape)
+
+    return lens
+
+
+def glass() -> AbstractLens:
+    lens = lens_preset("gauss_jp62087922_f1.8_1987")
+    return prescription_lens(lens, camera(), focus_distance=FOCUS, f_number=4)
+
+
+def tilted() -> AbstractLens:
+    return tilt_shift_lens(
+        focus_distance=FOCUS, focal_length=LENGTH, tilt=0.05, aperture_radius=radius_of_aperture()
+    )
+
+
+LENSES = {"thin": thin(), "nine blades": thin(9), "tilted": tilted, "glass": glass}
+
+
+def lamp() -> Scene:
+    """In the middle, between pixels, before a dark wall."""
+
+    def card(name: str, half: float, distance: float, radiance: float):
+        x = half * distance / float(camera().focal_px)
+        corners = np.array([(-x, x, -distance), (x, x, -distance), (x, -x, -distance), (-x, -x, -distance)])
+        return make_object(name, corners, SQUARE, colour=(0, 0, 0), emission=radiance)
+
+    return make_scene(
+        [card("lamp", SIZE / 2, FAR, LIGHT), card("wall", 4 * WIDTH, 1.01 * FAR, DARK)],
+        background=constant_background(0.0),
+        unlit=True,
+    )
+
+
+def grain_of(picture: np.ndarray, radius: float) -> tuple[float, float]:
+    """Standard deviation over the mean within the disc, and the disc's light over the lamp's, in per cent."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
+    light = picture[..., 1] - DARK
+    away = np.hypot(x - WIDTH / 2, y - HEIGHT / 2)
+    inside = light[away < WITHIN * radius]
+    energy = light[away < 2 * radius].sum() / ((LIGHT - DARK) * SIZE**2)
+    return 100 * float(inside.std() / inside.mean()), 100 * float(energy)
+
+
+def radius_of(picture: np.ndarray) -> float:
+    """Pixels, by the area that is at least half as bright as the middle."""
+    light = picture[..., 1] - DARK
+    middle = np.median(light[HEIGHT // 2 - 3 : HEIGHT // 2 + 3, WIDTH // 2 - 3 : WIDTH // 2 + 3])
+    return math.sqrt((light > 0.5 * middle).sum() / math.pi)
+
+
+def main() -> None:
+    options, console = arguments(), Console()
+    table = Table("lens", "rays", "radius px", "grain %", "light %", title="Discs of small lamps")
+    found = []
+    for name in options.only:
+        lens = LENSES[name]()
+        layers = peel(lamp(), camera(), lens, supersampling=options.supersampling)
+        for rays in options.rays:
+            picture = np.asarray(render(layers, lens, rays=rays, smooth=False))
+            radius = radius_of(picture)
+            grain, light = grain_of(picture, radius)
+            found.append({"lens": name, "rays": rays, "radius_px": radius, "grain": grain, "light": light})
+            table.add_row(name, str(rays), f"{radius:.1f}", f"{grain:.2f}", f"{light:.2f}")
+            if options.out is not None:
+                options.out.mkdir(parents=True, exist_ok=True)
+                save_png(options.out / f"{name.replace(' ', '_')}_{rays}.png", to_bytes(picture))
+    if options.out is not None:
+        (options.out / "grain.json").write_text(json.dumps(found, indent=1) + "\n")
+    console.print(table)
+
+
+if __name__ == "__main__":
+    main()

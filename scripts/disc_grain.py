@@ -19,7 +19,6 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from focusjax.film import to_bytes
 from focusjax.geometry import Camera, look_at
 from focusjax.io import save_png
 from focusjax.layers import peel
@@ -128,7 +127,7 @@ def main() -> None:
             table.add_row(name, str(rays), f"{radius:.1f}", f"{grain:.2f}", f"{light:.2f}")
             if options.out is not None:
                 options.out.mkdir(parents=True, exist_ok=True)
-                save_png(options.out / f"{name.replace(' ', '_')}_{rays}.png", to_bytes(picture))
+                save_png(options.out / f"{name.replace(' ', '_')}_{rays}.png", picture)
     if options.out is not None:
         (options.out / "grain.json").write_text(json.dumps(found, indent=1) + "\n")
     console.print(table)

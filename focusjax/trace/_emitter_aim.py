@@ -50,13 +50,20 @@ def aim_at(
     disparity: Float[Array, ""],
 ) -> Aim:
     """The ray of `film_point` that passes `place`, in output pixels, at `disparity` in 1/m."""
-    pupil = jnp.zeros_like(film_point)
-    for _ in range(_STEPS):
+    nothing = jnp.zeros_like(film_point)
+
+    def advance(_: Array, state: tuple[Array, Aim]) -> tuple[Array, Aim]:
+        """The next aperture point, and what is found at this one."""
+        pupil, _ = state
         ray, slope = _ray_and_slope(camera, lens, film_point, pupil, disparity)
-        pupil = pupil + _solved(slope, place - ray.at(disparity))
-        pupil = jnp.clip(pupil, -_FARTHEST, _FARTHEST)
-    ray, slope = _ray_and_slope(camera, lens, film_point, pupil, disparity)
-    return Aim(pupil, ray, jnp.abs(_determinant(slope)), jnp.abs(place - ray.at(disparity)).max())
+        off = place - ray.at(disparity)
+        after = jnp.clip(pupil + _solved(slope, off), -_FARTHEST, _FARTHEST)
+        return after, Aim(pupil, ray, jnp.abs(_determinant(slope)), jnp.abs(off).max())
+
+    # In a loop, so that the lens is compiled once.
+    zero = nothing[0]
+    start = Aim(nothing, LensRay(nothing, nothing, zero), zero, zero)
+    return jax.lax.fori_loop(0, _STEPS + 1, advance, (nothing, start))[1]
 
 
 def one_to_one(
@@ -64,7 +71,7 @@ def one_to_one(
 ) -> Bool[Array, ""]:
     """Whether at `disparity` no two points of the aperture see the same place, as far as a few of them tell.
 
-    Rays that bring no light do not count.
+    Rays that bring no light do not count. Of a lens with colours, that of the colour between is looked at.
     """
     turns = jnp.arange(_TURNS, dtype=film_point.dtype) / _TURNS
     rim = jax.vmap(lens.opening().rim)(turns)
@@ -74,17 +81,10 @@ def one_to_one(
         ray, slope = _ray_and_slope(camera, lens, film_point, pupil, disparity)
         return _determinant(slope), ray.weight > 0
 
-    found = jnp.bool_(True)
-    for each in [channel.lens for channel in lens.channels()] or [lens]:
-        lens = each
-        area, lit = jax.vmap(at)(points)
-        least, most = (
-            jnp.where(lit, area, jnp.inf).min(),
-            jnp.where(lit, area, -jnp.inf).max(),
-        )
-        away = jnp.minimum(jnp.abs(least), jnp.abs(most))
-        found &= (least * most > 0) & (away > _LEAST_RATIO * jnp.maximum(jnp.abs(least), jnp.abs(most)))
-    return found
+    area, lit = jax.vmap(at)(points)
+    least, most = jnp.where(lit, area, jnp.inf).min(), jnp.where(lit, area, -jnp.inf).max()
+    small, large = jnp.minimum(jnp.abs(least), jnp.abs(most)), jnp.maximum(jnp.abs(least), jnp.abs(most))
+    return (least * most > 0) & (small > _LEAST_RATIO * large)
 
 
 def _ray_and_slope(

@@ -36,19 +36,21 @@ def pixels_that_see(
         wide: pixels, along x or y, by which film points lie off their pixel's centre.
     """
     shares = jnp.array([(x, y) for y in (0.0, 0.5, 1.0) for x in (0.0, 0.5, 1.0)], dtype=low.dtype)
-    reach = jnp.stack([lens.reach(camera, disparity) for disparity in disparities]).max()
+    reach = jax.vmap(lambda disparity: lens.reach(camera, disparity))(disparities).max()
 
     def bounds(film: Float[Array, "2"], disparity: Float[Array, ""]) -> tuple[Array, Array]:
         centre, radius = lens.footprint(camera, film, disparity)
         return film - centre - radius, film - centre + radius
 
-    first, last = low, high
-    for _ in range(_ROUNDS):
-        films = first + shares * (last - first)
-        ends = [jax.vmap(bounds, in_axes=(0, None))(films, disparity) for disparity in disparities]
-        below = jnp.stack([end[0].min(axis=0) for end in ends]).min(axis=0)
-        above = jnp.stack([end[1].max(axis=0) for end in ends]).max(axis=0)
-        first, last = jnp.maximum(low + below, low - reach), jnp.minimum(high + above, high + reach)
+    def widen(_: Array, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        first, last = ends
+        films = first[None] + shares * (last - first)[None]
+        over_films = jax.vmap(bounds, in_axes=(0, None))
+        below, above = jax.vmap(over_films, in_axes=(None, 0))(films, disparities)
+        below, above = below.min(axis=(0, 1)), above.max(axis=(0, 1))
+        return jnp.maximum(low + below, low - reach), jnp.minimum(high + above, high + reach)
+
+    first, last = jax.lax.fori_loop(0, _ROUNDS, widen, (low, high))
     margin = _MARGIN * (last - first) + wide + 0.5
     size = jnp.array([camera.width, camera.height], dtype=low.dtype)
     # Pixel k has its centre at k + 0.5.

@@ -15,6 +15,8 @@ A ray brings nothing if v lies beside the aperture, or if something hides the em
 first, by the same walk as every ray's, is then no sample of the cluster, and nearer.
 """
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt
@@ -92,7 +94,7 @@ def emitter_light(
             inside, across = pair - emitters.before[cluster], emitters.across[cluster]
             column = emitters.left[cluster] + inside % across
             row = emitters.top[cluster] + inside // across
-            number = group % parts * together + jnp.arange(together, dtype=jnp.int32)[:, None]
+            number = jnp.arange(together, dtype=jnp.int32)[:, None] + (group % parts * together)[None]
             # All first rays of groups, then all second ones: sums over groups are sums of columns.
             columns = [jnp.tile(values, together) for values in (column, row, cluster)]
 
@@ -222,7 +224,9 @@ class _Drawing:
         return (hits < 0) | same | farther
 
 
-def in_parts(function, columns: tuple[Array, ...]) -> tuple[Array, ...]:  # noqa: ANN001
+def in_parts(
+    function: Callable[[tuple[Array, ...]], tuple[Array, ...]], columns: tuple[Array, ...]
+) -> tuple[Array, ...]:
     """A function of columns [n], applied to some rows at a time.
 
     In a loop, as XLA for CPU would otherwise work out anew in every step after what it returns.

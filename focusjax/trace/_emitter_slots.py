@@ -1,8 +1,8 @@
 """The samples of clusters of emitters, in slots of static number.
 
-Every cluster has a slot for each sample of its tile, row by row. Slots of samples that are no emitters have no
-power. Samples are drawn by their power: with u uniform and C the sums of power up to each slot, over that of
-the whole cluster, the slot is the first whose C exceeds u.
+Every cluster has a slot for each sample of its tile, row by row; those of no emitter have no power. Samples
+are drawn by their power: with u uniform and C the sums of power up to each slot, over that of the whole
+cluster, the slot is the first whose C exceeds u.
 """
 
 import dataclasses
@@ -49,8 +49,8 @@ class Slots(eqx.Module):
     def columns_and_rows(self) -> tuple[Int[Array, " m"], Int[Array, " m"]]:
         """Of every slot, on the grid."""
         inside = jnp.arange(SLOTS, dtype=jnp.int32)
-        column = self.column[:, None] + inside % TILE
-        row = self.row[:, None] + inside // TILE
+        column = self.column[:, None] + (inside % TILE)[None]
+        row = self.row[:, None] + (inside // TILE)[None]
         return column.reshape(-1), row.reshape(-1)
 
     def middles(self) -> tuple[Float[Array, " k"], Float[Array, " k"], Float[Array, " k"]]:
@@ -99,8 +99,8 @@ def slots_of(
     layer, place = jnp.divmod(tile, across * down)
     first_row, first_column = (TILE * axis for axis in jnp.divmod(place, across))
     inside = jnp.arange(SLOTS, dtype=jnp.int32)
-    column = (first_column[:, None] + inside % TILE).reshape(-1)
-    row = (first_row[:, None] + inside // TILE).reshape(-1)
+    column = (first_column[:, None] + (inside % TILE)[None]).reshape(-1)
+    row = (first_row[:, None] + (inside // TILE)[None]).reshape(-1)
     there = (column < grid.columns) & (row < grid.rows)
     there &= jnp.repeat(wanted, SLOTS, total_repeat_length=len(there))
     layer_of = jnp.repeat(layer, SLOTS, total_repeat_length=len(there))
@@ -151,7 +151,7 @@ def _slopes(
         def shifted(plane: Array, by: int) -> Array:
             return jnp.roll(plane, by, axis=axis)
 
-        line = jnp.arange(TILE).reshape(-1, *[1] * (2 - axis))
+        line = jnp.arange(TILE).reshape((1, -1, 1) if axis == 1 else (1, 1, -1))
         sums, count = jnp.zeros_like(value), jnp.zeros_like(value)
         for by, inside in ((1, line > 0), (-1, line < TILE - 1)):
             step = (value - shifted(value, by)) * by

@@ -82,8 +82,9 @@ def tile_sums(layers: Layers, bright: Bool[Array, " n"], level: Float[Array, "3"
 def share_of_rays(
     sums: TileSums, x: Float[Array, " t"], y: Float[Array, " t"], radius: Float[Array, " t"]
 ) -> Float[Array, " t"]:
-    """About the share of the rays past places on the grid, spread over disks of a `radius`, that meet bright
-    samples: their number in a square of the disk's area.
+    """About the share of the rays past places on the grid that meet bright samples.
+
+    Rays are spread over disks of a `radius` in samples; bright samples are counted in squares of their area.
     """
     half = jnp.maximum(0.5 * math.sqrt(math.pi) * radius, 0.5)
 

@@ -11,12 +11,11 @@ static shape: the most valuable clusters are kept, as many as there is room and 
 """
 
 import dataclasses
-import math
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, UInt
+from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.geometry import filter_radius
 from focusjax.layers import Layers, interval
@@ -58,7 +57,7 @@ class Emitters(eqx.Module):
 
 
 def may_emit(layers: Layers) -> bool:
-    """Whether anything is brighter than white; True where that is not known yet, within compiled functions."""
+    """Whether anything is brighter than white; True where that is not known yet, in compiled functions."""
     radiance = layers.samples.radiance
     if isinstance(radiance, jax.core.Tracer):
         return True
@@ -115,9 +114,7 @@ def _split(
 
 
 def _values(sums: TileSums, layers: Layers, lens: AbstractLens) -> Float[Array, " t"]:
-    """Variance of a pixel that sees the bright samples of a tile and others like it; 0 if they are no small
-    thing.
-    """
+    """Variance of a pixel that sees the bright samples of a tile and its like; 0 if they are not small."""
     grid = layers.grid
     count = jnp.maximum(sums.count, 1.0)
     x, y, disparity = (total / count for total in (sums.x, sums.y, sums.disparity))
@@ -160,7 +157,7 @@ def _rectangles(
 def _within_budget(
     extent: Int[Array, "k 2"], slots: Slots, layers: Layers, lens: AbstractLens
 ) -> Int[Array, " k"]:
-    """Pairs of each cluster with a pixel: 0 of those for which there is no room, or which lie in a caustic."""
+    """Pairs of each cluster with a pixel; 0 where there is no room for them, or where a caustic is."""
     camera, grid = layers.camera, layers.grid
     column, row, disparity = slots.middles()
 

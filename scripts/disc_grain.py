@@ -2,9 +2,11 @@
 
 A lamp of 3 x 3 pixels far behind the focus becomes a picture of the aperture, 40 pixels wide. Within it every
 pixel has the same light, so that what differs is noise: its standard deviation over the mean, in per cent,
-and the whole disc's light over that of the lamp.
+and the whole disc's light over that of the lamp. Of a config, the lights that show: pixels that get most of
+their light from emitters, and how far they differ from seed to seed.
 
     python scripts/disc_grain.py
+    python scripts/disc_grain.py --only thin --config configs/still_life.toml --size 320 240
     python scripts/disc_grain.py --rays 16 64 --out out/grain
 """
 
@@ -19,13 +21,17 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from focusjax.bench._case import resized
+from focusjax.config import build_scene, load_config
 from focusjax.geometry import Camera, look_at
 from focusjax.io import save_png
+from focusjax.job import run
 from focusjax.layers import peel
 from focusjax.lens import AbstractLens, ThinLens, polygon, prescription_lens, tilt_shift_lens
 from focusjax.optics import lens_preset
 from focusjax.scene import Scene, constant_background, make_object, make_scene
 from focusjax.trace import render
+from focusjax.trace._emitters import split_emitters
 
 WIDTH, HEIGHT = 160, 120
 LENGTH, FOCUS, FAR = 0.05, 1.0, 4.0
@@ -34,6 +40,8 @@ RADIUS = 20.0
 """Pixels, of the disc."""
 SQUARE = np.array([(0, 1, 2), (0, 2, 3)])
 SIZE, LIGHT, DARK = 3.0, 200.0, 0.02
+LEAST_LIGHT = 0.2
+"""Radiance from which pixels of a config are looked at."""
 WITHIN = 0.8
 """Share of the disc's radius in which its grain is measured."""
 
@@ -43,8 +51,10 @@ def arguments() -> argparse.Namespace:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--rays", type=int, nargs="+", default=[16, 64, 256], help="per pixel")
-    parser.add_argument("--only", nargs="+", choices=list(LENSES), default=list(LENSES), help="some lenses")
+    parser.add_argument("--only", nargs="*", choices=list(LENSES), default=list(LENSES), help="some")
     parser.add_argument("--supersampling", type=int, default=2, help="samples of layers per pixel")
+    parser.add_argument("--config", type=Path, nargs="*", default=[], help="scenes with small lights")
+    parser.add_argument("--size", type=int, nargs=2, default=[320, 240], help="of their pictures, in pixels")
     parser.add_argument("--out", type=Path, help="folder for pictures and grain.json")
     return parser.parse_args()
 
@@ -112,10 +122,27 @@ def radius_of(picture: np.ndarray) -> float:
     return math.sqrt((light > 0.5 * middle).sum() / math.pi)
 
 
+def grain_of_config(path: Path, size: tuple[int, int], rays: int) -> tuple[float, np.ndarray]:
+    """Root mean square, in per cent of its mean, of what differs between seeds where emitters are seen."""
+    config = load_config(path)
+    outcome = run(config, rendering=False)
+    camera, lens = resized(outcome.camera, *size), outcome.lens
+    layers = peel(build_scene(config), camera, lens, supersampling=2)
+    pictures = [np.asarray(render(layers, lens, rays=rays, smooth=False, seed=seed)) for seed in (0, 1)]
+    left = split_emitters(layers, lens)[0]
+    plain = np.asarray(render(left, lens, rays=rays, smooth=False))
+    mean = 0.5 * (pictures[0] + pictures[1])
+    lit = (mean.max(axis=-1) > LEAST_LIGHT) & (mean.sum(axis=-1) > 2.0 * plain.sum(axis=-1))
+    difference = (pictures[0] - pictures[1])[lit].sum(axis=-1) / mean[lit].sum(axis=-1)
+    return 100 * float(np.sqrt((difference**2).mean() / 2)), pictures[0]
+
+
 def main() -> None:
     options, console = arguments(), Console()
     table = Table("lens", "rays", "radius px", "grain %", "light %", title="Discs of small lamps")
     found = []
+    if options.out is not None:
+        options.out.mkdir(parents=True, exist_ok=True)
     for name in options.only:
         lens = LENSES[name]()
         layers = peel(lamp(), camera(), lens, supersampling=options.supersampling)
@@ -126,8 +153,14 @@ def main() -> None:
             found.append({"lens": name, "rays": rays, "radius_px": radius, "grain": grain, "light": light})
             table.add_row(name, str(rays), f"{radius:.1f}", f"{grain:.2f}", f"{light:.2f}")
             if options.out is not None:
-                options.out.mkdir(parents=True, exist_ok=True)
                 save_png(options.out / f"{name.replace(' ', '_')}_{rays}.png", picture)
+    for path in options.config:
+        for rays in options.rays:
+            grain, picture = grain_of_config(path, options.size, rays)
+            found.append({"config": path.stem, "rays": rays, "grain": grain})
+            table.add_row(path.stem, str(rays), "", f"{grain:.2f}", "")
+            if options.out is not None:
+                save_png(options.out / f"{path.stem}_{rays}.png", picture)
     if options.out is not None:
         (options.out / "grain.json").write_text(json.dumps(found, indent=1) + "\n")
     console.print(table)

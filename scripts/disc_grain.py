@@ -1,9 +1,10 @@
 """How even the out-of-focus discs of small lamps are, by rays per pixel.
 
-A lamp of 3 x 3 pixels far behind the focus becomes a picture of the aperture, 40 pixels wide. Within it every
-pixel has the same light, so that what differs is noise: its standard deviation over the mean, in per cent,
-and the whole disc's light over that of the lamp. Of a config, the lights that show: pixels that get most of
-their light from emitters, and how far they differ from seed to seed.
+A lamp of 3 x 3 pixels far behind the focus becomes a picture of the aperture, about 40 pixels wide. Within it
+every pixel has about the same light, a quadratic function of its place; what differs from that is noise. The
+table has its standard deviation over the mean, in per cent, and the whole disc's light over that of the lamp.
+Of a config, the lights that show: pixels that get most of their light from emitters, and how far they differ
+from seed to seed.
 
     python scripts/disc_grain.py
     python scripts/disc_grain.py --only thin --config configs/still_life.toml --size 320 240
@@ -34,12 +35,12 @@ from focusjax.trace import render
 from focusjax.trace._emitters import split_emitters
 
 WIDTH, HEIGHT = 160, 120
-LENGTH, FOCUS, FAR = 0.05, 1.0, 4.0
-"""Metres: focal length, focus distance, and distance of the lamp."""
+LENGTH, SENSOR, FOCUS, FAR = 0.05, 0.005, 1.0, 4.0
+"""Metres: focal length, width of the sensor, focus distance, and distance of the lamp."""
 RADIUS = 20.0
 """Pixels, of the disc."""
 SQUARE = np.array([(0, 1, 2), (0, 2, 3)])
-SIZE, LIGHT, DARK = 3.0, 200.0, 0.02
+SIZE, LIGHT, DARK = 3.0, 100.0, 0.02
 LEAST_LIGHT = 0.2
 """Radiance from which pixels of a config are looked at."""
 WITHIN = 0.8
@@ -60,7 +61,9 @@ def arguments() -> argparse.Namespace:
 
 
 def camera() -> Camera:
-    return look_at((0, 0, 0), (0, 0, -1), width=WIDTH, height=HEIGHT, focal_length=LENGTH)
+    return look_at(
+        (0, 0, 0), (0, 0, -1), width=WIDTH, height=HEIGHT, focal_length=LENGTH, sensor_width=SENSOR
+    )
 
 
 def radius_of_aperture() -> float:
@@ -78,7 +81,7 @@ def thin(blades: int | None = None) -> Callable[[], AbstractLens]:
 
 def glass() -> AbstractLens:
     lens = lens_preset("gauss_jp62087922_f1.8_1987")
-    return prescription_lens(lens, camera(), focus_distance=FOCUS, f_number=4)
+    return prescription_lens(lens, camera(), focus_distance=FOCUS)
 
 
 def tilted() -> AbstractLens:
@@ -106,13 +109,17 @@ def lamp() -> Scene:
 
 
 def grain_of(picture: np.ndarray, radius: float) -> tuple[float, float]:
-    """Standard deviation over the mean within the disc, and the disc's light over the lamp's, in per cent."""
+    """Grain within the disc over the mean there, and the disc's light over the lamp's, in per cent."""
     y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
     light = picture[..., 1] - DARK
     away = np.hypot(x - WIDTH / 2, y - HEIGHT / 2)
-    inside = light[away < WITHIN * radius]
+    within = away < WITHIN * radius
+    x, y = x[within] - WIDTH / 2, y[within] - HEIGHT / 2
+    smooth = np.stack([np.ones_like(x), x, y, x**2, x * y, y**2], axis=1)
+    inside = light[within]
+    grain = inside - smooth @ np.linalg.lstsq(smooth, inside, rcond=None)[0]
     energy = light[away < 2 * radius].sum() / ((LIGHT - DARK) * SIZE**2)
-    return 100 * float(inside.std() / inside.mean()), 100 * float(energy)
+    return 100 * float(grain.std() / inside.mean()), 100 * float(energy)
 
 
 def radius_of(picture: np.ndarray) -> float:

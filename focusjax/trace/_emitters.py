@@ -2,9 +2,9 @@
 
 A lamp of radiance L that the share p of a pixel's rays meets adds p L^2 to their variance. For small p that
 is far more than silhouettes add, and rays that are spread over the aperture need many before some meet it.
-So such samples are given a plain level, about the mean radiance of all, and what exceeds it, their excess, is
-brought by rays drawn for them (emitter importance sampling; `focusjax.trace._emitter_rays`). A picture is
-linear in the radiance of samples, so both together are the same picture, whatever is split off.
+So such samples are given a plain level, about the mean radiance of the others, and what exceeds it, their
+excess, is brought by rays drawn for them (emitter importance sampling; `focusjax.trace._emitter_rays`). A
+picture is linear in the radiance of samples, so both together are the same picture, whatever is split off.
 
 Emitters are drawn in clusters: the bright samples of one layer in a square of its grid. Everything here has a
 static shape: the most valuable clusters are kept, as many as there is room and rays for.
@@ -90,8 +90,10 @@ def _split(
 ) -> tuple[Float[Array, "n 3"], Emitters]:
     lens = jax.lax.stop_gradient(lens)
     held = jnp.maximum(jnp.bitwise_count(layers.places.held).sum(dtype=jnp.int32), 1)
-    level = jnp.minimum(layers.samples.radiance, WHITE).sum(axis=0) / held.astype(radiance.dtype)
-    sums = tile_sums(layers, layers.samples.radiance.max(axis=1) > WHITE, level)
+    bright = layers.samples.radiance.max(axis=1) > WHITE
+    others = [jnp.where(bright, 0.0, plane).sum() for plane in layers.samples.radiance.T]
+    level = jnp.stack(others) / held.astype(radiance.dtype)
+    sums = tile_sums(layers, bright, level)
     value = _values(sums, layers, lens)
     count = min(MOST_CLUSTERS, value.shape[0])
     best, tile = jax.lax.top_k(value, count)

@@ -59,6 +59,12 @@ def _colours(radiance: Float[Array, "*n 3"]) -> tuple[Float[Array, " m"], ...]:
     return tuple(radiance[..., k].reshape(-1) for k in range(3))
 
 
+def disparity_of(surface: Surface, hit: Int[Array, ""]) -> Float[Array, ""]:
+    """Disparity of sample `hit`, 0 if that is -1."""
+    number = surface.places.number(jnp.maximum(hit, 0))
+    return jnp.where(hit >= 0, surface.disparity.at[number].get(mode="promise_in_bounds"), 0.0)
+
+
 class Met(eqx.Module):
     """What a ray meets.
 
@@ -77,8 +83,7 @@ def met_at(surface: Surface, ray: LensRay, hit: Int[Array, ""]) -> Met:
     Radiance is linear across the sample, with the slopes of `radiance_slopes`.
     """
     met, index = hit >= 0, jnp.maximum(hit, 0)
-    number = surface.places.number(index)
-    disparity = jnp.where(met, surface.disparity.at[number].get(mode="promise_in_bounds"), 0.0)
+    number, disparity = surface.places.number(index), disparity_of(surface, hit)
     x, y = ray.a[0] + ray.b[0] * disparity, ray.a[1] + ray.b[1] * disparity
     in_layer = index % (surface.columns * surface.rows)
     row = in_layer // surface.columns

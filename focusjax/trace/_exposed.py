@@ -14,11 +14,12 @@ from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._accumulate import PixelSums, starts_of, summed
 from focusjax.trace._coc_bins import CocBins
+from focusjax.trace._emitters import Emitters, split_emitters
 from focusjax.trace._focal_zone import focal_zone
 from focusjax.trace._groups import RayGroups
 from focusjax.trace._known_light import known_light
 from focusjax.trace._moving import MovingLayers, seen_in_motion
-from focusjax.trace._picture import RenderSettings, developed, picture_sums
+from focusjax.trace._picture import RenderSettings, developed, light_of, picture_sums
 from focusjax.trace._radiances import Seen
 from focusjax.trace._render import render_settings, seed_of
 from focusjax.trace._samples import RaySamples
@@ -71,12 +72,17 @@ def exposed(
         changing: pixels in which something does.
         rays: of each pixel in which something changes, and on the average of a picture without motion, whose
             rays the others have.
-        smooth: as for `render`.
+        smooth: as for `render`, unless there are emitters beside pixels in which something changes.
         seed: chooses the rays.
     """
     settings = render_settings(backdrop, lens, rays=rays, smooth=smooth)
     seed, here = seed_of(seed), jnp.asarray(changing)
-    bins = _coc_bins(camera, lens, spans) if smooth else CocBins(None)
+    # Emitters are split off in pixels in which nothing changes only, whose bins are without them then.
+    emitters = None
+    if settings.emitters and not changing.all():
+        backdrop, emitters = eqx.filter_jit(split_emitters)(backdrop, lens)
+    alike = emitters is None or not changing.any()
+    bins = _coc_bins(camera, lens, spans) if smooth and alike else CocBins(None)
     parts = [] if changing.all() else [_still_sums(backdrop, lens, seed, bins, ~here, settings=settings)]
     through = any(body.scene.volume.opacity is not None for span in spans for body in span.bodies)
     samples = _samples(lens, stirred(seed, _TIMED), settings, through)
@@ -92,7 +98,11 @@ def exposed(
             moving = _Moving(camera, timing, span.bodies, samples, shares)
             parts.append(_span_sums(moving, lens, bins, here, together=together, most=most))
     total = jax.tree.map(lambda *sums: sum(sums), *parts)
-    return _developed(total, lens, camera, bins, settings=settings)
+    means = _developed(total, lens, camera, bins, settings=settings)
+    if emitters is None:
+        return means
+    light = _still_light(emitters, backdrop, lens, seed, settings=settings)
+    return means + jnp.where(here[:, None], 0.0, light)
 
 
 def _coc_bins(camera: Camera, lens: AbstractLens, spans: Sequence[Span]) -> CocBins:
@@ -114,6 +124,18 @@ def _still_sums(
 ) -> PixelSums:
     """What `render` sums up, of the `wanted` pixels only."""
     return picture_sums(layers, lens, seed, settings, bins, known_light(lens, layers.camera), wanted)
+
+
+@eqx.filter_jit
+def _still_light(
+    emitters: Emitters,
+    layers: Layers,
+    lens: AbstractLens,
+    seed: UInt[Array, ""],
+    *,
+    settings: RenderSettings,
+) -> Float[Array, "p 3"]:
+    return light_of(emitters, layers, lens, seed, settings)
 
 
 @eqx.filter_jit

@@ -27,7 +27,7 @@ from jaxtyping import Array, Float, Int, UInt
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers import Layers, RangePyramid
 from focusjax.lens import AbstractLens
-from focusjax.trace._colour import disparity_of, radiance_at
+from focusjax.trace._colour import disparity_of, met_at
 from focusjax.trace._march import first_hits
 from focusjax.trace._radiances import Seen, TracedScene, on_grid, traced_scene
 from focusjax.trace._samples import Starts
@@ -170,8 +170,8 @@ def _seen_of(
     met = (hits >= 0) & (ahead > 0)
     now = jnp.where(met, along * there / jnp.where(met, ahead, 1.0), body.beyond)
     hits = jnp.where(met, hits, -1)
-    radiance = jax.vmap(lambda ray, hit: radiance_at(body.scene.surface, ray, hit))(rays, hits)
-    return Seen(radiance, rays.weight, now)
+    found = jax.vmap(lambda ray, hit: met_at(body.scene.surface, ray, hit))(rays, hits)
+    return Seen(found.radiance, rays.weight, now)
 
 
 def _range(ranges: RangePyramid, rays: LensRay) -> tuple[Float[Array, ""], Float[Array, ""], Int[Array, ""]]:

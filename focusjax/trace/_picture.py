@@ -21,6 +21,8 @@ from focusjax.trace._accumulate import PixelSums, traced_sums
 from focusjax.trace._allocate import FEWEST, allocated, allocated_through, contrast, counts_for
 from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._denoise import denoised
+from focusjax.trace._emitter_rays import emitter_light
+from focusjax.trace._emitters import Emitters, split_emitters
 from focusjax.trace._flux import Rays, Still, picture_flow
 from focusjax.trace._focal_zone import focal_zone
 from focusjax.trace._groups import RayGroups, even_groups, groups_of
@@ -46,6 +48,7 @@ class RenderSettings:
         even: whether every pixel has as many rays.
         smooth: whether what is blurred is denoised.
         pixel_filter: "box", "tent" or "gaussian".
+        emitters: whether anything may be bright enough for rays of its own.
     """
 
     rays: int
@@ -53,6 +56,7 @@ class RenderSettings:
     even: bool
     smooth: bool
     pixel_filter: str
+    emitters: bool
 
 
 @eqx.filter_jit
@@ -111,10 +115,24 @@ def traced_picture(
     layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings
 ) -> Float[Array, "p 3"]:
     """The picture, row-major."""
+    emitters = None
+    if settings.emitters:
+        layers, emitters = split_emitters(layers, lens)
     known = known_light(lens, layers.camera)
     bins = coc_bins(layers, lens) if settings.smooth else CocBins(None)
     sums = picture_sums(layers, lens, seed, settings, bins, known)
-    return developed(sums, layers.camera, bins, settings.rays, known)
+    means = developed(sums, layers.camera, bins, settings.rays, known)
+    return means if emitters is None else means + light_of(emitters, layers, lens, seed, settings)
+
+
+def light_of(
+    emitters: Emitters, layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings
+) -> Float[Array, "p 3"]:
+    """What emitters that were split off `layers` bring to each pixel."""
+    ranges = disparity_ranges(layers, lens, settings.pixel_filter)
+    rays, pixel_filter = settings.rays, settings.pixel_filter
+    scene = traced_scene(layers)
+    return emitter_light(scene, lens, emitters, ranges, seed, rays=rays, pixel_filter=pixel_filter)
 
 
 def picture_sums(

@@ -13,6 +13,7 @@ from focusjax._counts import require_counts, require_seed
 from focusjax.geometry import filter_radius
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
+from focusjax.trace._emitters import may_emit
 from focusjax.trace._picture import RenderSettings, picture
 from focusjax.trace._reach import check_reach, out_of_reach
 
@@ -100,7 +101,9 @@ def render_settings(
     require_switches(even=even, smooth=smooth)
     chosen = layers.pixel_filter if pixel_filter is None else pixel_filter
     filter_radius(chosen)
-    return RenderSettings(int(rays), int(derivative_rays), bool(even), bool(smooth), chosen)
+    return RenderSettings(
+        int(rays), int(derivative_rays), bool(even), bool(smooth), chosen, emitters=may_emit(layers)
+    )
 
 
 def seed_of(seed: Any) -> UInt[Array, ""]:

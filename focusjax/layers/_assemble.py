@@ -47,7 +47,7 @@ def assemble(
     gloss = scene.gloss() if view_dependent else None
     triangles, grid, fragments = held.triangles, held.grid, held.fragments
     parallax = float(lens.parallax(camera)) * grid.supersampling
-    surface = surface_samples(held.stamps, triangles, fragments.sample, fragments.stamp, grid)
+    surface = surface_samples(triangles, fragments.sample, fragments.triangle, grid)
     real = np.zeros(0, dtype=jnp.zeros(()).dtype).dtype
     disparity = fragments.disparity.astype(real, copy=False)
     opacity = None if held.opacity is None else held.opacity.astype(real, copy=False)

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from focusjax._parallel import in_parallel, parts
 from focusjax.layers._clip import ScreenTriangles
@@ -21,18 +21,27 @@ class Boxes:
 
     Attributes:
         triangle: index [b] into the screen triangles, increasing.
-        first: column and row [b, 2] of the first sample.
-        span: number of columns and rows [b, 2].
+        column: of the first sample [b].
+        row: of the first sample [b].
+        width: number of columns [b].
+        height: number of rows [b].
     """
 
     triangle: np.ndarray
-    first: np.ndarray
-    span: np.ndarray
+    column: np.ndarray
+    row: np.ndarray
+    width: np.ndarray
+    height: np.ndarray
 
     @property
     def samples(self) -> Float[np.ndarray, " b"]:
         """How many samples are in each."""
-        return self.span[:, 0].astype(float) * self.span[:, 1]
+        return self.width.astype(float) * self.height
+
+    def take(self, index: np.ndarray | slice) -> "Boxes":
+        """The boxes at the positions `index`."""
+        columns = self.triangle, self.column, self.row, self.width, self.height
+        return Boxes(*(a[index] for a in columns))
 
     def portions(self, cost: Float[np.ndarray, " b"], most: float) -> Iterator["Boxes"]:
         """The same in turns that cost no more than `most`, or are of one box."""
@@ -41,30 +50,51 @@ class Boxes:
         while start < len(spent):
             before = spent[start - 1] if start else 0.0
             stop = max(start + 1, int(np.searchsorted(spent, before + most, side="right")))
-            yield Boxes(self.triangle[start:stop], self.first[start:stop], self.span[start:stop])
+            yield self.take(slice(start, stop))
             start = stop
 
 
-def boxes_on(grid: Grid, triangles: ScreenTriangles, *, reach: float = 0.0) -> list[Boxes]:
-    """Boxes of the samples of `grid` whose square of half-width `reach` a triangle may touch.
+def boxes_on(
+    grid: Grid, triangles: ScreenTriangles, *, wanted: Bool[np.ndarray, " samples"] | None = None
+) -> list[Boxes]:
+    """Boxes of the samples of `grid` whose centre a triangle may cover.
 
-    With a reach of 0 these are the samples whose centre it may cover.
+    If some are `wanted`, those whose square it may touch, of the triangles that may touch a wanted one.
     """
+    squares = wanted is not None
+    before = _summed(wanted.reshape(grid.rows, grid.columns)).ravel() if squares else None
 
     def some(part: slice) -> Boxes:
-        columns = _samples(triangles.span(0, part), grid.columns, reach)
-        rows = _samples(triangles.span(1, part), grid.rows, reach)
-        index = np.flatnonzero((columns[1] > 0) & (rows[1] > 0))
-        first, span = (np.stack([columns[k][index], rows[k][index]], axis=1) for k in (0, 1))
-        return Boxes(part.start + index, first, span)
+        left, right = _samples(triangles.span(0, part, quarters=True), grid.columns, squares=squares)
+        top, under = _samples(triangles.span(1, part, quarters=True), grid.rows, squares=squares)
+        if before is None:
+            held = (right > left) & (under > top)
+        else:
+            first, last = (row * np.int32(grid.columns + 1) for row in (top, under))
+            held = np.take(before, last + right) - np.take(before, first + right)
+            held = held > np.take(before, last + left) - np.take(before, first + left)
+        index = np.flatnonzero(held)
+        left, right, top, under = (np.take(a, index) for a in (left, right, top, under))
+        return Boxes((part.start + index).astype(np.int32), left, top, right - left, under - top)
 
     return in_parallel(some, parts(triangles.count, _AT_ONCE))
 
 
-def _samples(span: tuple[np.ndarray, np.ndarray], limit: int, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """First sample [t] whose centre is within `reach` of an interval, and how many there are."""
-    first = np.clip(np.ceil(span[0] - 0.5 - reach), 0, limit).astype(np.int32)
-    return first, np.clip(np.floor(span[1] - 0.5 + reach), -1, limit - 1).astype(np.int32) - first + 1
+def _samples(
+    span: tuple[np.ndarray, np.ndarray], limit: int, *, squares: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """First of so many samples whose centre or square intervals [t], in quarters, touch; and the end."""
+    least, most = span if squares else (span[0] + 1, span[1] - 2)
+    first = np.clip(least >> 2, 0, limit)
+    return first, np.clip((most >> 2) + 1, first, limit)
+
+
+def _summed(wanted: Bool[np.ndarray, "h w"]) -> Int[np.ndarray, "h+1 w+1"]:
+    """How many are wanted in all rows before and all columns before."""
+    before = np.zeros((wanted.shape[0] + 1, wanted.shape[1] + 1), dtype=np.int32)
+    np.cumsum(wanted, axis=1, dtype=np.int32, out=before[1:, 1:])
+    np.cumsum(before, axis=0, out=before)
+    return before
 
 
 def covered_area(grid: Grid, triangles: ScreenTriangles, boxes: Sequence[Boxes]) -> float:

@@ -121,7 +121,6 @@ def first_surfaces(scene: Scene, camera: Camera) -> tuple[np.ndarray, np.ndarray
     disparity, face = np.zeros(grid.size), np.full(grid.size, -1)
     for layer in chosen:
         disparity[fragments.sample[layer]] = fragments.disparity[layer]
-        triangle = picture.stamps.triangle[fragments.stamp[layer]]
-        face[fragments.sample[layer]] = picture.triangles.source[triangle]
+        face[fragments.sample[layer]] = picture.triangles.source[fragments.triangle[layer]]
     shape = grid.rows, grid.columns
     return disparity.reshape(shape), face.reshape(shape)

@@ -10,6 +10,8 @@ A line is a dx + b dy + c / 2 >= 0 for offsets (dx, dy), in samples, from the sa
 |a| and |b| is 7; four bits each hold a + 8 and b + 8, five hold c + 16. A whole square has a = b = 0, c = 15.
 """
 
+import functools
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt
@@ -38,12 +40,20 @@ def pack_cells(
     least: UInt[np.ndarray, " n"], most: UInt[np.ndarray, " n"], line: UInt[np.ndarray, " n"]
 ) -> UInt[np.ndarray, " n"]:
     """The words of samples that span the steps `least` to `most` and are bounded by `line`."""
-    length = most - least
+    word = np.take(_length_codes(), most - least)
+    word |= most << np.uint32(19)
+    word |= line
+    return word
+
+
+@functools.cache
+def _length_codes() -> UInt[np.ndarray, " lengths"]:
+    """The bits of a word for an interval's length of each number of steps."""
+    length = np.arange(STEPS + 1, dtype=np.uint32)
     # Three significant bits of length + 4, rounded up.
     power = (np.frexp(length.astype(np.float32) + 4)[1] - 3).astype(np.uint32)
     rounded = (length + np.uint32(3) + (np.uint32(1) << power)) >> power
-    code = (power << np.uint32(2)) + rounded - np.uint32(4)
-    return (most << np.uint32(19)) | (code << np.uint32(13)) | line
+    return ((power << np.uint32(2)) + rounded - np.uint32(4)) << np.uint32(13)
 
 
 def interval(word: UInt[Array, "*n"]) -> tuple[Int[Array, "*n"], Int[Array, "*n"]]:

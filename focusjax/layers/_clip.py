@@ -1,6 +1,7 @@
 """Near-plane clipping, so that every triangle that goes on to the rasteriser has a projection."""
 
 import dataclasses
+import functools
 
 import numpy as np
 
@@ -8,6 +9,8 @@ import numpy as np
 @dataclasses.dataclass(frozen=True)
 class ScreenTriangles:
     """Triangles in image space, where planes stay planes and disparity is affine.
+
+    Columns of `points` and `faces` lie together in memory: nearly all that reads them reads one at a time.
 
     Attributes:
         points: grid x, grid y and disparity [v, 3].
@@ -28,7 +31,8 @@ class ScreenTriangles:
         """The triangles at the increasing positions `index`."""
         unclipped = int(np.searchsorted(index, self.unclipped))
         weights = self.weights[index[unclipped:] - self.unclipped]
-        return ScreenTriangles(self.points, self.faces[index], self.source[index], unclipped, weights)
+        faces = np.stack([np.take(corner, index) for corner in self.faces.T]).T
+        return ScreenTriangles(self.points, faces, np.take(self.source, index), unclipped, weights)
 
     @property
     def count(self) -> int:
@@ -40,15 +44,33 @@ class ScreenTriangles:
         """Grid x, grid y and disparity of the three corners [t, 3, 3]."""
         return self.points[self.faces]
 
-    def coordinate(self, number: int, part: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Grid x (0), grid y (1) or disparity (2) of the three corners, [t] each, of some triangles."""
-        values = self.points[:, number]
-        first, second, third = (values[self.faces[part, corner]] for corner in range(3))
-        return first, second, third
+    @functools.cached_property
+    def quarters(self) -> tuple[np.ndarray, np.ndarray]:
+        """Grid x and y [v] in quarters of a sample, odd where they are neither whole nor half.
 
-    def span(self, number: int, part: slice) -> tuple[np.ndarray, np.ndarray]:
-        """Least and largest of a coordinate [t] over the corners of some triangles."""
-        first, second, third = self.coordinate(number, part)
+        They tell on which side of a point centres and squares of samples lie.
+        """
+        far = 1 << 28
+        doubled = (np.clip(2.0 * self.points[:, k], -far, far) for k in (0, 1))
+        x, y = ((np.floor(a) + np.ceil(a)).astype(np.int32) for a in doubled)
+        return x, y
+
+    def around(
+        self, index: np.ndarray, column: np.ndarray, row: np.ndarray
+    ) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+        """Grid x, grid y and disparity of the three corners, [n] each, of the triangles `index`.
+
+        The places are counted from the centres of the samples in the columns and rows given.
+        """
+        corners = [np.take(corner, index) for corner in self.faces.T]
+        x, y, w = (tuple(np.take(values, corner) for corner in corners) for values in self.points.T)
+        across, down = column + 0.5, row + 0.5
+        return tuple(a - across for a in x), tuple(a - down for a in y), w
+
+    def span(self, axis: int, part: slice, *, quarters: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest x (0) or y (1) [t] over the corners of some triangles, in samples or quarters."""
+        values = self.quarters[axis] if quarters else self.points[:, axis]
+        first, second, third = (np.take(values, corner[part]) for corner in self.faces.T)
         return (
             np.minimum(np.minimum(first, second), third),
             np.maximum(np.maximum(first, second), third),
@@ -70,7 +92,7 @@ def clip_to_near(homogeneous: np.ndarray, faces: np.ndarray, near: float) -> Scr
     if in_front.all():
         # The usual case; it touches no triangle.
         everything = np.arange(len(faces), dtype=np.int32)
-        whole = faces.astype(np.int32, copy=False)
+        whole = faces.astype(np.int32, order="F", copy=False)
         return ScreenTriangles(_projected(homogeneous), whole, everything, len(faces), np.zeros((0, 3, 3)))
     ahead = in_front[faces]
     count = ahead.sum(axis=1)
@@ -89,7 +111,7 @@ def clip_to_near(homogeneous: np.ndarray, faces: np.ndarray, near: float) -> Scr
                 sources.append(crossing)
     return ScreenTriangles(
         points=_projected(np.concatenate(points)),
-        faces=np.concatenate(kept_faces).astype(np.int32),
+        faces=np.concatenate(kept_faces).astype(np.int32, order="F"),
         source=np.concatenate(sources).astype(np.int32),
         unclipped=len(whole),
         weights=np.concatenate(weights),
@@ -100,7 +122,7 @@ def _projected(homogeneous: np.ndarray) -> np.ndarray:
     """Grid x, grid y and disparity [n, 3]; of points at or behind the lens plane, which no face uses, 0."""
     z = homogeneous[:, 2]
     disparity = np.divide(1.0, z, out=np.zeros_like(z), where=z > 0)
-    return np.stack([homogeneous[:, 0] * disparity, homogeneous[:, 1] * disparity, disparity], axis=1)
+    return np.stack([homogeneous[:, 0] * disparity, homogeneous[:, 1] * disparity, disparity]).T
 
 
 def _cut(

@@ -13,7 +13,7 @@ from focusjax.geometry import Camera, filter_radius
 from focusjax.layers._blocks import pad_rows, padded_length
 from focusjax.layers._clip import ScreenTriangles, clip_to_near
 from focusjax.layers._grid import Grid, homogeneous_image
-from focusjax.layers._margin import needed_margin, reachable
+from focusjax.layers._margin import leaving, needed_margin, reachable
 from focusjax.lens import AbstractLens
 from focusjax.scene import ConstantBackground, Scene
 
@@ -51,10 +51,10 @@ def frame(
     beyond = filter_radius(pixel_filter) - 0.5
     reach = _reach(lens, camera, supersampling, beyond)
     margin = least_margin
+    crossing = leaving(triangles, inner)
+    outside = triangles.take(crossing)
     if lens is not None and (beyond > 0 or float(lens.parallax(camera)) > 0):
-        widest = needed_margin(
-            triangles.take(np.flatnonzero(reachable(triangles, inner, reach))), inner, reach
-        )
+        widest = needed_margin(outside.take(np.flatnonzero(reachable(outside, inner, reach))), inner, reach)
         if not isinstance(scene.background, ConstantBackground):
             widest = max(widest, float(reach(np.zeros(1))[0]))
         # One empty ring more, so that a ray outside the grid is told of nothing.
@@ -71,9 +71,11 @@ def frame(
             " the aperture, or lower the supersampling"
         )
     # All that the margin holds, not only what this lens reaches: another focus reaches other surfaces there.
-    triangles = triangles.take(
-        np.flatnonzero(reachable(triangles, inner, lambda disparity: np.full_like(disparity, margin)))
-    )
+    held = reachable(outside, inner, lambda disparity: np.full_like(disparity, margin))
+    if not held.all():
+        kept = np.ones(triangles.count, dtype=bool)
+        kept[crossing] = held
+        triangles = triangles.take(np.flatnonzero(kept))
     triangles.points[:, :2] += margin
     return triangles, grid
 

@@ -15,7 +15,6 @@ diagonally; at open silhouettes it ends half a sample out.
 """
 
 import dataclasses
-import functools
 import math
 from typing import Any
 
@@ -36,6 +35,8 @@ SAME_LAYER = 8
 """Code of a neighbour in the sample's own layer; one layer farther is one more."""
 UNJOINED = 0
 """Code of a neighbour that does not continue the sample's surface."""
+_CLOSED = np.uint32(sum(SAME_LAYER << 4 * side for side in range(len(NEIGHBOURS))))
+"""Links of a sample that all of its neighbours in its own layer continue."""
 
 
 _SHIFTS = (0, *(shift for k in range(1, _LAYER_WINDOW + 1) for shift in (-k, k)))
@@ -61,13 +62,6 @@ class Planes:
     slope_x: np.ndarray
     slope_y: np.ndarray
 
-    @functools.cached_property
-    def number(self) -> np.ndarray:
-        """One more than the position in the other arrays of the sample at each place [l h w], 0 if none."""
-        return scattered(
-            (math.prod(self.shape),), self.held, np.arange(1, len(self.held) + 1, dtype=np.int32)
-        )
-
 
 @dataclasses.dataclass(frozen=True)
 class Joins:
@@ -89,7 +83,7 @@ def join(planes: Planes, parallax: float) -> Joins:
     """Which neighbours continue each sample; `parallax` in samples per dioptre at the lens rim."""
     held, columns = planes.held, (planes.disparity, planes.slope_x, planes.slope_y)
     small_step = np.asarray(1.0 / max(parallax, 1e-12), dtype=planes.disparity.dtype)
-    low, certain = planes.disparity.copy(), np.zeros(len(held), dtype=np.uint8)
+    low, links = planes.disparity.copy(), np.zeros(len(held), dtype=np.uint32)
     high = low.copy()
     # Deep layers hold little; looking at all of their samples costs more than at the few that are there.
     layers, *frame = planes.shape
@@ -101,23 +95,53 @@ def join(planes: Planes, parallax: float) -> Joins:
         part = slice(ends[layer], ends[layer + 1])
         there = held[part] - size * layer
         found = _join_within_layer(*(scattered((*frame,), there, a[part]) for a in columns), small_step)
-        for whole, values in zip((low, high, certain), found, strict=True):
-            whole[part] = np.take(np.asarray(values), there)
+        for whole, values in zip((low, high, links), found, strict=True):
+            np.take(np.asarray(values), there, out=whole[part], mode="clip")
 
     in_parallel(inside, np.flatnonzero(np.diff(ends) > _SPARSE * size).tolist())
-    number = planes.number
+    nearby = _Nearby.of(planes, ends)
+    some = np.flatnonzero(links != _CLOSED)
 
     def towards(side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        open_ = np.flatnonzero((certain >> side) & 1 == 0)
-        return open_, *_join_across_layers(open_, planes, number, NEIGHBOURS[side], small_step)
+        open_ = some[links[some] & np.uint32(15 << 4 * side) == 0]
+        return open_, *_join_across_layers(open_, planes, nearby, NEIGHBOURS[side], small_step)
 
-    links = np.zeros(len(held), dtype=np.uint32)
     for side, (open_, code, half_way) in enumerate(in_parallel(towards, range(len(NEIGHBOURS)))):
-        codes = np.full(len(held), SAME_LAYER, dtype=np.uint32)
-        codes[open_] = code
-        links |= codes << np.uint32(4 * side)
+        links[open_] |= code.astype(np.uint32) << np.uint32(4 * side)
         low[open_], high[open_] = np.minimum(low[open_], half_way), np.maximum(high[open_], half_way)
     return Joins(low, high, links)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Nearby:
+    """Where the neighbours of samples are, on a grid with nothing around it: none is beyond its ends.
+
+    Attributes:
+        place: of each sample [n] on that grid.
+        number: one more than the sample's position in `place` at each place of the grid, 0 if none is there.
+        row: places from one row to the next.
+        layer: places from one layer to the next.
+    """
+
+    place: np.ndarray
+    number: np.ndarray
+    row: int
+    layer: int
+
+    @classmethod
+    def of(cls, planes: Planes, ends: np.ndarray) -> "_Nearby":
+        """`ends` are the first sample of each layer and, after them, the number of all."""
+        layers, rows, columns = planes.shape
+        size = (rows + 2) * (columns + 2)
+        # Two columns more in each row above, two rows more in each layer before, and all that is before the
+        # first: empty layers, a row and a column.
+        place = planes.held // columns
+        place *= 2
+        place += planes.held
+        before = (_LAYER_WINDOW * size + columns + 3) + np.arange(layers) * (size - (columns + 2) * rows)
+        place += np.repeat(before, np.diff(ends))
+        count = np.arange(1, len(place) + 1, dtype=np.int32)
+        return cls(place, scattered(((layers + 2 * _LAYER_WINDOW) * size,), place, count), columns + 2, size)
 
 
 def _misfit(step: Any, own: Any, theirs: Any) -> Any:
@@ -130,13 +154,13 @@ def _misfit(step: Any, own: Any, theirs: Any) -> Any:
 def _join_within_layer(
     w: Float[Array, "h w"], gx: Float[Array, "h w"], gy: Float[Array, "h w"], small_step: Float[Array, ""]
 ) -> tuple[Float[Array, "h w"], Float[Array, "h w"], UInt[Array, "h w"]]:
-    """The extents that joins inside a layer give where they need no second thought, and a bit for each.
+    """The extents that joins inside a layer give where they need no second thought, and the links.
 
     Of samples of disparity `w` and slopes `gx` and `gy`.
     """
     held = w > 0
     low = high = w
-    joins = jnp.zeros(w.shape, dtype=jnp.uint8)
+    links = jnp.zeros(w.shape, dtype=jnp.uint32)
     for number, (dx, dy) in enumerate(NEIGHBOURS):
         there, their_gx, their_gy = (_neighbour(a, dx, dy) for a in (w, gx, gy))
         own, step = gx * dx + gy * dy, there - w
@@ -144,8 +168,8 @@ def _join_within_layer(
         certain = held & (there > 0) & (misfit <= _CERTAIN * small_step)
         half_way = jnp.where(certain, w + 0.5 * step, w)
         low, high = jnp.minimum(low, half_way), jnp.maximum(high, half_way)
-        joins |= certain.astype(jnp.uint8) << number
-    return low, high, joins
+        links |= jnp.where(certain, jnp.uint32(SAME_LAYER << 4 * number), jnp.uint32(0))
+    return low, high, links
 
 
 def _neighbour(a: Float[Array, "h w"], dx: int, dy: int) -> Float[Array, "h w"]:
@@ -157,7 +181,7 @@ def _neighbour(a: Float[Array, "h w"], dx: int, dy: int) -> Float[Array, "h w"]:
 def _join_across_layers(
     samples: np.ndarray,
     planes: Planes,
-    number: np.ndarray,
+    nearby: _Nearby,
     neighbour: tuple[int, int],
     small_step: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -166,30 +190,26 @@ def _join_across_layers(
     Also the disparities half-way to it, or half a sample out along the plane where nothing is joined.
     """
     dx, dy = neighbour
-    layers, rows, columns = planes.shape
-    size = rows * columns
-    here = planes.held[samples]
-    column, row, layer = here % columns, here // columns % rows, here // size
-    inside = (row + dy >= 0) & (row + dy < rows) & (column + dx >= 0) & (column + dx < columns)
-    w = planes.disparity[samples]
-    own = planes.slope_x[samples] * dx + planes.slope_y[samples] * dy
+    place = np.take(nearby.place, samples) + (dy * nearby.row + dx)
+    w = np.take(planes.disparity, samples)
+    own = np.take(planes.slope_x, samples) * dx + np.take(planes.slope_y, samples) * dy
     best = np.full(w.shape, np.inf, dtype=w.dtype)
     code, other = np.full(w.shape, UNJOINED, dtype=np.uint8), np.zeros_like(w)
     for shift in _SHIFTS:
         # Most of what is open borders on nothing in nearby layers either.
-        candidate = np.flatnonzero(inside & (layer + shift >= 0) & (layer + shift < layers))
-        there = number[here[candidate] + (shift * size + dy * columns + dx)]
-        held = np.flatnonzero(there)
-        candidate, there = candidate[held], there[held] - 1
-        step = planes.disparity[there] - w[candidate]
-        misfit = _misfit(step, own[candidate], planes.slope_x[there] * dx + planes.slope_y[there] * dy)
-        length = np.abs(step)
-        joined = (length <= small_step) | (misfit <= 0.5 * length)
+        there = np.take(nearby.number, place + shift * nearby.layer)
+        candidate = np.flatnonzero(there)
+        there = np.take(there, candidate) - 1
+        theirs = np.take(planes.disparity, there)
+        step = theirs - w[candidate]
+        slope = np.take(planes.slope_x, there) * dx + np.take(planes.slope_y, there) * dy
+        misfit, length = _misfit(step, own[candidate], slope), np.abs(step)
         merit = np.minimum(misfit, length)
-        better = np.flatnonzero(joined & (merit < best[candidate]))
+        better = (length <= small_step) | (misfit <= 0.5 * length)
+        better &= merit < best[candidate]
         chosen = candidate[better]
         best[chosen], code[chosen] = merit[better], shift + SAME_LAYER
-        other[chosen] = planes.disparity[there[better]]
+        other[chosen] = theirs[better]
     alone = 0.5 * np.clip(own, -small_step, small_step)
     half_way = np.maximum(w + np.where(code == UNJOINED, alone, 0.5 * (other - w)), 0)
     return code, half_way

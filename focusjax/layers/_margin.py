@@ -19,6 +19,19 @@ _SLACK = 1.0
 """Samples by which the answer may be too large; never too small."""
 
 
+def leaving(triangles: ScreenTriangles, frame: Grid) -> np.ndarray:
+    """Which triangles [n] have a corner outside the frame."""
+    x, y = triangles.points[:, 0], triangles.points[:, 1]
+    outside = (x < 0) | (x > frame.columns) | (y < 0) | (y > frame.rows)
+
+    def some(part: slice) -> np.ndarray:
+        first, second, third = (np.take(outside, corner[part]) for corner in triangles.faces.T)
+        return part.start + np.flatnonzero(first | second | third)
+
+    found = in_parallel(some, parts(triangles.count, _AT_ONCE))
+    return np.concatenate([np.zeros(0, dtype=np.intp), *found])
+
+
 def reachable(
     triangles: ScreenTriangles, frame: Grid, reach: Callable[[np.ndarray], np.ndarray]
 ) -> np.ndarray:
@@ -51,14 +64,7 @@ def needed_margin(
     sample. A ground plane that runs under the camera comes close to the lens, where blur is
     huge, but outside the frame by even more: only splitting tells.
     """
-
-    def beyond(part: slice) -> np.ndarray:
-        (left, right), (top, bottom) = triangles.span(0, part), triangles.span(1, part)
-        crossing = (left < 0) | (right > frame.columns) | (top < 0) | (bottom > frame.rows)
-        return part.start + np.flatnonzero(crossing)
-
-    crossing = np.concatenate([np.zeros(0, np.intp), *in_parallel(beyond, parts(triangles.count, _AT_ONCE))])
-    corners = triangles.points[triangles.faces[crossing]]
+    corners = triangles.take(leaving(triangles, frame)).corners
     best, upper = 0.0, np.zeros(0)
     for _ in range(_ROUNDS):
         if not len(corners):

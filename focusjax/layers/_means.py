@@ -63,7 +63,7 @@ def mean_radiances(
     number, count = len(surface.face), len(seen.cell)
     faces = scene.may_be_seen_through()
     several = np.ones(count, dtype=bool)
-    several[:number] = ~inside_one(held.stamps, held.fragments, held.grid)
+    several[:number] = ~inside_one(held.triangles, held.fragments, held.grid)
     several[:number] |= _beside_another(held, seen.index[:number])
     several = np.flatnonzero(several)
     squares = _squares(seen, tolerance, None if faces is None else faces[surface.face[seen.source]])
@@ -135,7 +135,7 @@ def _beside_another(held: Rasterised, index: Int[np.ndarray, " n"]) -> Bool[np.n
     Of the samples held, at flat `index`. Where all show one, nothing as large as a sample reaches in.
     """
     grid = held.grid
-    triangle = held.stamps.triangle[held.fragments.stamp]
+    triangle = held.fragments.triangle
     ends = np.searchsorted(index, grid.size * np.arange(index.max(initial=0) // grid.size + 2))
 
     def inside(layer: int) -> Bool[np.ndarray, " k"]:

@@ -13,9 +13,8 @@ from focusjax.layers._attributes import surface_samples
 from focusjax.layers._blocks import in_blocks
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
-from focusjax.layers._peel import SEPARATION
 from focusjax.layers._raster import Fragments
-from focusjax.layers._stamps import Stamps
+from focusjax.layers._umbra import SEPARATION
 from focusjax.scene import Opacity, Scene
 
 LEVELS = 255
@@ -28,7 +27,6 @@ def with_opacity(
     camera: Camera,
     triangles: ScreenTriangles,
     grid: Grid,
-    stamps: Stamps,
     fragments: Fragments,
 ) -> tuple[Fragments, Float[np.ndarray, " f"] | None]:
     """The fragments of which something is there, and the share [f], 0 to 1, of each that is.
@@ -42,11 +40,11 @@ def with_opacity(
     faces = scene.may_be_seen_through()
     if faces is None:
         return fragments, None
-    asked = np.flatnonzero(faces[triangles.source[stamps.triangle]][fragments.stamp])
+    asked = np.flatnonzero(faces[triangles.source][fragments.triangle])
     if not len(asked):
         return fragments, None
     disparity = fragments.disparity[asked]
-    surface = surface_samples(stamps, triangles, fragments.sample[asked], fragments.stamp[asked], grid)
+    surface = surface_samples(triangles, fragments.sample[asked], fragments.triangle[asked], grid)
     extent_m = 1.0 / (disparity * float(camera.focal_px) * grid.supersampling)
     share = _shares(scene.opacity(), surface.face, surface.barycentric, extent_m)
     opacity = np.ones(len(fragments.sample), dtype=np.float32)

@@ -12,18 +12,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt
 
-from focusjax._parallel import in_parallel
+from focusjax._parallel import in_parallel, parts
 from focusjax.layers._attributes import SurfaceSamples, surface_samples
 from focusjax.layers._blocks import in_blocks
-from focusjax.layers._boxes import Boxes, boxes_on
 from focusjax.layers._clip import ScreenTriangles
+from focusjax.layers._edges import edge_functions
 from focusjax.layers._grid import Grid
-from focusjax.layers._raster import Fragments, rasterise
-from focusjax.layers._silhouettes import _OFFSETS, _POINTS, _inside, _touching
-from focusjax.layers._stamps import Stamps, dice
+from focusjax.layers._raster import Fragments
+from focusjax.layers._silhouettes import OFFSETS, POINTS, points_inside
+from focusjax.layers._touching import touching
 
 _AT_ONCE = 1 << 16
-_NO_BOXES = np.zeros(0, dtype=np.intp), *[np.zeros((0, 2), dtype=np.int32)] * 2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,24 +62,19 @@ class Parts:
     surface: SurfaceSamples
 
 
-def inside_one(stamps: Stamps, fragments: Fragments, grid: Grid) -> Bool[np.ndarray, " f"]:
+def inside_one(triangles: ScreenTriangles, fragments: Fragments, grid: Grid) -> Bool[np.ndarray, " f"]:
     """Whether the square around each fragment lies inside its triangle."""
-    return in_blocks(_inside_one, _in_stamps(stamps, fragments.stamp, fragments.sample, grid), _AT_ONCE)
 
+    def block(part: slice) -> Bool[np.ndarray, " k"]:
+        row, column = np.divmod(fragments.sample[part], np.int32(grid.columns))
+        edges = edge_functions(*triangles.around(fragments.triangle[part], column, row), np)
+        inside = np.ones(len(row), dtype=bool)
+        for across, down, offset, _ in edges:
+            inside &= offset >= 0.5 * (np.abs(across) + np.abs(down))
+        return inside
 
-@jax.jit
-def _inside_one(edges: Float[Array, "n 3 3"], place: Float[Array, "n 2"]) -> Bool[Array, " n"]:
-    at_place = edges[:, :, 0] * place[:, :1] + edges[:, :, 1] * place[:, 1:] + edges[:, :, 2]
-    return (at_place >= 0.5 * jnp.abs(edges[:, :, :2]).sum(axis=2)).all(axis=1)
-
-
-def _in_stamps(
-    stamps: Stamps, stamp: np.ndarray, sample: np.ndarray, grid: Grid
-) -> tuple[np.ndarray, np.ndarray]:
-    """Edge functions [n, 3, 3] of stamps, and where in them [n, 2] the grid's samples lie."""
-    row, column = np.divmod(sample, np.int32(grid.columns))
-    place = np.stack([column, row], axis=1) - np.take(stamps.origin, stamp, axis=0)
-    return np.take(stamps.edges, stamp, axis=0), place.astype(np.float32)
+    found = in_parallel(block, parts(len(fragments.sample), _AT_ONCE))
+    return np.concatenate([np.zeros(0, dtype=bool), *found])
 
 
 def square_parts(
@@ -90,77 +84,22 @@ def square_parts(
 
     `clear` says which of the scene's faces may be seen through; None if none may.
     """
-    at = _Lookup(grid, squares)
-    wanted = at.count > 0
-    near = triangles.take(_touching(triangles, grid, wanted))
-
-    def some(boxes: Boxes) -> tuple[np.ndarray, ...]:
-        """The square, the points and the disparity of each piece, its grid sample, and its stamp."""
-        stamps = dice(near, [boxes], reach=0.5)
-        fragments = rasterise(stamps, grid, reach=0.5, wanted=wanted)
-        which, square = at.surfaces_of(fragments)
-        fragments = fragments.take(which)
-        triangle = np.take(stamps.triangle, fragments.stamp)
-        edges, place = _in_stamps(stamps, fragments.stamp, fragments.sample, grid)
-        points, plane = in_blocks(_pieces, (edges, stamps.disparity[fragments.stamp], place), _AT_ONCE)
-        there = points > 0
-        if clear is not None and squares.clear is not None:
-            there &= clear[near.source[triangle]] == squares.clear[square]
-        there = np.flatnonzero(there)
-        kept = fragments.take(there)
-        stamp = (a[kept.stamp] for a in (stamps.origin, stamps.edges, stamps.disparity, stamps.bounds))
-        return square[there], points[there], plane[there], kept.sample, *stamp, triangle[there]
-
-    found = in_parallel(some, boxes_on(grid, near, reach=0.5)) or [some(Boxes(*_NO_BOXES))]
-    square, points, plane, sample, *stamp = (np.concatenate(a) for a in zip(*found, strict=True))
-    order = np.argsort(square, kind="stable")
-    points = _where_nearest(points[order], plane[order], square[order])
+    order = np.argsort(squares.cell, kind="stable")
+    found = touching(triangles, grid, squares.cell[order], squares.low[order], squares.high[order])
+    square = order[found.square]
+    points = in_blocks(points_inside, found.sides, _AT_ONCE)[0]
+    there = points > 0
+    if clear is not None and squares.clear is not None:
+        there &= clear[triangles.source[found.triangle]] == squares.clear[square]
+    there = np.flatnonzero(there)
+    there = there[np.argsort(square[there], kind="stable")]
+    square, plane = square[there], np.stack([values[there] for values in found.plane], axis=1)
+    points = _where_nearest(points[there], plane, square)
     seen = np.flatnonzero(points)
-    order = order[seen]
+    square, triangle = square[seen], found.triangle[there[seen]]
     place, share = in_blocks(_centroids, (points[seen],), _AT_ONCE)
-    own = Stamps((), *(a[order] for a in stamp))
-    each = np.arange(len(order), dtype=np.int32)
-    surface = surface_samples(own, near, sample[order], each, grid, place)
-    return Parts(square[order], share, surface)
-
-
-class _Lookup:
-    """Which squares there are at each sample of the grid.
-
-    Attributes:
-        count: how many [samples].
-    """
-
-    def __init__(self, grid: Grid, squares: Squares):
-        self._order = np.argsort(squares.cell, kind="stable").astype(np.int32)
-        self._low, self._high = (a[self._order].astype(np.float32) for a in (squares.low, squares.high))
-        self.count = np.bincount(squares.cell, minlength=grid.size).astype(np.int32)
-        self._first = np.cumsum(self.count, dtype=np.int32) - self.count
-
-    def surfaces_of(self, fragments: Fragments) -> tuple[Int[np.ndarray, " p"], Int[np.ndarray, " p"]]:
-        """Fragments, and the squares to whose surface each belongs."""
-        which = np.arange(len(fragments.sample), dtype=np.int32)
-        count, first = (np.take(a, fragments.sample) for a in (self.count, self._first))
-        disparity, found = fragments.disparity, [(which[:0], which[:0])]
-        for rank in range(int(count.max(initial=0))):
-            left = np.flatnonzero(count > rank)
-            which, count, first, disparity = (np.take(a, left) for a in (which, count, first, disparity))
-            place = first + np.int32(rank)
-            same = (disparity >= np.take(self._low, place)) & (disparity <= np.take(self._high, place))
-            same = np.flatnonzero(same)
-            found.append((np.take(which, same), np.take(place, same)))
-        which, place = (np.concatenate(column) for column in zip(*found, strict=True))
-        return which, np.take(self._order, place)
-
-
-@jax.jit
-def _pieces(
-    edges: Float[Array, "p 3 3"], disparity: Float[Array, "p 3"], place: Float[Array, "p 2"]
-) -> tuple[UInt[Array, " p"], Float[Array, "p 3"]]:
-    """Points around each `place` inside a triangle, a bit each; its disparity there, its change in x, y."""
-    across, down, offset = ((edges[:, :, k] * disparity).sum(axis=1) for k in range(3))
-    plane = jnp.stack([across * place[:, 0] + down * place[:, 1] + offset, across, down], axis=1)
-    return _inside(edges, place)[0], plane
+    surface = surface_samples(triangles, squares.cell[square].astype(np.int32), triangle, grid, place)
+    return Parts(square, share, surface)
 
 
 def _where_nearest(
@@ -179,11 +118,11 @@ def _where_nearest(
         overlap[left] |= (together[left] & own) > 0
         together[left] |= own
     start, length = start[overlap], length[overlap]
-    nearest = np.zeros((len(start), _POINTS), dtype=np.float32)
-    owner = np.full((len(start), _POINTS), -1, dtype=np.int32)
+    nearest = np.zeros((len(start), POINTS), dtype=np.float32)
+    owner = np.full((len(start), POINTS), -1, dtype=np.int32)
     for rank, left in _ranks(length):
         piece = start[left] + rank
-        w = plane[piece, :1] + plane[piece, 1:] @ _OFFSETS.T.astype(np.float32)
+        w = plane[piece, :1] + plane[piece, 1:] @ OFFSETS.T.astype(np.float32)
         nearer = (w > nearest[left]) & _unpacked(points[piece])
         nearest[left] = np.where(nearer, w, nearest[left])
         owner[left] = np.where(nearer, rank, owner[left])
@@ -212,8 +151,8 @@ def _unpacked(points: UInt[np.ndarray, " n"]) -> Bool[np.ndarray, "n 32"]:
 def _centroids(points: UInt[Array, " p"]) -> tuple[Float[Array, "p 2"], Float[Array, " p"]]:
     """Offset of the mean of each piece's points from the sample's centre, and their share of all."""
     real = jnp.float32
-    there = ((points[:, None] >> jnp.arange(_POINTS, dtype=jnp.uint32)[None]) & 1).astype(real)
+    there = ((points[:, None] >> jnp.arange(POINTS, dtype=jnp.uint32)[None]) & 1).astype(real)
     number = there.sum(axis=1)
-    offsets = jnp.asarray(_OFFSETS, dtype=real)
+    offsets = jnp.asarray(OFFSETS, dtype=real)
     sums = jnp.stack([(there * offsets[None, :, k]).sum(axis=1) for k in (0, 1)], axis=1)
-    return sums / jnp.maximum(number, 1.0)[:, None], number / _POINTS
+    return sums / jnp.maximum(number, 1.0)[:, None], number / POINTS

@@ -16,7 +16,7 @@ from focusjax.layers._grid import Grid
 from focusjax.layers._memory import check_fragments, check_frame
 from focusjax.layers._opacity import with_opacity
 from focusjax.layers._raster import Fragments, rasterise
-from focusjax.layers._stamps import Stamps, dice
+from focusjax.layers._stamps import dice
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
 
@@ -27,7 +27,6 @@ class Rasterised:
 
     triangles: ScreenTriangles
     grid: Grid
-    stamps: Stamps
     fragments: Fragments
     opacity: np.ndarray | None
 
@@ -46,9 +45,8 @@ def rasterised(scene: Scene, camera: Camera, triangles: ScreenTriangles, grid: G
     """
     boxes = boxes_on(grid, triangles)
     check_fragments(triangles, boxes, grid)
-    stamps = dice(triangles, boxes)
-    covered = rasterise(stamps, grid)
-    return Rasterised(triangles, grid, stamps, *with_opacity(scene, camera, triangles, grid, stamps, covered))
+    covered = rasterise(triangles, dice(triangles, boxes), grid)
+    return Rasterised(triangles, grid, *with_opacity(scene, camera, triangles, grid, covered))
 
 
 def rasterised_for(

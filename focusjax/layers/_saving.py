@@ -6,9 +6,10 @@ import numpy as np
 
 from focusjax._counts import require_counts
 from focusjax.geometry import Camera
-from focusjax.layers._peel import SEPARATION, peel_fragments
+from focusjax.layers._peel import peel_fragments
 from focusjax.layers._picture import rasterised_for
 from focusjax.layers._raster import Fragments
+from focusjax.layers._umbra import SEPARATION
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
 

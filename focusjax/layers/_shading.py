@@ -64,17 +64,17 @@ def shaded(
 
 
 @eqx.filter_jit
-def _background_radiance(
-    background: AbstractBackground, camera: Camera, positions: Float[Array, "n 2"]
-) -> Float[Array, "n 3"]:
-    return jax.vmap(lambda xy: background.radiance(camera.direction(xy)))(positions)
+def _background_radiance(background: AbstractBackground, camera: Camera, grid: Grid) -> Float[Array, "h w 3"]:
+    x, y = (
+        (jnp.arange(count, dtype=float) + (0.5 - grid.margin)) / grid.supersampling
+        for count in (grid.columns, grid.rows)
+    )
+    seen = jax.vmap(lambda x, y: background.radiance(camera.direction(jnp.stack([x, y]))), in_axes=(0, None))
+    return jax.vmap(seen, in_axes=(None, 0))(x, y)
 
 
 def background(scene: Scene, camera: Camera, grid: Grid) -> Float[Array, "h w 3"] | Float[Array, "3"]:
     """What is seen at infinity through every sample of the grid; one colour if it is the same all over."""
     if isinstance(scene.background, ConstantBackground):
         return jnp.asarray(np.asarray(scene.background.colour))
-    x, y = np.meshgrid(np.arange(grid.columns) + 0.5, np.arange(grid.rows) + 0.5)
-    positions = (np.stack([x, y], axis=-1).reshape(-1, 2) - grid.margin) / grid.supersampling
-    flat = _background_radiance(scene.background, camera, jnp.asarray(positions, dtype=float))
-    return flat.reshape(grid.rows, grid.columns, 3)
+    return _background_radiance(scene.background, camera, grid)

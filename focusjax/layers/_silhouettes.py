@@ -15,30 +15,26 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, UInt
 
-from focusjax._parallel import in_parallel, parts
 from focusjax.layers._blocks import in_blocks
-from focusjax.layers._boxes import boxes_on
 from focusjax.layers._cells import line_code
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
 from focusjax.layers._joins import NEIGHBOURS, UNJOINED, Joins, Planes
-from focusjax.layers._raster import rasterise
-from focusjax.layers._stamps import dice
+from focusjax.layers._touching import touching
 
 _SIDES = 4
-_AT_ONCE = 1 << 16
-_TRIANGLES_AT_ONCE = 1 << 17
-_POINTS = 32
+_AT_ONCE = 1 << 14
+POINTS = 32
 
 
 def _points() -> np.ndarray:
     """Hammersley points [32, 2] around the centre of the unit square: every row and column has one."""
-    number = np.arange(_POINTS)
+    number = np.arange(POINTS)
     mirrored = sum(((number >> bit) & 1) << (4 - bit) for bit in range(5))
-    return (np.stack([number, mirrored], axis=1) + 0.5) / _POINTS - 0.5
+    return (np.stack([number, mirrored], axis=1) + 0.5) / POINTS - 0.5
 
 
-_OFFSETS = _points()
+OFFSETS = _points()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,7 +82,7 @@ def find_silhouettes(
     both = _Squares(*(np.concatenate(pair) for pair in zip(_fields(own), _fields(beyond), strict=True)))
     mask, centre = _covered_points(triangles, grid, both, 0.5 * small_step)
     count, number = np.bitwise_count(mask), len(own.cell)
-    cut = np.flatnonzero((count[:number] > 0) & (count[:number] < _POINTS))
+    cut = np.flatnonzero((count[:number] > 0) & (count[:number] < POINTS))
     kept = np.flatnonzero((count[number:] > 0) & ~centre[number:])
     source = beyond.source[kept]
     steep = np.abs(planes.slope_x[source]) + np.abs(planes.slope_y[source])
@@ -106,7 +102,7 @@ def find_silhouettes(
 def _lines(mask: UInt[np.ndarray, " n"]) -> UInt[np.ndarray, " n"]:
     """Codes of the lines that leave the points of each mask on one side."""
     bits = np.unpackbits(mask.view(np.uint8).reshape(-1, 4), axis=1, bitorder="little").astype(np.float32)
-    return line_code(bits @ _OFFSETS.astype(np.float32), bits.mean(axis=1))
+    return line_code(bits @ OFFSETS.astype(np.float32), bits.mean(axis=1))
 
 
 def _fields(squares: _Squares) -> tuple[np.ndarray, ...]:
@@ -146,66 +142,26 @@ def _covered_points(
     """Points of each square that its surface covers, a bit each, and whether it covers the centre."""
     order = np.argsort(squares.cell, kind="stable")
     low, high = squares.low[order] - tolerance, squares.high[order] + tolerance
-    count = np.bincount(squares.cell, minlength=grid.size).astype(np.int32)
-    first = np.cumsum(count, dtype=np.int32) - count
-    wanted = count > 0
-    near = triangles.take(_touching(triangles, grid, wanted))
-    stamps = dice(near, boxes_on(grid, near, reach=0.5), reach=0.5)
-    fragments = rasterise(stamps, grid, reach=0.5, wanted=wanted)
-    cell = fragments.sample
-    # Every fragment beside every surface of its square.
-    times = count[cell]
-    fragment = np.repeat(np.arange(len(cell)), times)
-    within = np.arange(len(fragment)) - np.repeat(np.cumsum(times) - times, times)
-    square = np.repeat(first[cell], times) + within
-    w = fragments.disparity[fragment]
-    same = np.flatnonzero((w >= low[square]) & (w <= high[square]))
-    fragment, square = fragment[same], square[same]
-    stamp, sample = fragments.stamp[fragment], fragments.sample[fragment]
-    row, column = np.divmod(sample, np.int32(grid.columns))
-    place = np.stack([column, row], axis=1) - np.take(stamps.origin, stamp, axis=0)
-    masks, centres = in_blocks(
-        _inside, (np.take(stamps.edges, stamp, axis=0), place.astype(np.float32)), _AT_ONCE
-    )
+    found = touching(triangles, grid, squares.cell[order], low, high)
+    masks, centres = in_blocks(points_inside, found.sides, _AT_ONCE)
+    square = order[found.square]
     together = np.zeros(len(order), dtype=np.uint32)
-    np.bitwise_or.at(together, order[square], masks)
+    np.bitwise_or.at(together, square, masks)
     at_centre = np.zeros(len(order), dtype=bool)
-    at_centre[order[square[centres]]] = True
+    at_centre[square[centres]] = True
     return together, at_centre
 
 
-def _touching(triangles: ScreenTriangles, grid: Grid, wanted: Bool[np.ndarray, " n"]) -> np.ndarray:
-    """Triangles whose box overlaps the square of a wanted sample, by a summed-area table."""
-    table = np.zeros((grid.rows + 1, grid.columns + 1), dtype=np.int32)
-    table[1:, 1:] = wanted.reshape(grid.rows, grid.columns).cumsum(axis=0, dtype=np.int32).cumsum(axis=1)
-
-    def some(part: slice) -> np.ndarray:
-        left, right = _squares_under(triangles.span(0, part), grid.columns)
-        top, bottom = _squares_under(triangles.span(1, part), grid.rows)
-        inside = table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
-        return part.start + np.flatnonzero(inside)
-
-    found = in_parallel(some, parts(triangles.count, _TRIANGLES_AT_ONCE))
-    return np.concatenate([np.zeros(0, dtype=np.intp), *found])
-
-
-def _squares_under(span: tuple[np.ndarray, np.ndarray], limit: int) -> tuple[np.ndarray, np.ndarray]:
-    """First sample whose square an interval reaches, and the one after the last."""
-    first = np.clip(np.floor(span[0]), 0, limit).astype(np.int32)
-    return first, np.clip(np.floor(span[1]) + 1, first, limit).astype(np.int32)
-
-
 @jax.jit
-def _inside(
-    edges: Float[Array, "n 3 3"], place: Float[Array, "n 2"]
-) -> tuple[UInt[Array, " n"], Bool[Array, " n"]]:
-    """Points around `place` inside the triangle, a bit each, and whether `place` itself is."""
-    points = jnp.asarray(_OFFSETS, dtype=edges.dtype)
-    at_place = edges[:, :, 0] * place[:, :1] + edges[:, :, 1] * place[:, 1:] + edges[:, :, 2]
-    inside = jnp.ones((edges.shape[0], _POINTS), dtype=bool)
-    for side in range(3):
-        nx, ny = edges[:, side, :1], edges[:, side, 1:2]
-        inside &= nx * points[None, :, 0] + ny * points[None, :, 1] + at_place[:, side, None] >= -1e-5
-    bits = inside.astype(jnp.uint32) << jnp.arange(_POINTS, dtype=jnp.uint32)[None]
-    bits = bits.sum(axis=1, dtype=jnp.uint32)
-    return bits, (at_place >= -1e-5).all(axis=1)
+def points_inside(*sides: Float[Array, " n"]) -> tuple[UInt[Array, " n"], Bool[Array, " n"]]:
+    """Points around a place inside each triangle, a bit each, and whether the place itself is.
+
+    `sides` are the coefficients x, y and offset of the three sides, one after the other, counted from there.
+    """
+    points = jnp.asarray(OFFSETS, dtype=sides[0].dtype)
+    inside, at_place = jnp.ones((len(sides[0]), POINTS), dtype=bool), jnp.ones(len(sides[0]), dtype=bool)
+    for x, y, offset in (sides[k : k + 3] for k in (0, 3, 6)):
+        inside &= x[:, None] * points[None, :, 0] + y[:, None] * points[None, :, 1] + offset[:, None] >= -1e-5
+        at_place &= offset >= -1e-5
+    bits = inside.astype(jnp.uint32) << jnp.arange(POINTS, dtype=jnp.uint32)[None]
+    return bits.sum(axis=1, dtype=jnp.uint32), at_place

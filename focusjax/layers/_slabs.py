@@ -33,9 +33,10 @@ from focusjax.layers._extent import Extent
 from focusjax.layers._grid import Grid
 from focusjax.layers._layers import Layers, extent_like
 from focusjax.layers._memory import check_layers
-from focusjax.layers._peel import SEPARATION, hidden_below, windows_within
+from focusjax.layers._peel import first_surface
 from focusjax.layers._picture import rasterised_for
 from focusjax.layers._raster import Fragments
+from focusjax.layers._umbra import SEPARATION, hidden_below, windows_within
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
 
@@ -209,9 +210,7 @@ def _nearest(
     fragments: Fragments, chosen: Int[np.ndarray, " n"], grid: Grid
 ) -> tuple[Float[np.ndarray, " samples"], Int[np.ndarray, " samples"]]:
     """Disparity and index of the nearest of the `chosen` fragments at every sample; 0 and -1 if none is."""
-    # Positive floats are ordered as their bits are: one word decides on the disparity and carries the index.
-    bits = fragments.disparity[chosen].astype(np.float32).view(np.uint32).astype(np.uint64)
-    best = np.zeros(grid.size, dtype=np.uint64)
-    np.maximum.at(best, fragments.sample[chosen], bits << np.uint64(32) | chosen.astype(np.uint64))
-    disparity = (best >> np.uint64(32)).astype(np.uint32).view(np.float32)
-    return disparity, np.where(best > 0, best.astype(np.uint32).astype(np.int32), -1)
+    disparity, owner = first_surface(fragments.sample[chosen], fragments.disparity[chosen], grid)
+    there = owner >= 0
+    owner[there] = chosen[owner[there]]
+    return disparity, owner

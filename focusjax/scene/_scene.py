@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from focusjax._arguments import require_kind, require_switches
+from focusjax._kept import kept
 from focusjax._words import did_you_mean
 from focusjax.scene._atlas import atlas_of, make_atlas
 from focusjax.scene._background import AbstractBackground, constant_background
@@ -129,6 +130,12 @@ class Scene:
 
     def shader(self, eye: ArrayLike | Sequence[float]) -> Shader:
         """The shader of this scene for a camera at `eye` (world metres)."""
+        # Its tables do not depend on the eye, but on the type that numbers have in compiled programs.
+        real = jnp.zeros(()).dtype
+        return replace(kept(self, ("shader", real), self._shader), eye=jnp.asarray(eye, dtype=real))
+
+    def _shader(self) -> Shader:
+        """The same for an eye at the origin."""
 
         def planes(rows: np.ndarray) -> tuple[Float[Array, "_"], ...]:
             return tuple(jnp.asarray(column, dtype=float) for column in rows.T)
@@ -161,7 +168,7 @@ class Scene:
             texturing=texturing,
             lights=() if self.unlit else self.lights,
             ambient=jnp.asarray(self.ambient, dtype=float),
-            eye=jnp.asarray(eye, dtype=float),
+            eye=jnp.zeros(3),
         )
 
 

@@ -11,7 +11,7 @@ from focusjax.geometry import Camera, look_at
 from focusjax.layers import Grid
 from focusjax.layers._attributes import SurfaceSamples, surface_samples
 from focusjax.layers._boxes import boxes_on
-from focusjax.layers._clip import clip_to_near
+from focusjax.layers._clip import ScreenTriangles, clip_to_near
 from focusjax.layers._grid import homogeneous_image
 from focusjax.layers._raster import Fragments, rasterise
 from focusjax.layers._stamps import SIZES, Stamps, dice
@@ -65,6 +65,7 @@ def soup() -> tuple[np.ndarray, np.ndarray]:
 
 
 class Drawn(NamedTuple):
+    screen: ScreenTriangles
     grid: Grid
     stamps: Stamps
     fragments: Fragments
@@ -75,10 +76,9 @@ def draw(triangles: np.ndarray, camera: Camera, grid: Grid) -> Drawn:
     vertices, faces = triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)
     screen = clip_to_near(homogeneous_image(vertices, camera, grid), faces, NEAR)
     stamps = dice(screen, boxes_on(grid, screen))
-    fragments = rasterise(stamps, grid)
-    return Drawn(
-        grid, stamps, fragments, surface_samples(stamps, screen, fragments.sample, fragments.stamp, grid)
-    )
+    fragments = rasterise(screen, stamps, grid)
+    surface = surface_samples(screen, fragments.sample, fragments.triangle, grid)
+    return Drawn(screen, grid, stamps, fragments, surface)
 
 
 @cache
@@ -218,12 +218,3 @@ def test_a_corner_on_sample_centres_leaves_no_gap():
     times = np.bincount(drawn.fragments.sample, minlength=WIDTH * HEIGHT)
     assert times.min() >= 1
     assert times.max() <= 4
-
-
-def test_wanted_samples_are_those_of_all():
-    grid, stamps, all_, _ = drawn_soup()
-    wanted = np.random.default_rng(3).random(grid.size) < 0.1
-    some, kept = rasterise(stamps, grid, wanted=wanted), all_.take(np.flatnonzero(wanted[all_.sample]))
-    assert 0 < len(some.sample) < len(all_.sample)
-    for name in ("sample", "disparity", "stamp"):
-        np.testing.assert_array_equal(getattr(some, name), getattr(kept, name))

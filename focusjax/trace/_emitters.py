@@ -152,7 +152,11 @@ def _rectangles(
     low, high, ends = (jnp.where(some[:, None], value, 0.0) for value in (low, high, ends))
     low, high = ((corner - grid.margin) / grid.supersampling for corner in (low, high))
     wide = filter_radius(layers.pixel_filter)
-    first, extent = jax.vmap(lambda *box: pixels_that_see(layers.camera, lens, *box, wide))(low, high, ends)
+
+    def seen(low: Array, high: Array, ends: Array) -> tuple[Array, Array]:
+        return pixels_that_see(layers.camera, lens, low, high, ends, wide)
+
+    first, extent = jax.vmap(seen)(low, high, ends)
     return first, jnp.where(some[:, None], extent, 0)
 
 

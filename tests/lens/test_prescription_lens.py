@@ -359,6 +359,6 @@ def test_rays_are_aimed_at_places_in_the_scene(gauss: PrescriptionLens):
     for film in FILM:
         found, weight = aimed(gauss, jnp.asarray(film))
         lit = np.asarray(weight) > 0
-        # Observed: OBS px, and OBS of the aperture's radius.
+        # In pixels, and in aperture radii.
         assert np.asarray(found.off)[lit].max() < 0.05
         np.testing.assert_allclose(np.asarray(found.pupil)[lit], np.asarray(points)[lit], atol=0.01)

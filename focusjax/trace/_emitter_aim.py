@@ -5,8 +5,8 @@ lenses, and nearly one for glass. Newton's method from the middle of the apertur
 
     v <- v + J^-1 (q - q(v)),        J = dq/dv.
 
-It is exact after one step for a thin lens, and after two is off by a small part of a pixel for glass, unless
-several v have the same q, as where the lens forms a caustic. There J changes sign, or nearly.
+It is exact after one step for a thin lens, and after a few is off by little for glass, unless several v have
+the same q, as where the lens forms a caustic. There J changes sign, or nearly.
 """
 
 import equinox as eqx
@@ -17,9 +17,9 @@ from jaxtyping import Array, Bool, Float
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens import AbstractLens
 
-_STEPS = 2
-_FARTHEST = 1.5
-"""Aperture radii from the middle at which the search ends: beside any aperture."""
+_STEPS = 4
+_FARTHEST = 1.02
+"""Aperture radii from the middle that the search stays within: beside any aperture, but little."""
 _TURNS = 8
 _RINGS = (0.5, 1.0)
 _LEAST_RATIO = 0.05
@@ -52,18 +52,28 @@ def aim_at(
     """The ray of `film_point` that passes `place`, in output pixels, at `disparity` in 1/m."""
     nothing = jnp.zeros_like(film_point)
 
-    def advance(_: Array, state: tuple[Array, Aim]) -> tuple[Array, Aim]:
+    def advance(_: Array, state: tuple[Array, Array, Aim]) -> tuple[Array, Array, Aim]:
         """The next aperture point, and what is found at this one."""
-        pupil, _ = state
+        pupil, passing, _ = state
         ray, slope = _ray_and_slope(camera, lens, film_point, pupil, disparity)
         off = place - ray.at(disparity)
-        after = jnp.clip(pupil + _solved(slope, off), -_FARTHEST, _FARTHEST)
-        return after, Aim(pupil, ray, jnp.abs(_determinant(slope)), jnp.abs(off).max())
+        after = pupil + _solved(slope, off)
+        # Where a ray goes that glass stops says little: halfway back to one that passes.
+        lit = ray.weight > 0
+        after = jnp.where(lit, after, 0.5 * (pupil + passing))
+        square = after @ after
+        shorter = _FARTHEST / jnp.sqrt(jnp.maximum(square, _FARTHEST**2))
+        after = after * shorter
+        return (
+            after,
+            jnp.where(lit, pupil, passing),
+            Aim(pupil, ray, jnp.abs(_determinant(slope)), jnp.abs(off).max()),
+        )
 
     # In a loop, so that the lens is compiled once.
     zero = nothing[0]
     start = Aim(nothing, LensRay(nothing, nothing, zero), zero, zero)
-    return jax.lax.fori_loop(0, _STEPS + 1, advance, (nothing, start))[1]
+    return jax.lax.fori_loop(0, _STEPS + 1, advance, (nothing, nothing, start))[2]
 
 
 def one_to_one(

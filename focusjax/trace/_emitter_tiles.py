@@ -28,7 +28,8 @@ class TileSums(eqx.Module):
         y: row of their centres [t].
         disparity: 1/m [t].
         excess: red, green and blue above the level, each [t].
-        table: bright samples of all layers above and left of the corners of blocks [r, c].
+        peak: largest excess of a sample in any colour [t]; this is no sum.
+        table: peaks of bright samples of all layers above and left of the corners of blocks [r, c], added up.
     """
 
     count: Float[Array, " t"]
@@ -36,6 +37,7 @@ class TileSums(eqx.Module):
     y: Float[Array, " t"]
     disparity: Float[Array, " t"]
     excess: tuple[Float[Array, " t"], ...]
+    peak: Float[Array, " t"]
     table: Float[Array, "r c"]
 
 
@@ -69,22 +71,25 @@ def tile_sums(layers: Layers, bright: Bool[Array, " n"], level: Float[Array, "3"
         disparity = layers.samples.disparity.at[number].get(mode="clip").astype(real)
         one = jnp.ones(_PART, dtype=real)
         values = [one, column.astype(real) + 0.5, row.astype(real) + 0.5, disparity, *excess]
-        *totals, counts = sums
+        peak = jnp.maximum(jnp.maximum(excess[0], excess[1]), excess[2])
+        *totals, peaks, counts = sums
         added = [total.at[tile].add(value, mode="drop") for total, value in zip(totals, values, strict=True)]
-        return [*added, counts.at[block].add(one, mode="drop")]
+        peaks = peaks.at[tile].max(peak, mode="drop")
+        return [*added, peaks, counts.at[block].add(peak, mode="drop")]
 
-    start = [jnp.zeros(tiles, dtype=real)] * 7 + [jnp.zeros(rows * columns, dtype=real)]
-    *totals, counts = jax.lax.fori_loop(jnp.int32(0), (count + _PART - 1) // _PART, part, start)
+    start = [jnp.zeros(tiles, dtype=real)] * 8 + [jnp.zeros(rows * columns, dtype=real)]
+    *totals, peaks, counts = jax.lax.fori_loop(jnp.int32(0), (count + _PART - 1) // _PART, part, start)
     table = jnp.cumsum(jnp.cumsum(counts.reshape(rows, columns), axis=0), axis=1)
-    return TileSums(*totals[:4], tuple(totals[4:]), jnp.pad(table, ((1, 0), (1, 0))))
+    return TileSums(*totals[:4], tuple(totals[4:]), peaks, jnp.pad(table, ((1, 0), (1, 0))))
 
 
 def share_of_rays(
     sums: TileSums, x: Float[Array, " t"], y: Float[Array, " t"], radius: Float[Array, " t"]
 ) -> Float[Array, " t"]:
-    """About the share of the rays past places on the grid that meet bright samples.
+    """About the share of the rays past a place in each tile that meet samples as bright as its brightest.
 
-    Rays are spread over disks of a `radius` in samples; bright samples are counted in squares of their area.
+    Rays are spread over disks of a `radius` in samples. Bright samples are counted in squares of their area,
+    each by its excess over the tile's largest, so that what is not as bright counts for less.
     """
     half = jnp.maximum(0.5 * math.sqrt(math.pi) * radius, 0.5)
 
@@ -105,6 +110,7 @@ def share_of_rays(
         - above_and_left(x + half, y - half)
         + above_and_left(x - half, y - half)
     )
+    near = near / jnp.where(sums.peak > 0, sums.peak, 1.0)
     return jnp.maximum(near, 1.0) / jnp.maximum(math.pi * radius**2, 1e-9)
 
 

@@ -122,16 +122,17 @@ def _values(sums: TileSums, layers: Layers, lens: AbstractLens) -> Float[Array, 
     grid = layers.grid
     count = jnp.maximum(sums.count, 1.0)
     x, y, disparity = (total / count for total in (sums.x, sums.y, sums.disparity))
-    mean = [total / count for total in sums.excess]
 
     def radius(x: Array, y: Array, disparity: Array) -> Array:
         place = (jnp.stack([x, y]) - grid.margin) / grid.supersampling
         return lens.footprint(layers.camera, place, disparity)[1] * grid.supersampling
 
+    most = jnp.maximum(jnp.maximum(sums.excess[0], sums.excess[1]), sums.excess[2])
     share = share_of_rays(sums, x, y, jax.vmap(radius)(x, y, disparity))
-    brightest = jnp.maximum(jnp.maximum(mean[0], mean[1]), mean[2])
-    white = jnp.maximum(share * brightest, WHITE)
-    variance = share * (mean[0] ** 2 + mean[1] ** 2 + mean[2] ** 2) / white**2
+    # Of light in the colours of the whole tile, as bright as its brightest sample.
+    white = jnp.maximum(share * sums.peak, WHITE)
+    colours = [total / jnp.where(most > 0, most, 1.0) for total in sums.excess]
+    variance = share * (sums.peak / white) ** 2 * (colours[0] ** 2 + colours[1] ** 2 + colours[2] ** 2)
     return jnp.where((sums.count > 0) & (share < _LARGEST_SHARE), variance, 0.0)
 
 
@@ -154,7 +155,11 @@ def _rectangles(
     low, high, ends = (jnp.where(some[:, None], value, 0.0) for value in (low, high, ends))
     low, high = ((corner - grid.margin) / grid.supersampling for corner in (low, high))
     wide = filter_radius(layers.pixel_filter)
-    first, extent = jax.vmap(lambda *box: pixels_that_see(layers.camera, lens, *box, wide))(low, high, ends)
+
+    def seen(low: Array, high: Array, ends: Array) -> tuple[Array, Array]:
+        return pixels_that_see(layers.camera, lens, low, high, ends, wide)
+
+    first, extent = jax.vmap(seen)(low, high, ends)
     return first, jnp.where(some[:, None], extent, 0)
 
 

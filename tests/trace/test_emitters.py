@@ -83,10 +83,9 @@ def test_they_bring_what_plain_rays_would():
     first, second = blocks(emitted), blocks(others)
     noise = np.sqrt((first.var(axis=0, ddof=1) + second.var(axis=0, ddof=1)).mean() / 4)
     away = first.mean(axis=0) - second.mean(axis=0)
-    # Observed: OBS.
     assert np.sqrt((away**2).mean()) < 1.5 * noise
     assert first.mean() == pytest.approx(second.mean(), rel=0.01)
-    # Observed: OBS, with a quarter of the rays.
+    # With a quarter of the rays.
     assert emitted.std(axis=0).mean() < 0.7 * others.std(axis=0).mean()
 
 
@@ -116,10 +115,8 @@ def test_what_is_not_bright_or_not_small_is_left_to_plain_rays():
 def test_a_disc_is_even_and_holds_all_light():
     picture = traced(lamp_layers(FAR, MIDDLE))[..., 0]
     inside = picture[away_from(24, 18) < DISC - 2.5]
-    # Observed: 1e-6 and 1e-6.
     assert inside.std() < 1e-3 * inside.mean()
     assert inside.mean() == pytest.approx(EVEN, rel=1e-3)
-    # Observed: OBS.
     assert picture.sum() == pytest.approx(320.0, rel=5e-3)
 
 
@@ -133,7 +130,7 @@ def test_discs_of_two_lamps_add_up():
     one, other = MIDDLE, (30.0, 20.0, 32.0, 22.0)
     both = traced(lamp_layers(FAR, one, other))
     apart = traced(lamp_layers(FAR, one)), traced(lamp_layers(FAR, other))
-    # But for the film points of the rims. Observed: OBS.
+    # But for the film points of the rims.
     assert np.abs(both - sum(apart)).mean() < 0.02 * EVEN
 
 
@@ -169,7 +166,7 @@ def test_opacity(hidden: str):
     scene = make_scene(shown, background=constant_background(0.0), unlit=True)
     picture = traced(peel(scene, CAMERA, FAR, supersampling=2), rays=64)[..., 0]
     inside = picture[away_from(24, 18) < DISC - 2.5]
-    # Opacity has steps of 1 / 255. Observed: OBS.
+    # Opacity has steps of 1 / 255.
     assert inside.mean() == pytest.approx(0.5 * EVEN, rel=0.01)
     assert inside.std() < 0.1 * inside.mean()
 
@@ -215,6 +212,6 @@ def test_derivatives_by_radiance():
     radiance = layers.samples.radiance
     weights = jnp.asarray(np.random.default_rng(0).uniform(size=(CAMERA.height, CAMERA.width, 3)))
     found, change, back = both(radiance, weights)
-    # The level counts as fixed in both parts. Observed: 1e-12.
+    # Nothing but lamps is there, so that the level is 0.
     np.testing.assert_allclose(change, found, atol=1e-6)
     assert float((back * radiance).sum()) == pytest.approx(float((weights * change).sum()), rel=1e-9)

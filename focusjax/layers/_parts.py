@@ -94,12 +94,25 @@ def square_parts(
     there = np.flatnonzero(there)
     there = there[np.argsort(square[there], kind="stable")]
     square, plane = square[there], np.stack([values[there] for values in found.plane], axis=1)
-    points = _where_nearest(points[there], plane, square)
+    points = points[there]
+
+    def nearest(part: slice) -> None:
+        points[part] = _where_nearest(points[part], plane[part], square[part])
+
+    in_parallel(nearest, _whole_squares(square))
     seen = np.flatnonzero(points)
     square, triangle = square[seen], found.triangle[there[seen]]
     place, share = in_blocks(_centroids, (points[seen],), _AT_ONCE)
     surface = surface_samples(triangles, squares.cell[square].astype(np.int32), triangle, grid, place)
     return Parts(square, share, surface)
+
+
+def _whole_squares(square: Int[np.ndarray, " p"]) -> list[slice]:
+    """Pieces in runs of some thousand; those of one square are in one of them."""
+    ends = np.arange(_AT_ONCE, len(square), _AT_ONCE)
+    ends = np.searchsorted(square, square[ends]) if len(ends) else ends
+    ends = np.unique(np.concatenate([[0], ends, [len(square)]]))
+    return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
 
 
 def _where_nearest(

@@ -14,7 +14,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, UInt
 
-from focusjax.geometry import Camera
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._accumulate import PixelSums, traced_sums
@@ -129,7 +128,7 @@ def traced_picture(
         pixel_filter=settings.pixel_filter,
     )
     sums = traced_sums(traced_scene(layers), lens, samples, groups, ranges, bins)
-    return developed(sums, camera, bins, settings.rays, known)
+    return developed(sums, camera.width, bins, settings.rays, known)
 
 
 def coc_bins(layers: Layers, lens: AbstractLens) -> CocBins:
@@ -162,16 +161,19 @@ def _adaptive_groups(
 
 
 def developed(
-    sums: PixelSums, camera: Camera, bins: CocBins, rays: float, known: KnownLight | None
+    sums: PixelSums, width: int, bins: CocBins, rays: float | Array, known: KnownLight | None
 ) -> Float[Array, "p 3"]:
-    """Radiance of each pixel from the sums over its rays, denoised if there are several bins."""
+    """Radiance of each pixel from the sums over its rays, denoised if there are several bins.
+
+    `width` is that of a row of pixels; `rays` may be traced.
+    """
     light = jnp.broadcast_to(sums.light.sum(axis=1), sums.over.shape)
     share = light if known is None else known.of(light)
     over = sums.over if known is None else evened(sums.over, light, known)
     if len(bins.least) == 1:
         brought = sums.brought[:, 0]
         return (brought if known is None else evened(brought, light, known)) + over
-    return denoised(sums, camera.width, bins.least, rays) * share + over
+    return denoised(sums, width, bins.least, rays) * share + over
 
 
 def _still(

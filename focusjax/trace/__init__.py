@@ -8,12 +8,19 @@ from focusjax.trace._plan import decibels_of as decibels_of
 from focusjax.trace._plan import plan_rays as plan_rays
 from focusjax.trace._plan_lens import LensPlan as LensPlan
 from focusjax.trace._plan_lens import plan_lens as plan_lens
+from focusjax.trace._quality import QualityEstimate as QualityEstimate
+from focusjax.trace._quality import estimate_quality as estimate_quality
 from focusjax.trace._reach import check_reach as check_reach
 from focusjax.trace._reach import widest_opening as widest_opening
 from focusjax.trace._render import render as render
 
 # TEMPORARY
 from focusjax.trace._render import render as render_differentiable
-class _X: pass
-ToldQuality=MovingLayers=Span=Timing=_X
-quality_of=told_by_rays=exposed=moved_ray=moving_layers=decibels_of
+
+
+class _X:
+    pass
+
+
+MovingLayers = Span = Timing = _X
+exposed = moved_ray = moving_layers = decibels_of

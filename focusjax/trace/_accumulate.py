@@ -12,7 +12,7 @@ from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._groups import RayGroups
 from focusjax.trace._radiances import Seen, TracedScene, seen_along
 from focusjax.trace._ranges import DisparityRanges
-from focusjax.trace._samples import RaySamples, Starts
+from focusjax.trace._samples import RaySamples
 
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
 _ROWS = 4096
@@ -101,7 +101,9 @@ def summed(
             some = RayGroups(*chunk, jnp.int32(size), groups.together)
             return sums.at[some.pixel].add(rows(some), mode="drop")
 
-        return jax.lax.cond(number * size < groups.used, jax.checkpoint(traced), lambda sums: sums, sums), None
+        return jax.lax.cond(
+            number * size < groups.used, jax.checkpoint(traced), lambda sums: sums, sums
+        ), None
 
     nothing = jnp.zeros((pixels, _row_length(kinds, in_each)), dtype=jnp.zeros(()).dtype)
     sums, _ = jax.lax.scan(add, nothing, (jnp.arange(chunks, dtype=jnp.int32), *columns))

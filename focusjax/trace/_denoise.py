@@ -117,7 +117,9 @@ def _kernel_for(blur: float, rays: float | Array) -> Float[np.ndarray, " n"] | F
     half_width = jnp.minimum(_WIDTH * rays.astype(jnp.zeros(()).dtype) ** -_FALL, 1.0) * blur
     reach = math.ceil(blur)
     x = jnp.arange(-reach, reach + 1, dtype=half_width.dtype)
-    weights = jnp.where(jnp.abs(x) <= jnp.ceil(half_width), jnp.exp(-0.5 * (_GAUSSIAN * x / half_width) ** 2), 0)
+    weights = jnp.where(
+        jnp.abs(x) <= jnp.ceil(half_width), jnp.exp(-0.5 * (_GAUSSIAN * x / half_width) ** 2), 0
+    )
     zeroth, second, fourth = ((weights * x**power).sum() for power in (0, 2, 4))
     fit = weights * (fourth - second * x**2) / jnp.maximum(zeroth * fourth - second**2, 1e-30)
     return jnp.where(half_width < 1.0, (x == 0).astype(fit.dtype), fit)

@@ -66,8 +66,8 @@ def groups_of(
     before, used = prefix_sums(parts)
     # The position in the tiled order of each group's pixel: marks where pixels begin, summed up.
     start = jnp.where(parts > 0, before, most)
-    marks = jnp.zeros(most, dtype=jnp.int32).at[start].max(
-        jnp.arange(len(pixel), dtype=jnp.int32), mode="drop"
+    marks = (
+        jnp.zeros(most, dtype=jnp.int32).at[start].max(jnp.arange(len(pixel), dtype=jnp.int32), mode="drop")
     )
     place = running_max(marks)
     number = jnp.arange(most, dtype=jnp.int32)

@@ -17,9 +17,7 @@ _PART = 8192
 """Rays walked together after the first steps, few enough for all that is known of them to stay in the cache."""
 
 
-def first_hits(
-    volume: Volume, paths: Path, chance: UInt[Array, " n"] | None = None
-) -> Int[Array, " n"]:
+def first_hits(volume: Volume, paths: Path, chance: UInt[Array, " n"] | None = None) -> Int[Array, " n"]:
     """As `first_hit`, for the n rays of `paths`."""
     passing = None if volume.opacity is None or chance is None else Passing(jnp.zeros_like(chance), chance)
     return jax.lax.platform_dependent(volume, paths, passing, cpu=_compacting, default=_in_lanes)

@@ -176,9 +176,7 @@ def developed(
     return denoised(sums, width, bins.least, rays) * share + over
 
 
-def _still(
-    layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings
-) -> Still:
+def _still(layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings) -> Still:
     """What derivatives are made of: the scene, and the mean radiance of rays like those through the rim."""
     camera, scene, number = layers.camera, traced_scene(layers), settings.derivative_rays
     ranges = disparity_ranges(layers, lens)

@@ -39,9 +39,11 @@ QUALITIES = {"draft": 30.0, "good": 38.0, "reference": 46.0}
 _FIRST, _LARGEST = 16, 64
 """Rays of the first trial, and of the second one at most."""
 _FALL = 1.15
-"""The error falls as this power of the number of rays, about; beyond trials, never slower or faster than: """
-_LEAST_FALL, _MOST_FALL = 0.85, 1.35
-_SINGLE = 3072
+_FALL_UNSURE, _LEAST_FALL = 0.25, 0.7
+"""The error falls as this power of the number of rays, give or take; and never slower than the last."""
+_UNSURE = 0.6
+"""Standard error of a trial in dB, of which its pixels are most."""
+_SINGLE = 4096
 """Single pixels."""
 _CORE, _AROUND = 16, 8
 """Pixels along the edge of a window's core, and around it."""
@@ -139,22 +141,22 @@ def _on_power_law(tried: tuple[int, int], found: Sequence[float], wanted: float)
     Raises:
         ValueError: more rays than can be.
     """
-    (first, second), (low, high) = tried, found
-    fall = 0.1 * (high - low) / np.log10(second / first) if second != first else _FALL
-    # Between trials all falls may be; just beside the second, theirs tells little of what is beyond.
-    beyond = (wanted > high) == (second > first) or second == first
-    fall = float(np.clip(fall, _LEAST_FALL, _MOST_FALL if beyond else 4.0))
-    if second == first:
-        high = 0.5 * (low + high)
-    rays = second * 10.0 ** ((wanted - high) / (10.0 * fall))
+    # A straight line of decibels over the logarithm of the number, by what is known beforehand of its slope.
+    lever = 10.0 * np.log10(np.asarray(tried) / _FIRST)
+    matrix = np.stack([np.ones(2), lever], axis=1) / _UNSURE
+    matrix = np.concatenate([matrix, [[0.0, 1.0 / _FALL_UNSURE]]])
+    right = np.append(np.asarray(found) / _UNSURE, _FALL / _FALL_UNSURE)
+    (start, fall), *_ = np.linalg.lstsq(matrix, right)
+    fall = max(float(fall), _LEAST_FALL)
+    rays = _FIRST * 10.0 ** ((wanted - start) / (10.0 * fall))
     if rays > _MOST:
-        best = high + 10.0 * fall * np.log10(_MOST / second)
+        best = start + 10.0 * fall * np.log10(_MOST / _FIRST)
         raise ValueError(
             f"quality of {wanted:g} dB would take about {rays:.0f} rays per pixel; {best:.0f} dB can be"
             f" reached with {_MOST}, so ask for less"
         )
     count = max(FEWEST, int(np.ceil(rays)))
-    return count, float(high + 10.0 * fall * np.log10(count / second))
+    return count, float(start + 10.0 * fall * np.log10(count / _FIRST))
 
 
 class _Trials:

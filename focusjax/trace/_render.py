@@ -75,7 +75,9 @@ def render(
         smooth=smooth,
         pixel_filter=pixel_filter,
     )
-    return picture(layers, within_reach(layers, lens, settings.pixel_filter), seed_of(seed), settings=settings)
+    return picture(
+        layers, within_reach(layers, lens, settings.pixel_filter), seed_of(seed), settings=settings
+    )
 
 
 def render_settings(

@@ -5,10 +5,12 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.sharding import Mesh
 from jaxtyping import Array, Float, Int
 
 from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._coc_bins import CocBins
+from focusjax.trace._devices import summed_over
 from focusjax.trace._groups import RayGroups
 from focusjax.trace._radiances import Seen, TracedScene, seen_along
 from focusjax.trace._ranges import DisparityRanges
@@ -41,11 +43,12 @@ def traced_sums(
     groups: RayGroups,
     ranges: DisparityRanges,
     bins: CocBins,
+    mesh: Mesh | None = None,
 ) -> PixelSums:
     """The sums of the pixels whose rays are in `groups`; 0 in the others.
 
     Groups are traced some at a time, in memory that does not grow with their number; of a list that is not
-    used to its end, only what is used.
+    used to its end, only what is used. Devices of `mesh` share them.
     """
     camera, together = scene.camera, groups.together
     width, pixels = camera.width, camera.width * camera.height
@@ -62,7 +65,7 @@ def traced_sums(
         flat = jax.tree.map(lambda a: a.reshape(-1), starts)
         return seen_along(scene, lens, flat, *ends, depth.max())
 
-    return summed(seen, lens, groups, bins, pixels)
+    return summed(seen, lens, groups, bins, pixels, mesh)
 
 
 def summed(
@@ -71,12 +74,14 @@ def summed(
     groups: RayGroups,
     bins: CocBins,
     pixels: int,
+    mesh: Mesh | None = None,
 ) -> PixelSums:
     """Sums over what the rays of each group have `seen`, a function of some groups and of a lens."""
     kinds, in_each = len(bins.least), bool(lens.channels())
     at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // groups.together)
     length = groups.pixel.shape[0]
-    chunks = -(-length // at_once)
+    devices = 1 if mesh is None else mesh.size
+    chunks = -(-length // (at_once * devices)) * devices
     # Whole blocks of rows, so that what fills up the last chunk adds little.
     size = -(-length // (chunks * _ROWS)) * _ROWS
 
@@ -106,7 +111,7 @@ def summed(
         ), None
 
     nothing = jnp.zeros((pixels, _row_length(kinds, in_each)), dtype=jnp.zeros(()).dtype)
-    sums, _ = jax.lax.scan(add, nothing, (jnp.arange(chunks, dtype=jnp.int32), *columns))
+    sums = summed_over(add, nothing, (jnp.arange(chunks, dtype=jnp.int32), *columns), mesh)
     return _apart(sums, kinds, in_each)
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.sharding import Mesh
 from jaxtyping import Array, Float, UInt
 
 from focusjax.layers import Layers
@@ -45,6 +46,7 @@ class RenderSettings:
         even: whether every pixel has as many rays.
         smooth: whether what is blurred is denoised.
         pixel_filter: "box", "tent" or "gaussian".
+        mesh: devices that share the picture; None for the default one.
     """
 
     rays: int
@@ -52,6 +54,7 @@ class RenderSettings:
     even: bool
     smooth: bool
     pixel_filter: str
+    mesh: Mesh | None = None
 
 
 @eqx.filter_jit
@@ -127,7 +130,7 @@ def traced_picture(
         with_chances=layers.samples.opacity is not None,
         pixel_filter=settings.pixel_filter,
     )
-    sums = traced_sums(traced_scene(layers), lens, samples, groups, ranges, bins)
+    sums = traced_sums(traced_scene(layers), lens, samples, groups, ranges, bins, settings.mesh)
     return developed(sums, camera.width, bins, settings.rays, known)
 
 

@@ -112,7 +112,17 @@ def tell_shot(console: Console, solved: SolvedShot) -> None:
 
 def comparison(found: bench.CaseResults) -> Table:
     """What a scene's measurements say, a line for each setting."""
-    table = Table(title=found.case.title, box=None, header_style="dim", pad_edge=False, title_justify="left")
+    dropped = found.reference.dropped
+    caption = f"samples of the reference that are not finite and left out: {dropped}" if dropped else None
+    table = Table(
+        title=found.case.title,
+        caption=caption,
+        box=None,
+        header_style="dim",
+        pad_edge=False,
+        title_justify="left",
+        caption_justify="left",
+    )
     for heading in ("method", "setting", "picture", "set-up", "MiB", "PSNR", "SSIM", "silhouettes"):
         table.add_column(heading, justify="left" if heading in ("method", "setting") else "right")
     for row in found.rows:

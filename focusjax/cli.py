@@ -168,7 +168,7 @@ def speed_error(
     for found in results.cases:
         console.print(comparison(found))
     console.print(f"Report: {out / 'report.html'}", soft_wrap=True, highlight=False)
-    failures = [why for found in results.cases for why in found.failures.values()]
+    failures = [why for found in (*results.cases, results) for why in found.failures.values()]
     if failures:
         _fail(errors, ValueError("; ".join(failures)), FAILED)
 

@@ -1,4 +1,4 @@
-"""Seconds and memory of peeling against the number of triangles and of pixels, beside an Embree ray cast.
+"""Seconds and memory of peeling against the number of triangles and of pixels, beside Mitsuba's ray cast.
 
 Every case runs in a process of its own: lumpy balls before a wall, at one size of picture. The first call
 tells what compiling costs; the medians of the calls after it are the stages:
@@ -8,8 +8,9 @@ tells what compiling costs; the medians of the calls after it are the stages:
     peel      the fragments of each layer, by the extended umbra
     assemble  attributes, shading, joins, silhouettes, N-buffers
 
-Embree casts a ray through every sample of the layers, then again from behind each hit, as many times as
-there are layers; its tree is built before, and timed apart.
+Mitsuba (llvm_ad_rgb, whose rays are Embree's, on all cores) casts a ray through every sample of the layers,
+then again from behind each hit, as many times as there are layers. Its tree is built before, and timed apart,
+as is the first cast, which compiles. Without Mitsuba `--mitsuba-up-to 0` leaves it out.
 
     python scripts/bench_layers.py --csv layers.csv --plot layers.png
 """
@@ -24,6 +25,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -33,6 +35,7 @@ from bench_render import machine
 from rich.console import Console
 from rich.table import Table
 
+from focusjax.baselines import UnlitScene, load_unlit, mitsuba
 from focusjax.geometry import Camera, make_camera
 from focusjax.layers import Layers
 from focusjax.layers._assemble import assemble
@@ -103,26 +106,44 @@ def staged_peel(
     return layers, seconds
 
 
-def embree(scene: Scene, layers: Layers) -> tuple[float, float]:
-    """Seconds to build the tree, and to cast as many rays as the layers have samples, layer by layer."""
-    from focusjax.baselines import RayCaster
+def mitsuba_casts(scene: Scene, layers: Layers, repeats: int) -> tuple[float, list[float]]:
+    """Seconds to build the tree, and medians of those to cast the rays of all samples, layer by layer."""
+    mi = mitsuba()
+    import drjit as dr  # comes with Mitsuba
 
+    triangles = UnlitScene(scene.vertices, scene.faces, scene.colours, (0.0, 0.0, 0.0))
     start = time.perf_counter()
-    caster = RayCaster(scene.vertices, scene.faces)
-    built = time.perf_counter()
+    loaded = load_unlit(triangles)
+    built = time.perf_counter() - start
     grid, camera = layers.grid, layers.camera
     x, y = np.meshgrid(np.arange(grid.columns) + 0.5, np.arange(grid.rows) + 0.5)
     xy = (np.stack([x, y], axis=-1).reshape(-1, 2) - grid.margin) / grid.supersampling
     right, down = ((xy - np.asarray(camera.principal_point)) / float(camera.focal_px)).T
     pose = np.asarray(camera.world_from_camera)
     directions = np.stack([right, -down, -np.ones_like(right)], axis=1) @ pose[:3, :3].T
-    depth = np.zeros(len(directions))
-    for _ in range(layers.count):
-        hits = caster.first_hits(pose[:3, 3] + directions * depth[:, None], directions)
-        going_on = hits.triangle >= 0
-        directions = directions[going_on]
-        depth = (depth[going_on] + hits.distance[going_on]) * (1 + 1e-5)
-    return built - start, time.perf_counter() - built
+    eye, all_directions = mi.Point3f(*pose[:3, 3].tolist()), mi.Vector3f(directions.T)
+
+    def cast_all() -> list[float]:
+        seconds, directions = [], all_directions
+        depth = dr.zeros(mi.Float, len(x.ravel()))
+        for _ in range(layers.count):
+            ray = mi.Ray3f(eye + directions * depth, directions)
+            dr.eval(ray)
+            dr.sync_thread()
+            start = time.perf_counter()
+            hits = loaded.ray_intersect_preliminary(ray)
+            found = hits.is_valid()
+            dr.eval(hits, found)
+            dr.sync_thread()
+            seconds.append(time.perf_counter() - start)
+            going_on: Any = dr.compress(found)
+            directions = dr.gather(mi.Vector3f, directions, going_on)
+            depth = dr.gather(mi.Float, depth + hits.t, going_on) * (1 + 1e-5)
+        return seconds
+
+    cast_all()
+    several = [cast_all() for _ in range(repeats)]
+    return built, [statistics.median(each) for each in zip(*several, strict=True)]
 
 
 def peak_memory() -> float:
@@ -159,15 +180,16 @@ def run_case(options: argparse.Namespace) -> dict[str, object]:
         "peak MiB with scene": memory["scene"],
         "peak MiB": memory["peel"],
     }
-    if len(scene.faces) <= options.embree_up_to:
-        result["embree build"], result["embree cast"] = embree(scene, layers)
+    if len(scene.faces) <= options.mitsuba_up_to:
+        result["mitsuba build"], casts = mitsuba_casts(scene, layers, options.repeats)
+        result["mitsuba first cast"], result["mitsuba cast"] = casts[0], sum(casts)
     return result
 
 
 def in_own_process(triangles: int, size: str, options: argparse.Namespace) -> dict[str, object]:
     """One case, in a new process, so that its peak memory is its own."""
     command = [sys.executable, __file__, "--case", "--triangles", str(triangles), "--size", size]
-    for name in ("supersampling", "max_layers", "repeats", "embree_up_to"):
+    for name in ("supersampling", "max_layers", "repeats", "mitsuba_up_to"):
         command += [f"--{name.replace('_', '-')}", str(getattr(options, name))]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
@@ -178,10 +200,10 @@ def in_own_process(triangles: int, size: str, options: argparse.Namespace) -> di
 def table(results: list[dict]) -> Table:
     out = Table(title="peeling, warm, seconds")
     headings = ("triangles", "size", "all", *STAGES, "compile", "layers", "kept", "layers MiB", "peak MiB")
-    for heading in (*headings, "Embree build", "cast", "ours / cast"):
+    for heading in (*headings, "Mitsuba: tree", "first cast", "all casts", "ours / casts"):
         out.add_column(heading, justify="right")
     for row in results:
-        cast = row.get("embree cast")
+        cast = row.get("mitsuba cast")
         out.add_row(
             f"{row['triangles']:,}",
             f"{row['width']} x {row['height']}",
@@ -189,7 +211,8 @@ def table(results: list[dict]) -> Table:
             f"{row['layers']}{'' if row['complete'] else '+'}",
             f"{row['kept'] / row['samples']:.2f} per sample",
             *(f"{row[name]:.0f}" for name in ("layers MiB", "peak MiB")),
-            *((f"{row['embree build']:.2f}", f"{cast:.2f}", f"{row['seconds'] / cast:.2f}") if cast else ()),
+            *(f"{row[f'mitsuba {name}']:.3f}" for name in ("build", "first cast", "cast") if cast),
+            *((f"{row['seconds'] / cast:.1f}",) if cast else ()),
         )
     return out
 
@@ -208,9 +231,9 @@ def plot(results: list[dict], path: Path) -> None:
         against_triangles.loglog(
             [r["triangles"] for r in rows], [r["seconds"] for r in rows], "o-", label=label
         )
-        if any("embree cast" in row for row in rows):
-            cast = [(r["triangles"], r["embree cast"]) for r in rows if "embree cast" in r]
-            against_triangles.loglog(*zip(*cast, strict=True), "x--", label=f"{label}, Embree cast")
+        if any("mitsuba cast" in row for row in rows):
+            cast = [(r["triangles"], r["mitsuba cast"]) for r in rows if "mitsuba cast" in r]
+            against_triangles.loglog(*zip(*cast, strict=True), "x--", label=f"{label}, Mitsuba's casts")
     for triangles in sorted({row["triangles"] for row in results}):
         rows = [row for row in results if row["triangles"] == triangles]
         pixels = [row["width"] * row["height"] / 1e6 for row in rows]
@@ -233,7 +256,7 @@ def main() -> None:
     parser.add_argument("--supersampling", type=int, default=1)
     parser.add_argument("--max-layers", type=int, default=16)
     parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--embree-up-to", type=int, default=1_100_000, help="triangles; 0 leaves it out")
+    parser.add_argument("--mitsuba-up-to", type=int, default=11_000_000, help="triangles; 0 leaves it out")
     parser.add_argument("--csv", type=Path, help="file for the results")
     parser.add_argument("--json", type=Path, help="file for the results")
     parser.add_argument("--plot", type=Path, help="picture of the curves")

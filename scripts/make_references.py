@@ -136,7 +136,7 @@ def main() -> None:
                 view["aperture_radius_m"],
                 view["focus_distance_m"],
                 options.samples,
-            )
+            )[0]
         )
         for view in VIEWS
     }
@@ -155,7 +155,7 @@ def main() -> None:
         "pixel_filter": "box, one pixel wide",
         "views": [{**view, "focus_distance_m": str(view["focus_distance_m"])} for view in VIEWS],
         "triangles": len(faces),
-        "renderer": "Mitsuba 3 llvm_ad_rgb, thinlens sensor, aov integrator (albedo) over constant emitter",
+        "renderer": "Mitsuba 3 llvm_ad_rgb, thinlens sensor, aov integrator (albedo)",
     }
     (options.out / "cow_bars.json").write_text(json.dumps(description, indent=1) + "\n")
 

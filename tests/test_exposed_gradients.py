@@ -12,7 +12,7 @@ from small_scenes import front_camera, varied_scene, wide_lens
 from focusjax.film import camera_settings, film_preset, photograph
 from focusjax.layers import Layers, peel
 from focusjax.lens import AberratedLens, ThinLens, seidel
-from focusjax.trace import render, render_differentiable
+from focusjax.trace import render
 
 CAMERA = front_camera()
 WIDEST = wide_lens(CAMERA, pixels_per_dioptre=6.0)
@@ -46,7 +46,7 @@ def shown(picture: jax.Array, values: dict[str, jax.Array]) -> jax.Array:
 @eqx.filter_grad
 def slopes(values: dict[str, jax.Array], layers: Layers) -> jax.Array:
     lens = lens_of(values["f_number"], values["distortion"])
-    return shown(render_differentiable(layers, lens, rays=256, derivative_rays=256), values)
+    return shown(render(layers, lens, rays=256, derivative_rays=256, even=True), values)
 
 
 @pytest.mark.parametrize("name", AT)

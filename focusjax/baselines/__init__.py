@@ -1,14 +1,17 @@
 """Slow or simple ways to a picture that share no code with the tracer: to judge it by, and for previews."""
 
 from focusjax.baselines._accumulation import accumulate as accumulate
+from focusjax.baselines._denoise import denoised as denoised
 from focusjax.baselines._gather import gather as gather
 from focusjax.baselines._mitsuba import SAMPLER as SAMPLER
 from focusjax.baselines._mitsuba import UnlitScene as UnlitScene
+from focusjax.baselines._mitsuba import counted_mitsuba_picture as counted_mitsuba_picture
 from focusjax.baselines._mitsuba import load_unlit as load_unlit
 from focusjax.baselines._mitsuba import mitsuba as mitsuba
 from focusjax.baselines._mitsuba import mitsuba_picture as mitsuba_picture
 from focusjax.baselines._mitsuba import render_thin_lens as render_thin_lens
 from focusjax.baselines._mitsuba import unlit_scene as unlit_scene
+from focusjax.baselines._mitsuba import without_gaps as without_gaps
 from focusjax.baselines._multilayer import multilayer as multilayer
 from focusjax.baselines._raycast import RayCaster as RayCaster
 from focusjax.baselines._raycast import SurfaceHits as SurfaceHits

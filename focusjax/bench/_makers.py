@@ -6,20 +6,26 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from focusjax.baselines import lens_picture, mitsuba_picture, unlit_scene
+from focusjax.baselines import counted_mitsuba_picture, lens_picture, unlit_scene
 from focusjax.bench._case import Case
 from focusjax.bench._methods import ChoiceError
 
-Maker = Callable[[Case, int, int], Float[np.ndarray, "h w 3"]]
-"""From a case, samples per pixel and a seed to the picture."""
+Maker = Callable[[Case, int, int], tuple[Float[np.ndarray, "h w 3"], int]]
+"""From a case, samples per pixel and a seed to the picture, and how many samples were not finite.
+
+These are left out; a pixel without any other is not a number.
+"""
 
 
-def _by_mitsuba(case: Case, samples: int, seed: int) -> Float[np.ndarray, "h w 3"]:
-    return mitsuba_picture(unlit_scene(case.scene), case.camera, case.lens, samples=samples, seed=seed)
+def _by_mitsuba(case: Case, samples: int, seed: int) -> tuple[Float[np.ndarray, "h w 3"], int]:
+    return counted_mitsuba_picture(
+        unlit_scene(case.scene), case.camera, case.lens, samples=samples, seed=seed
+    )
 
 
-def _by_casting(case: Case, samples: int, seed: int) -> Float[np.ndarray, "h w 3"]:
-    return lens_picture(case.scene, case.camera, case.lens, rays=samples, seed=seed)
+def _by_casting(case: Case, samples: int, seed: int) -> tuple[Float[np.ndarray, "h w 3"], int]:
+    picture = lens_picture(case.scene, case.camera, case.lens, rays=samples, seed=seed)
+    return picture, int(np.count_nonzero(~np.isfinite(picture).all(axis=-1)))
 
 
 _MAKERS: dict[str, tuple[str, Maker]] = {

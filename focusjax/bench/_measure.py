@@ -53,7 +53,12 @@ class Measured:
 
 
 def measure(
-    method: Method, case: Case, *, repeats: int, keep: Callable[[int, Float[np.ndarray, "h w 3"]], None]
+    method: Method,
+    case: Case,
+    *,
+    repeats: int,
+    keep: Callable[[int, Float[np.ndarray, "h w 3"]], None],
+    note: Callable[[Measured], None] = lambda _: None,
 ) -> Measured:
     """Set up twice, then make the picture of every setting once and `repeats` times more.
 
@@ -62,19 +67,22 @@ def measure(
         case: the picture to make.
         repeats: timed calls after the first, at least 1.
         keep: given the number of each setting and its picture.
+        note: given all that is measured so far, after each setting.
     """
     start = peak_memory()
     _, setup_first = _timed(lambda: method.prepare(case))
     prepared, setup = _timed(lambda: method.prepare(case))
-    timings = []
+    measured = Measured(setup_first, setup, start, ())
     for number, setting in enumerate(method.settings):
         picture, first = _timed(lambda setting=setting: method.render(case, prepared, setting))
         seconds = [
             _timed(lambda setting=setting: method.render(case, prepared, setting))[1] for _ in range(repeats)
         ]
-        timings.append(Timing(setting, first, statistics.median(seconds), min(seconds), peak_memory()))
+        timing = Timing(setting, first, statistics.median(seconds), min(seconds), peak_memory())
+        measured = dataclasses.replace(measured, timings=(*measured.timings, timing))
         keep(number, np.asarray(picture, dtype=np.float64))
-    return Measured(setup_first, setup, start, tuple(timings))
+        note(measured)
+    return measured
 
 
 def peak_memory() -> float:

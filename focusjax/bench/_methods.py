@@ -13,6 +13,7 @@ from focusjax.baselines import (
     SAMPLER,
     RayScene,
     accumulate,
+    denoised,
     gather,
     lens_picture,
     load_unlit,
@@ -112,6 +113,7 @@ def _mitsuba(
     variant: str = "llvm_ad_rgb",
     sampler: str = SAMPLER,
     default: bool = False,
+    denoise: bool = False,
 ) -> Method:
     def prepare(case: Case) -> Any:
         scene = unlit_scene(case.scene)
@@ -119,17 +121,20 @@ def _mitsuba(
         return scene
 
     def picture(case: Case, scene: Any, samples: int) -> Any:
-        return mitsuba_picture(
+        noisy = mitsuba_picture(
             scene, case.camera, case.lens, samples=samples, variant=variant, sampler=sampler
         )
+        return denoised(noisy) if denoise else noisy
 
-    return Method(name, title, "samples", settings, prepare, picture, needs=("mitsuba",), default=default)
+    needs = ("mitsuba", "pyoidn") if denoise else ("mitsuba",)
+    return Method(name, title, "samples", settings, prepare, picture, needs=needs, default=default)
 
 
 METHODS: tuple[Method, ...] = (
     Method("tracer", "focusjax, 2 x 2 samples a pixel", "rays", (4, 8, 16, 32, 64, 128), _peeled(2), _traced),
     Method("tracer-1", "focusjax, 1 sample a pixel", "rays", (4, 8, 16, 32, 64, 128), _peeled(1), _traced),
     _mitsuba("mitsuba", "Mitsuba, LLVM", (4, 16, 64, 256), default=True),
+    _mitsuba("mitsuba+oidn", "Mitsuba, LLVM, denoised", (4, 8, 16, 64), default=True, denoise=True),
     _mitsuba("mitsuba-scalar", "Mitsuba, scalar", (4, 16, 64), variant="scalar_rgb"),
     _mitsuba(
         "mitsuba-independent",
@@ -228,8 +233,9 @@ def chosen_methods(words: Sequence[str]) -> tuple[Method, ...]:
         if method in out or name in [other.name for other in out]:
             raise ChoiceError(f"the method {name} is asked for twice; name it once, with all its settings")
         if method.missing():
+            verb = "is" if len(method.missing()) == 1 else "are"
             raise ChoiceError(
-                f"the method {name} needs {' and '.join(method.missing())}, which is not installed; run"
+                f"the method {name} needs {' and '.join(method.missing())}, which {verb} not installed; run"
                 " `pip install 'focusjax[bench]'`"
             )
         if equals:

@@ -23,7 +23,7 @@ from focusjax.layers import disparity_map
 Progress = Callable[[str, float | None], None]
 """Told what runs and the share of all that is done."""
 
-ANCHORS = (("mitsuba", 64), ("mitsuba-scalar", 64))
+ANCHORS = (("mitsuba+oidn", 16), ("mitsuba", 64), ("mitsuba-scalar", 64))
 """Method and setting whose error the others are timed to; the first that was measured."""
 
 
@@ -91,7 +91,7 @@ class CaseResults:
         silhouette_share: of pixels that the blur of a jump in depth reaches.
         rows: one for each setting of each method.
         pictures: by method, the setting that came nearest and its picture [h, w, 3].
-        failures: by method, why it could not be measured.
+        failures: by method, why it could not be measured, or not with all its settings.
     """
 
     case: Case
@@ -134,12 +134,14 @@ class Results:
         repeats: timed calls after the first.
         methods: those measured.
         cases: one for each scene.
+        failures: by the name of a scene that has no reference, why.
     """
 
     machine: dict[str, str | int | float]
     repeats: int
     methods: tuple[Method, ...]
     cases: list[CaseResults]
+    failures: dict[str, str] = dataclasses.field(default_factory=dict)
 
 
 def speed_error(
@@ -154,8 +156,8 @@ def speed_error(
 ) -> Results:
     """Measure every method's time and error over its settings on every case.
 
-    Methods run one at a time, each in a process of its own. One that fails is told of in the results and
-    does not stop the others.
+    Methods run one at a time, each in a process of its own. What fails, be it a setting, a method or a
+    scene's reference, is named in the results and takes nothing else with it.
 
     Args:
         cases: pictures to make.
@@ -168,7 +170,7 @@ def speed_error(
 
     Raises:
         ChoiceError: no cases or methods, repeats below 1, or a maker that is unknown or not installed.
-        ValueError: a reference that cannot be made.
+        ValueError: no scene has a reference that can be made.
     """
     if not cases or not methods:
         raise ChoiceError("there is nothing to measure; give at least one config and one method")
@@ -177,7 +179,7 @@ def speed_error(
     tell: Progress = progress if progress is not None else lambda stage, share: None
     machine = _machine()
     chosen = maker or best_maker()
-    results = []
+    results, failures = [], {}
     for number, case in enumerate(cases):
         steps = len(methods) + 1
 
@@ -185,26 +187,39 @@ def speed_error(
             return (number * steps + step) / (len(cases) * steps)
 
         tell(f"{case.title}: reference", share(0))
-        reference = reference_picture(case, maker=chosen, samples=samples, cache=cache)
+        try:
+            reference = reference_picture(case, maker=chosen, samples=samples, cache=cache)
+        except ChoiceError:
+            raise
+        except (ValueError, OSError, MemoryError) as error:
+            failures[case.name] = f"{case.name} has no reference: {error}"
+            continue
         band = near_silhouettes(disparity_map(case.scene, case.camera), case.camera, case.lens)
         found = CaseResults(case, reference, float(band.mean()), [], {}, {})
         for step, method in enumerate(methods, start=1):
             tell(f"{case.title}: {method.title}", share(step))
             _add(found, method, band, repeats)
         results.append(found)
-    return Results(machine, repeats, tuple(methods), results)
+    if not results:
+        raise ValueError("; ".join(failures.values()))
+    return Results(machine, repeats, tuple(methods), results, failures)
 
 
 def _add(found: CaseResults, method: Method, band: np.ndarray, repeats: int) -> None:
     """Measure one method and put what comes of it into `found`."""
     try:
-        measured, pictures = measured_apart(method, found.case, repeats=repeats)
-        scores = [score(picture, found.reference.picture, band) for picture in pictures]
-    except ValueError as error:
-        found.failures[method.name] = str(error)
-        return
-    rows = []
-    for timing, scored in zip(measured.timings, scores, strict=True):
+        measured, pictures, failure = measured_apart(method, found.case, repeats=repeats)
+    except (ValueError, OSError, MemoryError) as error:
+        measured, pictures, failure = None, [], str(error)
+    rows, shown = [], []
+    for timing, picture in zip(measured.timings if measured else (), pictures, strict=True):
+        try:
+            scored = score(picture, found.reference.picture, band)
+        except ValueError as error:
+            failure = failure or f"{method.name} with {timing.setting} {method.knob}: {error}"
+            continue
+        assert measured is not None
+        shown.append(picture)
         rows.append(
             Row(
                 scene=found.case.name,
@@ -220,9 +235,12 @@ def _add(found: CaseResults, method: Method, band: np.ndarray, repeats: int) -> 
                 **dataclasses.asdict(scored),
             )
         )
-    best = max(range(len(rows)), key=lambda k: rows[k].psnr)
-    found.rows.extend(rows)
-    found.pictures[method.name] = (rows[best].setting, pictures[best])
+    if failure is not None:
+        found.failures[method.name] = failure
+    if rows:
+        best = max(range(len(rows)), key=lambda k: rows[k].psnr)
+        found.rows.extend(rows)
+        found.pictures[method.name] = (rows[best].setting, shown[best])
 
 
 def _machine() -> dict[str, str | int | float]:
@@ -232,7 +250,7 @@ def _machine() -> dict[str, str | int | float]:
             name = line.split(":", 1)[1].strip()
             break
     versions = {}
-    for library in ("focusjax", "jax", "mitsuba", "embreex"):
+    for library in ("focusjax", "jax", "mitsuba", "pyoidn", "embreex"):
         try:
             versions[library] = importlib.metadata.version(library)
         except importlib.metadata.PackageNotFoundError:

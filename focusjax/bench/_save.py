@@ -37,7 +37,14 @@ def save_results(folder: Path, results: Results) -> None:
         writer.writeheader()
         for found in results.cases:
             writer.writerows(dataclasses.asdict(row) for row in found.rows)
-    facts = for_json({"machine": results.machine, "repeats": results.repeats, "scenes": _scenes(results)})
+    facts = for_json(
+        {
+            "machine": results.machine,
+            "repeats": results.repeats,
+            "scenes": _scenes(results),
+            "failures": results.failures,
+        }
+    )
     text = json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False)
     (folder / "results.json").write_text(text + "\n", encoding="utf-8")
     save_pareto(folder / "pareto.png", results)
@@ -75,6 +82,7 @@ def _scene(found: CaseResults) -> dict[str, Any]:
         "reference": {
             "maker": reference.maker,
             "samples": reference.samples,
+            "dropped_samples": reference.dropped,
             "floor_psnr": reference.floor_psnr,
             "seconds": reference.seconds,
             "from_cache": reference.kept,

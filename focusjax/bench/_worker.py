@@ -26,30 +26,39 @@ from focusjax.bench._methods import Method, method_named
 ROOT = Path(__file__).parents[2]
 
 
-def measured_apart(method: Method, case: Case, *, repeats: int) -> tuple[Measured, list[np.ndarray]]:
+def measured_apart(
+    method: Method, case: Case, *, repeats: int
+) -> tuple[Measured | None, list[np.ndarray], str | None]:
     """`measure` in a process of its own: the result, and the picture [h, w, 3] of each setting.
 
-    Raises:
-        ValueError: the method failed; the message is what it said last.
+    A method that fails keeps the settings that it was done with; the last of the three is what it said then.
     """
     task = {"method": method.name, "settings": list(method.settings), "repeats": repeats}
+    failure = None
     with tempfile.TemporaryDirectory(prefix="focusjax-") as folder:
-        _run(task, case, Path(folder))
-        told = json.loads((Path(folder) / "measured.json").read_text())
-        pictures = [_picture(Path(folder), number) for number in range(len(method.settings))]
-    timings = tuple(Timing(**timing) for timing in told.pop("timings"))
-    return Measured(**told, timings=timings), pictures
+        try:
+            _run(task, case, Path(folder))
+        except ValueError as error:
+            failure = str(error)
+        file = Path(folder) / "measured.json"
+        if not file.exists():
+            return None, [], failure
+        told = json.loads(file.read_text())
+        timings = tuple(Timing(**timing) for timing in told.pop("timings"))
+        pictures = [_picture(Path(folder), number) for number in range(len(timings))]
+    return Measured(**told, timings=timings), pictures, failure
 
 
-def made_apart(maker: str, case: Case, parts: Sequence[tuple[int, int]]) -> list[np.ndarray]:
-    """A picture [h, w, 3] for each (samples, seed) of `parts`, by one of those that can converge.
+def made_apart(maker: str, case: Case, parts: Sequence[tuple[int, int]]) -> list[tuple[np.ndarray, int]]:
+    """What the maker returns for each (samples, seed) of `parts`.
 
     Raises:
         ValueError: the maker failed; the message is what it said last.
     """
     with tempfile.TemporaryDirectory(prefix="focusjax-") as folder:
         _run({"maker": maker, "parts": list(parts)}, case, Path(folder))
-        return [_picture(Path(folder), number) for number in range(len(parts))]
+        dropped = json.loads((Path(folder) / "dropped.json").read_text())
+        return [(_picture(Path(folder), number), count) for number, count in enumerate(dropped)]
 
 
 def _run(task: dict[str, Any], case: Case, folder: Path) -> None:
@@ -87,12 +96,21 @@ def main(task_file: Path, folder: Path) -> None:
         np.save(_picture_file(folder, number), picture.astype(np.float32))
 
     if "maker" in task:
+        dropped = []
         for number, (samples, seed) in enumerate(task["parts"]):
-            keep(number, maker_named(task["maker"])(case, samples, seed))
+            picture, count = maker_named(task["maker"])(case, samples, seed)
+            keep(number, picture)
+            dropped.append(count)
+        (folder / "dropped.json").write_text(json.dumps(dropped))
         return
     method = dataclasses.replace(method_named(task["method"]), settings=tuple(task["settings"]))
-    told = measure(method, case, repeats=task["repeats"], keep=keep)
-    (folder / "measured.json").write_text(json.dumps(dataclasses.asdict(told)))
+
+    def note(told: Measured) -> None:
+        # Renamed, so that it is never there in part.
+        (folder / "unfinished.json").write_text(json.dumps(dataclasses.asdict(told)))
+        (folder / "unfinished.json").replace(folder / "measured.json")
+
+    measure(method, case, repeats=task["repeats"], keep=keep, note=note)
 
 
 if __name__ == "__main__":

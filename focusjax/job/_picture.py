@@ -149,14 +149,7 @@ def make_picture(
             image = post_process(view, camera, lens, taps=rays)
         else:
             rays = table.rays if way is None or way.traced is None else way.traced.rays
-            image = render(
-                layers,
-                lens,
-                rays=rays,
-                smooth=table.smooth,
-                seed=table.seed,
-                progress=lambda share: tell("render", share),
-            )
+            image = render(layers, lens, rays=rays, smooth=table.smooth, seed=table.seed)
         image.block_until_ready()
     decibels = None
     if way is not None:

@@ -57,9 +57,17 @@ def _attributes(
 
 
 def surface_samples(
-    stamps: Stamps, triangles: ScreenTriangles, sample: np.ndarray, stamp: np.ndarray, grid: Grid
+    stamps: Stamps,
+    triangles: ScreenTriangles,
+    sample: np.ndarray,
+    stamp: np.ndarray,
+    grid: Grid,
+    offset: np.ndarray | None = None,
 ) -> SurfaceSamples:
-    """Attributes of the fragments at grid index `sample` [n] that came from `stamp` [n]."""
+    """Attributes of the fragments at grid index `sample` [n] that came from `stamp` [n].
+
+    At the samples' centres, or at the `offset` [n, 2] from them in samples.
+    """
     length = padded_length(len(stamps.triangle))
     rows = np.concatenate([stamps.edges, stamps.disparity[:, :, None]], axis=2).reshape(-1, 12)
     coefficients = tuple(jnp.asarray(pad_rows(column, length)) for column in rows.T)
@@ -69,6 +77,8 @@ def surface_samples(
         row, column = np.divmod(sample[part], np.int32(grid.columns))
         x = (column - np.take(left, stamp[part])).astype(np.float32)
         y = (row - np.take(top, stamp[part])).astype(np.float32)
+        if offset is not None:
+            x, y = x + offset[part, 0], y + offset[part, 1]
         inputs = (pad_rows(a, _AT_ONCE) for a in (stamp[part], x, y))
         found = [np.asarray(a)[: len(x)] for a in _attributes(coefficients, *inputs)]
         triangle = np.take(stamps.triangle, stamp[part])

@@ -8,13 +8,14 @@ import jax.numpy as jnp
 from jax.sharding import Mesh
 from jaxtyping import Array, Float, Int
 
+from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._devices import summed_over
 from focusjax.trace._groups import RayGroups
 from focusjax.trace._radiances import Seen, TracedScene, seen_along
 from focusjax.trace._ranges import DisparityRanges
-from focusjax.trace._samples import RaySamples
+from focusjax.trace._samples import RaySamples, Starts
 
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
 _ROWS = 4096
@@ -50,22 +51,31 @@ def traced_sums(
     Groups are traced some at a time, in memory that does not grow with their number; of a list that is not
     used to its end, only what is used. Devices of `mesh` share them.
     """
-    camera, together = scene.camera, groups.together
-    width, pixels = camera.width, camera.width * camera.height
+    camera = scene.camera
 
     def seen(some: RayGroups, lens: AbstractLens) -> Seen:
-        pixel = jnp.minimum(some.pixel, pixels - 1)
-        column, row = pixel % width, pixel // width
-        # All first rays of groups, then all second ones, and so on: sums over groups are sums of columns.
-        number = jnp.arange(together, dtype=jnp.int32)[:, None] + some.first
-        shape = number.shape
-        starts = samples.at(jnp.broadcast_to(column, shape), jnp.broadcast_to(row, shape), number)
+        column, row, _, starts = starts_of(some, samples, camera)
         least, largest, depth = ranges.at(column, row)
-        ends = (jnp.tile(end, together) for end in (least, largest))
-        flat = jax.tree.map(lambda a: a.reshape(-1), starts)
-        return seen_along(scene, lens, flat, *ends, depth.max())
+        ends = (jnp.tile(end, some.together) for end in (least, largest))
+        return seen_along(scene, lens, starts, *ends, depth.max())
 
-    return summed(seen, lens, groups, bins, pixels, mesh)
+    return summed(seen, lens, groups, bins, camera.width * camera.height, mesh)
+
+
+def starts_of(
+    some: RayGroups, samples: RaySamples, camera: Camera
+) -> tuple[Int[Array, " g"], Int[Array, " g"], Int[Array, "s g"], Starts]:
+    """Column and row of each group's pixel, the numbers of its rays, and where they start, [s * g].
+
+    Rays of numbers beyond those of the samples start as the last of them. All first rays of groups come
+    first, then all second ones, and so on: sums over groups are sums of columns.
+    """
+    pixel = jnp.minimum(some.pixel, camera.width * camera.height - 1)
+    column, row = pixel % camera.width, pixel // camera.width
+    number = jnp.arange(some.together, dtype=jnp.int32)[:, None] + some.first[None]
+    places = (jnp.broadcast_to(a[None], number.shape) for a in (column, row))
+    starts = samples.at(*places, jnp.minimum(number, samples.per_pixel - 1))
+    return column, row, number, jax.tree.map(lambda a: a.reshape(-1), starts)
 
 
 def summed(
@@ -94,7 +104,7 @@ def summed(
     ]
 
     def rows(some: RayGroups) -> Float[Array, "g c"]:
-        def of_lens(lens: AbstractLens) -> Float[Array, "g r 3"]:
+        def of_lens(lens: AbstractLens) -> Float[Array, "g r c"]:
             return _rows(seen(some, lens), some, bins, in_each=in_each)
 
         return (in_colour(of_lens, lens) if in_each else of_lens(lens)).reshape(size, -1)
@@ -129,7 +139,7 @@ def _rows(found: Seen, some: RayGroups, bins: CocBins, *, in_each: bool) -> Floa
 
     def block(values: tuple[Array, ...]) -> Float[Array, "r c b"]:
         pixel, share, weight, disparity, *colours = values
-        bin_, weight = bins.of(pixel, disparity), weight * share
+        bin_, weight = bins.of(pixel, disparity), weight * share[None]
         told = jnp.stack([*(weight * jnp.minimum(colour, 1.0) for colour in colours), weight])
         over = jnp.stack([(weight * jnp.maximum(colour - 1.0, 0.0)).sum(axis=0) for colour in colours])
         nearest, farthest = bin_.min(), bin_.max()
@@ -138,7 +148,7 @@ def _rows(found: Seen, some: RayGroups, bins: CocBins, *, in_each: bool) -> Floa
             # Most blocks have rays of few bins.
             return jax.lax.cond(
                 (kind >= nearest) & (kind <= farthest),
-                lambda: jnp.where(bin_ == kind, told, 0.0).sum(axis=1),
+                lambda: jnp.where((bin_ == kind)[None], told, 0.0).sum(axis=1),
                 lambda: jnp.zeros((4, _ROWS), dtype=told.dtype),
             )
 

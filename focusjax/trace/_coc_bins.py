@@ -1,4 +1,4 @@
-"""Circle-of-confusion bins: rays sorted by how blurred what they meet is, before the focal zone, in it, behind.
+"""Circle-of-confusion bins: rays sorted by how blurred what they meet is, before the focal zone or behind.
 
 Edges are octaves of the blur's radius in pixels, the same for every lens, so that a lens that moves needs no
 other program. Rays of each bin are summed for themselves, as `focusjax.trace._denoise` asks for.

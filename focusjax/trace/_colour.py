@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from focusjax.geometry import LensRay
-from focusjax.layers import Layers, Places
+from focusjax.layers import Layers, Places, radiance_slopes
 from focusjax.trace._gloss import GlossPlanes, gloss_at, gloss_planes
 
 
@@ -14,8 +14,10 @@ class Surface(eqx.Module):
     """The layers' appearance as flat planes.
 
     Attributes:
-        places: from the flat index of a sample to its position in the next three.
-        radiance: red, green and blue, each [n].
+        places: from the flat index of a sample to its position in the next planes.
+        radiance: red, green and blue, each [n]: means over the squares of samples.
+        across: change of each of them per sample to the right [n].
+        down: the same downwards.
         disparity: 1/m [n].
         background: red, green and blue at infinity, each [m] over the grid; of length 1 where it is the same
             all over.
@@ -26,6 +28,8 @@ class Surface(eqx.Module):
 
     places: Places
     radiance: tuple[Float[Array, " n"], ...]
+    across: tuple[Float[Array, " n"], ...]
+    down: tuple[Float[Array, " n"], ...]
     disparity: Float[Array, " n"]
     background: tuple[Float[Array, " m"], ...]
     gloss: GlossPlanes | None
@@ -35,9 +39,12 @@ class Surface(eqx.Module):
 
 def surface_of(layers: Layers) -> Surface:
     """The flat planes of `layers`; what is flat there is the same arrays."""
+    across, down = radiance_slopes(layers)
     return Surface(
         places=layers.places,
         radiance=_colours(layers.samples.radiance),
+        across=_colours(across),
+        down=_colours(down),
         disparity=layers.samples.disparity,
         background=_colours(layers.background),
         gloss=gloss_planes(layers),
@@ -55,28 +62,48 @@ def _colours(radiance: Float[Array, "*n 3"]) -> tuple[Float[Array, " m"], ...]:
 def disparity_of(surface: Surface, hit: Int[Array, ""]) -> Float[Array, ""]:
     """Disparity of sample `hit`, 0 if that is -1."""
     number = surface.places.number(jnp.maximum(hit, 0))
-    return jnp.where(hit >= 0, surface.disparity[number], 0.0)
+    return jnp.where(hit >= 0, surface.disparity.at[number].get(mode="promise_in_bounds"), 0.0)
 
 
-def radiance_at(surface: Surface, ray: LensRay, hit: Int[Array, ""]) -> tuple[Float[Array, ""], ...]:
-    """Radiance in red, green and blue that `ray` (in grid units) brings from sample `hit`.
+class Met(eqx.Module):
+    """What a ray meets.
 
-    That of the sample, which is the mean over its area; from infinity if `hit` is -1.
+    Attributes:
+        radiance: red, green and blue that it brings.
+        disparity: where it is from, 1/m; 0 at infinity.
     """
-    met, number = hit >= 0, surface.places.number(jnp.maximum(hit, 0))
+
+    radiance: tuple[Float[Array, "*n"], ...]
+    disparity: Float[Array, "*n"]
+
+
+def met_at(surface: Surface, ray: LensRay, hit: Int[Array, ""]) -> Met:
+    """What `ray` (in grid units) brings from sample `hit`, or from infinity if that is -1.
+
+    Radiance is linear across the sample, with the slopes of `radiance_slopes`.
+    """
+    met, index = hit >= 0, jnp.maximum(hit, 0)
+    number, disparity = surface.places.number(index), disparity_of(surface, hit)
+    x, y = ray.a[0] + ray.b[0] * disparity, ray.a[1] + ray.b[1] * disparity
+    in_layer = index % (surface.columns * surface.rows)
+    row = in_layer // surface.columns
+    column = in_layer - row * surface.columns
+    dx = jnp.clip(x - column.astype(x.dtype) - 0.5, -0.5, 0.5)
+    dy = jnp.clip(y - row.astype(x.dtype) - 0.5, -0.5, 0.5)
     behind = jnp.int32(0)
     if surface.background[0].size > 1:
-        column = jnp.clip(jnp.floor(ray.a[0]).astype(jnp.int32), 0, surface.columns - 1)
-        row = jnp.clip(jnp.floor(ray.a[1]).astype(jnp.int32), 0, surface.rows - 1)
-        behind = row * surface.columns + column
+        far_column = jnp.clip(jnp.floor(x).astype(jnp.int32), 0, surface.columns - 1)
+        far_row = jnp.clip(jnp.floor(y).astype(jnp.int32), 0, surface.rows - 1)
+        behind = far_row * surface.columns + far_column
 
-    def look(plane: Float[Array, " n"], far: Float[Array, " m"]) -> Float[Array, ""]:
-        near = plane.at[number].get(mode="promise_in_bounds")
-        return jnp.where(met, near, far.at[behind].get(mode="promise_in_bounds"))
+    def look(mean: Array, across: Array, down: Array, far: Array) -> Float[Array, ""]:
+        own, by_x, by_y = (plane.at[number].get(mode="promise_in_bounds") for plane in (mean, across, down))
+        return jnp.where(met, own + dx * by_x + dy * by_y, far.at[behind].get(mode="promise_in_bounds"))
 
-    radiance = tuple(look(*planes) for planes in zip(surface.radiance, surface.background, strict=True))
-    if surface.gloss is None:
-        return radiance
-    disparity = jnp.where(met, surface.disparity[number], 1.0)
-    gloss = gloss_at(surface.gloss, ray, disparity, [(number, jnp.ones_like(disparity))])
-    return tuple(colour + jnp.where(met, gloss[k], 0.0) for k, colour in enumerate(radiance))
+    planes = zip(surface.radiance, surface.across, surface.down, surface.background, strict=True)
+    radiance = tuple(look(*colour) for colour in planes)
+    if surface.gloss is not None:
+        at = jnp.where(met, disparity, 1.0)
+        gloss = gloss_at(surface.gloss, ray, at, [(number, jnp.ones_like(at))])
+        radiance = tuple(colour + jnp.where(met, gloss[k], 0.0) for k, colour in enumerate(radiance))
+    return Met(radiance, disparity)

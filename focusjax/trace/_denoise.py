@@ -6,9 +6,9 @@ averaged with those of pixels around, by weights that leave every quadratic poly
 tenths of c. What is in focus is not touched. (Soler et al. 2009 give the bandwidth of a defocused light
 field; Vaidyanathan et al. 2015, Layered Light Field Reconstruction for Defocus Blur, filter by layers.)
 
-Bins go from near to far, k = 0, 1, .... Of a pixel's rays let n_k be the light of those that end in bin k, L_k
-what they bring, and m_k = n_k + n_(k+1) + ... the light that passes all nearer bins. With S_k the smoothing of
-bin k, both the share that it stops and what it brings are ratios,
+Bins go from near to far, k = 0, 1, .... Of a pixel's rays let n_k be the light of those that end in bin k,
+L_k what they bring, and m_k = n_k + n_(k+1) + ... the light that passes all nearer bins. With S_k the
+smoothing of bin k, both the share that it stops and what it brings are ratios,
 
     a_k = S_k n_k / S_k m_k,        l_k = S_k L_k / S_k m_k,
 
@@ -18,9 +18,9 @@ and the picture per light is composed from front to back,
 
 Without smoothing all of that cancels to sum_k L_k / m_0, the plain mean; how much light there is does not
 matter. A pixel of which no ray passes the nearer bins, although T_k says that some light does, borrows from
-around: tents a few pixels wide are added with small weights. Radiances are at most 1 here, and so is what is
-made of them; but for that, and for weights below 0 that nothing is made darker than black by, all is linear in
-them.
+around: tents a few pixels wide count there, with small weights. Radiances are at most 1 here, and so is what
+is made of them; but for that, and for weights below 0 that nothing is made darker than black by, all is
+linear in them.
 
 Where something less blurred cuts off part of the aperture, what is behind it does change faster than its own
 blur says, within the blur of the edge; and the pixels of the border are left to their own rays.
@@ -60,16 +60,18 @@ def denoised(
         least: least radius of blur in each bin, in pixels.
         rays: per pixel on the average; where traced, kernels are as long as for the fewest rays.
     """
-    lights = sums.light.shape[-1]
+    lights, kinds = sums.light.shape[-1], len(least)
 
     def as_planes(values: Float[Array, "p k c"]) -> Float[Array, "k c h w"]:
-        return jnp.moveaxis(values.reshape(-1, width, *values.shape[1:]), (2, 3), (0, 1))
+        # One transposition of a matrix, which is quicker than one of more axes.
+        return values.reshape(len(values), -1).T.reshape(kinds, -1, len(values) // width, width)
 
-    light = as_planes(sums.light)
-    passing = jnp.cumsum(light[::-1], axis=0)[::-1]
-    planes = jnp.concatenate([as_planes(sums.brought), light, passing], axis=1)
-    picture = jnp.zeros_like(planes[0, :3])
-    stopped_so_far = jnp.zeros_like(passing[0])
+    brought, light = as_planes(sums.brought), as_planes(sums.light)
+    passing = [light[-1]]
+    for of_bin in light[-2::-1] if kinds > 1 else ():
+        passing.insert(0, passing[0] + of_bin)
+    picture = jnp.zeros_like(brought[0])
+    arrived = jnp.zeros_like(passing[0])
     through = passing[0]
     for number, blur in enumerate(least):
         kernel = _kernel_for(blur, rays)
@@ -77,33 +79,29 @@ def denoised(
         most = math.inf if own else _MOST_TIMES
 
         def smooth(of_bin: Float[Array, "c h w"], kernel=kernel, own=own) -> Float[Array, "c h w"]:
-            found = of_bin if own else _smoothed(of_bin, kernel)
-            for reach, count in _BORROWED if own else ():
-                found += count * _smoothed(of_bin, _tent(reach))
-            return found
+            return _borrowing(of_bin, lights) if own else _smoothed(of_bin, kernel)
 
         def compose(
-            state: tuple[Array, Array, Array], of_bin=planes[number], smooth=smooth, most=most, number=number
+            state: tuple[Array, Array, Array], smooth=smooth, most=most, number=number
         ) -> tuple[Array, Array, Array]:
-            picture, told, through = state
-            found = smooth(of_bin)
-            stopped, light = found[3 : 3 + lights], found[3 + lights :]
-            if number == 0:
-                # Of the light that there is: lenses may let pass next to none.
-                through = jnp.maximum(through, light)
+            picture, arrived, through = state
+            found = smooth(jnp.concatenate([brought[number], light[number], passing[number]]))
+            stopped, lit = found[3 : 3 + lights], found[3 + lights :]
+            # Of the light that there is: lenses may let pass next to none.
+            through = jnp.where(arrived > 0, through, jnp.maximum(through, lit))
             # Nothing is brighter than white.
-            brought = jnp.minimum(found[:3], stopped)
+            added = jnp.minimum(found[:3], stopped)
             # How much light passes is known twice, by this bin's kernel and by those of nearer ones. No more
             # is stopped than that, although with weights below 0 it may seem so.
-            least = jnp.maximum(light, stopped)
+            least = jnp.maximum(lit, stopped)
             times = jnp.minimum(jnp.where(least > 0, through / jnp.where(least > 0, least, 1.0), 0.0), most)
-            return picture + times * brought, told + times * stopped, through - times * stopped
+            return picture + times * added, arrived + times * stopped, through - times * stopped
 
         anything = (light[number] > 0).any()
-        state = picture, stopped_so_far, through
-        picture, stopped_so_far, through = jax.lax.cond(anything, compose, lambda state: state, state)
-    lit = stopped_so_far > 0
-    picture = jnp.where(lit, picture / jnp.where(lit, stopped_so_far, 1.0), 0.0)
+        state = picture, arrived, through
+        picture, arrived, through = jax.lax.cond(anything, compose, lambda state: state, state)
+    lit = arrived > 0
+    picture = jnp.where(lit, picture / jnp.where(lit, arrived, 1.0), 0.0)
     return jnp.moveaxis(picture, 0, -1).reshape(-1, 3)
 
 
@@ -123,6 +121,17 @@ def _kernel_for(blur: float, rays: float | Array) -> Float[np.ndarray, " n"] | F
     zeroth, second, fourth = ((weights * x**power).sum() for power in (0, 2, 4))
     fit = weights * (fourth - second * x**2) / jnp.maximum(zeroth * fourth - second**2, 1e-30)
     return jnp.where(half_width < 1.0, (x == 0).astype(fit.dtype), fit)
+
+
+def _borrowing(planes: Float[Array, "c h w"], lights: int) -> Float[Array, "c h w"]:
+    """The planes as they are, but for pixels without any light, which have a little of that around."""
+    dark = planes[3 + lights :].sum(axis=0) == 0
+
+    def borrow(planes: Float[Array, "c h w"]) -> Float[Array, "c h w"]:
+        around = [count * _smoothed(planes, _tent(reach)) for reach, count in _BORROWED]
+        return jnp.where(dark[None], functools.reduce(jnp.add, around), planes)
+
+    return jax.lax.cond(dark.any(), borrow, lambda planes: planes, planes)
 
 
 @functools.lru_cache(maxsize=64)
@@ -154,20 +163,25 @@ def _smoothed(
     border itself to its own rays.
     """
     reach = len(taps) // 2
+    around = [(0, 0), (reach, reach), (reach, reach)]
+    planes = jnp.pad(planes, around, mode="reflect", reflect_type="odd")
 
     def tap(step: int) -> float | Array:
         return taps[reach + step] if isinstance(taps, Array) else float(taps[reach + step])
 
-    for axis in (1, 2):
-        padding = [(reach, reach) if k == axis else (0, 0) for k in range(3)]
-        around = jnp.pad(planes, padding, mode="reflect", reflect_type="odd")
-        size = planes.shape[axis]
+    for axis in (0, 1):
 
-        def at(step: int, around=around, size=size, axis=axis) -> Float[Array, "c h w"]:
-            return jax.lax.slice_in_dim(around, reach + step, reach + step + size, axis=axis)
+        def along(plane: Float[Array, "v w"], axis: int = axis) -> Float[Array, "_ _"]:
+            size = plane.shape[axis] - 2 * reach
 
-        total = tap(0) * at(0)
-        for step in range(1, reach + 1):
-            total += tap(step) * (at(step) + at(-step))
-        planes = total
+            def at(step: int) -> Float[Array, "_ _"]:
+                return jax.lax.slice_in_dim(plane, reach + step, reach + step + size, axis=axis)
+
+            total = tap(0) * at(0)
+            for step in range(1, reach + 1):
+                total += tap(step) * (at(step) + at(-step))
+            return total
+
+        # A loop, as XLA for CPU would work out the first axis anew for each place along the second.
+        planes = jax.lax.map(along, planes)
     return jnp.maximum(planes, 0.0)

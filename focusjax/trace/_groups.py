@@ -87,10 +87,7 @@ def running_max(values: Int[Array, " n"]) -> Int[Array, " n"]:
     length = values.shape[0]
     rows = jnp.pad(values, (0, -length % row)).reshape(-1, row)
     last = rows.max(axis=1)
-    if last.shape[0] > 4 * row:
-        above = running_max(last)
-    else:
-        above = jnp.maximum.accumulate(last)
+    above = running_max(last) if last.shape[0] > 4 * row else jnp.maximum.accumulate(last)
     above = jnp.concatenate([jnp.zeros(1, dtype=values.dtype), above[:-1]])
     inside = jnp.maximum.accumulate(rows, axis=1)
     return jnp.maximum(above[:, None], inside).reshape(-1)[:length]

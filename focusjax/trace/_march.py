@@ -14,7 +14,7 @@ from focusjax.trace._walk import Passing, Path, Volume, take_step
 
 _FIRST_STEPS = 2
 _PART = 8192
-"""Rays walked together after the first steps, few enough for all that is known of them to stay in the cache."""
+"""Rays walked together after the first steps, few enough for all about them to stay in the cache."""
 
 
 def first_hits(volume: Volume, paths: Path, chance: UInt[Array, " n"] | None = None) -> Int[Array, " n"]:

@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.sharding import Mesh
-from jaxtyping import Array, Float, UInt
+from jaxtyping import Array, Bool, Float, UInt
 
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
@@ -21,6 +21,8 @@ from focusjax.trace._accumulate import PixelSums, traced_sums
 from focusjax.trace._allocate import FEWEST, allocated, allocated_through, contrast, counts_for
 from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._denoise import denoised
+from focusjax.trace._emitter_rays import emitter_light
+from focusjax.trace._emitters import Emitters, split_emitters
 from focusjax.trace._flux import Rays, Still, picture_flow
 from focusjax.trace._focal_zone import focal_zone
 from focusjax.trace._groups import RayGroups, even_groups, groups_of
@@ -46,6 +48,7 @@ class RenderSettings:
         even: whether every pixel has as many rays.
         smooth: whether what is blurred is denoised.
         pixel_filter: "box", "tent" or "gaussian".
+        emitters: whether anything may be bright enough for rays of its own.
         mesh: devices that share the picture; None for the default one.
     """
 
@@ -54,6 +57,7 @@ class RenderSettings:
     even: bool
     smooth: bool
     pixel_filter: str
+    emitters: bool
     mesh: Mesh | None = None
 
 
@@ -113,16 +117,50 @@ def traced_picture(
     layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings
 ) -> Float[Array, "p 3"]:
     """The picture, row-major."""
+    emitters = None
+    if settings.emitters:
+        layers, emitters = split_emitters(layers, lens)
+    known = known_light(lens, layers.camera)
+    bins = coc_bins(layers, lens) if settings.smooth else CocBins(None)
+    sums = picture_sums(layers, lens, seed, settings, bins, known)
+    means = developed(sums, layers.camera.width, bins, settings.rays, known)
+    return means if emitters is None else means + light_of(emitters, layers, lens, seed, settings)
+
+
+def light_of(
+    emitters: Emitters, layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings
+) -> Float[Array, "p 3"]:
+    """What emitters that were split off `layers` bring to each pixel."""
+    ranges = disparity_ranges(layers, lens, settings.pixel_filter)
+    rays, pixel_filter = settings.rays, settings.pixel_filter
+    scene = traced_scene(layers)
+    return emitter_light(scene, lens, emitters, ranges, seed, rays=rays, pixel_filter=pixel_filter)
+
+
+def picture_sums(
+    layers: Layers,
+    lens: AbstractLens,
+    seed: UInt[Array, ""],
+    settings: RenderSettings,
+    bins: CocBins,
+    known: KnownLight | None,
+    wanted: Bool[Array, " p"] | None = None,
+) -> PixelSums:
+    """The sums of all pixels, or of those that are `wanted` as they are among all; 0 in the others."""
     camera = layers.camera
     fixed = jax.lax.stop_gradient(layers)
     ranges = disparity_ranges(layers, lens, settings.pixel_filter)
-    known = known_light(lens, camera)
-    bins = coc_bins(layers, lens) if settings.smooth else CocBins(None)
     if settings.even or settings.rays < FEWEST:
         together = max(k for k in range(1, _TOGETHER + 1) if settings.rays % k == 0)
-        groups, counts = even_groups(camera.width, camera.height, settings.rays, together), (settings.rays,)
+        counts = (settings.rays,)
+        if wanted is None:
+            groups = even_groups(camera.width, camera.height, settings.rays, together)
+        else:
+            most = camera.width * camera.height * settings.rays // together
+            chosen = jnp.where(wanted, settings.rays, 0)
+            groups = groups_of(chosen, camera.width, camera.height, together, most=most)
     else:
-        groups, counts = _adaptive_groups(fixed, lens, ranges, known, settings)
+        groups, counts = _adaptive_groups(fixed, lens, ranges, known, settings, wanted)
     samples = ray_samples(
         lens,
         counts,
@@ -130,8 +168,7 @@ def traced_picture(
         with_chances=layers.samples.opacity is not None,
         pixel_filter=settings.pixel_filter,
     )
-    sums = traced_sums(traced_scene(layers), lens, samples, groups, ranges, bins, settings.mesh)
-    return developed(sums, camera.width, bins, settings.rays, known)
+    return traced_sums(traced_scene(layers), lens, samples, groups, ranges, bins, settings.mesh)
 
 
 def coc_bins(layers: Layers, lens: AbstractLens) -> CocBins:
@@ -148,6 +185,7 @@ def _adaptive_groups(
     ranges: DisparityRanges,
     known: KnownLight | None,
     settings: RenderSettings,
+    wanted: Bool[Array, " p"] | None,
 ) -> tuple[RayGroups, tuple[int, ...]]:
     """Groups of rays by what differs in each pixel, and the numbers of rays that pixels may have."""
     camera, rays = layers.camera, settings.rays
@@ -158,6 +196,8 @@ def _adaptive_groups(
         count = allocated(variance, rays, rays)
     else:
         count = allocated_through(variance, known.share[:, 1], rays)
+    if wanted is not None:
+        count = jnp.where(wanted, count, 0)
     most = -(-rays * camera.width * camera.height // _TOGETHER)
     groups = groups_of(count, camera.width, camera.height, _TOGETHER, most=most, nested=FEWEST)
     return groups, counts_for(rays)

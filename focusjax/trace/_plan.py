@@ -1,8 +1,8 @@
 """How many rays a wanted quality takes, from pictures of a few of the pixels.
 
-Let A, B be plain means of independent rays in a pixel, and S that of the denoised picture of A. As A and B are
-right on the average, (A - B)^2 / 2 is on the average the squared error of either; with two more means C and D,
-(S - C) (S - D) is that of S, what denoising makes wrong included. The error of the picture is
+Let A, B be plain means of independent rays in a pixel, and S that of the denoised picture of A. As A and B
+are right on the average, (A - B)^2 / 2 is on the average the squared error of either; with two more means C
+and D, (S - C) (S - D) is that of S, what denoising makes wrong included. The error of the picture is
 
     E = E_plain g,        g = (error of S) / (error of A),
 
@@ -166,9 +166,9 @@ class _Trials:
         self, layers: Layers, lens: AbstractLens, seed: int, *, smooth: bool, pixel_filter: str | None
     ) -> None:
         settings = render_settings(layers, lens, smooth=smooth, pixel_filter=pixel_filter)
-        self._layers, self._filter = layers, settings.pixel_filter
+        self._filter = settings.pixel_filter
         self._lens = within_reach(layers, lens, self._filter)
-        self._ready = prepared(layers, self._lens, pixel_filter=self._filter, smooth=smooth)
+        self._ready = prepared(layers, self._lens, settings=settings)
         camera, chance = layers.camera, np.random.default_rng(seed)
         self._windows, inside, self._core = NO_WINDOWS, np.zeros(0, dtype=np.int32), np.zeros(0, dtype=bool)
         if len(self._ready.bins.least) > 1:
@@ -189,7 +189,6 @@ class _Trials:
         start = time.perf_counter()
         plain, denoised, traced = jax.block_until_ready(
             some_pixels(
-                self._layers,
                 self._lens,
                 self._ready,
                 self._pixels,

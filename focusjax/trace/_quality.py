@@ -20,18 +20,20 @@ A picture is taken to be as good as E + 2 d says, which is too good in about one
 import dataclasses
 import time
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, UInt
 
 from focusjax._counts import require_counts, require_seed
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._allocate import FEWEST
+from focusjax.trace._picture import RenderSettings, light_of
 from focusjax.trace._plan import in_rows, psnr_of
 from focusjax.trace._render import render_settings, within_reach
-from focusjax.trace._some_pixels import prepared, some_pixels
+from focusjax.trace._some_pixels import Prepared, prepared, some_pixels
 
 _RAYS = 16
 _LARGEST = 64
@@ -126,36 +128,51 @@ def _two_means(
     seed: int,
 ) -> tuple[Float[np.ndarray, "2 n 3"], float]:
     """Independent means in some pixels, and seconds of a picture with the fewest rays."""
-    chosen = render_settings(layers, lens, pixel_filter=pixel_filter).pixel_filter
+    settings = render_settings(layers, lens, rays=rays, smooth=False, pixel_filter=pixel_filter)
+    chosen = settings.pixel_filter
     lens = within_reach(layers, lens, chosen)
     # The first for its program to be compiled; so with the rays.
-    jax.block_until_ready(prepared(layers, lens, pixel_filter=chosen, smooth=False))
+    plain = dataclasses.replace(settings, rays=FEWEST, derivative_rays=FEWEST)
+    jax.block_until_ready(prepared(layers, lens, settings=plain))
     start = time.perf_counter()
-    ready = jax.block_until_ready(prepared(layers, lens, pixel_filter=chosen, smooth=False))
+    ready = jax.block_until_ready(prepared(layers, lens, settings=plain))
     preparing = time.perf_counter() - start
     listed = jnp.asarray(in_rows(pixels))
     largest = max(_LARGEST, 1 << (rays - 1).bit_length())
     found = []
     tracing, traced = 0.0, 1.0
     for number in range(2):
+        stream = (2 * seed + number + _OTHER_STREAM) & 0xFFFFFFFF
         start = time.perf_counter()
         mean, _, traced = jax.block_until_ready(
             some_pixels(
-                layers,
                 lens,
                 ready,
                 listed,
                 jnp.int32(rays),
-                jnp.full(1, (2 * seed + number + _OTHER_STREAM) & 0xFFFFFFFF, dtype=jnp.uint32),
+                jnp.full(1, stream, dtype=jnp.uint32),
                 most_rays=largest,
                 pixel_filter=chosen,
             )
         )
         tracing = time.perf_counter() - start
-        found.append(np.asarray(mean[0, : len(pixels)], dtype=np.float64))
+        means = np.asarray(mean[0, : len(pixels)], dtype=np.float64)
+        if ready.emitters is not None:
+            light = _emitted(ready, lens, jnp.uint32(stream), settings=settings)
+            means = means + np.asarray(light, dtype=np.float64)[pixels]
+        found.append(means)
     camera = layers.camera
     whole = FEWEST * camera.width * camera.height
     return np.stack(found), preparing + tracing * whole / max(float(traced), 1.0)
+
+
+@eqx.filter_jit
+def _emitted(
+    ready: Prepared, lens: AbstractLens, seed: UInt[Array, ""], *, settings: RenderSettings
+) -> Float[Array, "p 3"]:
+    """The light of emitters, by rays of their own."""
+    assert ready.emitters is not None
+    return light_of(ready.emitters, ready.layers, lens, seed, settings)
 
 
 def _sampled(stratum: Bool[np.ndarray, " p"], chance: np.random.Generator) -> Int[np.ndarray, " n"]:

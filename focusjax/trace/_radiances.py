@@ -9,7 +9,7 @@ from jaxtyping import Array, Float, Int
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers import Grid, Layers
 from focusjax.lens import AbstractLens
-from focusjax.trace._colour import Surface, disparity_of, radiance_at, surface_of
+from focusjax.trace._colour import Surface, met_at, surface_of
 from focusjax.trace._march import first_hits
 from focusjax.trace._samples import Starts
 from focusjax.trace._starts import lens_rays
@@ -90,5 +90,5 @@ def seen_along(
 ) -> Seen:
     """What n rays bring back; arguments are those of `first_met`."""
     rays, hits = first_met(scene, lens, starts, least, largest, deepest)
-    radiance = jax.vmap(lambda ray, hit: radiance_at(scene.surface, ray, hit))(rays, hits)
-    return Seen(radiance, rays.weight, jax.vmap(lambda hit: disparity_of(scene.surface, hit))(hits))
+    met = jax.vmap(lambda ray, hit: met_at(scene.surface, ray, hit))(rays, hits)
+    return Seen(met.radiance, rays.weight, met.disparity)

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
-from jaxtyping import Array, Float, Int, UInt
+from jaxtyping import Array, Float, UInt
 
 from focusjax._arguments import require_kind, require_switches
 from focusjax._counts import require_counts, require_seed
@@ -16,6 +16,7 @@ from focusjax.geometry import filter_radius
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._devices import Device, mesh_of, replicated
+from focusjax.trace._emitters import may_emit
 from focusjax.trace._picture import RenderSettings, picture
 from focusjax.trace._reach import check_reach, out_of_reach
 
@@ -29,7 +30,7 @@ def render(
     even: bool = False,
     smooth: bool | None = None,
     pixel_filter: str | None = None,
-    seed: int | Int[Array, ""] = 0,
+    seed: int | Array = 0,
     devices: Sequence[Device] | None = None,
 ) -> Float[Array, "h w 3"]:
     """The picture that `lens` forms of `layers`: linear radiance, mean over the rays of each pixel.
@@ -65,7 +66,8 @@ def render(
 
     Raises:
         ValueError: no rays, no such filter, devices of some other processes only, or a lens or filter whose
-            rays leave what the layers were peeled for. Within compiled functions the latter is an `equinox.EquinoxRuntimeError`.
+            rays leave what the layers were peeled for. Within compiled functions the latter is an
+            `equinox.EquinoxRuntimeError`.
 
     Example:
         >>> def contrast(focus):  # doctest: +SKIP
@@ -112,7 +114,9 @@ def render_settings(
     require_switches(even=even, smooth=smooth)
     chosen = layers.pixel_filter if pixel_filter is None else pixel_filter
     filter_radius(chosen)
-    return RenderSettings(int(rays), int(derivative_rays), bool(even), bool(smooth), chosen)
+    return RenderSettings(
+        int(rays), int(derivative_rays), bool(even), bool(smooth), chosen, emitters=may_emit(layers)
+    )
 
 
 def seed_of(seed: Any) -> UInt[Array, ""]:
@@ -136,7 +140,9 @@ def within_reach(layers: Layers, lens: AbstractLens, pixel_filter: str) -> Abstr
         ValueError: they do not.
     """
     if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((layers, lens))):
-        check_reach(layers, lens, pixel_filter)
+        # Also where something else is traced, such as the seed.
+        with jax.ensure_compile_time_eval():
+            check_reach(layers, lens, pixel_filter)
         return lens
     return eqx.error_if(
         lens,

@@ -17,18 +17,18 @@ from jaxtyping import Array, Float, Int, UInt
 
 from focusjax.geometry import film_offsets
 from focusjax.lens import AbstractLens
-from focusjax.trace._sobol import sobol_points, stirred
+from focusjax.trace._sobol import shuffled, sobol_points, stirred
 
 _MOST_SAMPLES = 1 << 20
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
-_CHANCE = 64
-"""Number of the seed's stream for chances, after those of dimensions."""
+_CHANCE, _ORDER = 64, 65
+"""Numbers of the seed's streams for chances and the order of pixels, after those of dimensions."""
 
 
 class RaySamples(eqx.Module):
     """Ray starts for the pixels of a tile, for pixels with different numbers of rays.
 
-    The rays of a pixel with the fewest rays come first, then those of a pixel with the next number, and so on.
+    Those of a pixel with the fewest rays come first, then those of a pixel with the next number, and so on.
 
     Attributes:
         place: x and y in the pixel, each [t * s], 0 to 1 from its left and top border, or beyond as far as
@@ -36,6 +36,8 @@ class RaySamples(eqx.Module):
         pupil: x and y on the aperture, each [t * s], in aperture radii.
         chance: 32 bits [t * s] that decide where a ray stops among surfaces of partial opacity; None where
             there are none.
+        moment: share of its pixel's light [t * s], 0 to 1, that arrives before the ray; None where nothing
+            moves.
         edge: edge of the tile in pixels (static).
         per_pixel: s, rays of all numbers together (static).
     """
@@ -43,6 +45,7 @@ class RaySamples(eqx.Module):
     place: tuple[Float[Array, " n"], Float[Array, " n"]]
     pupil: tuple[Float[Array, " n"], Float[Array, " n"]]
     chance: UInt[Array, " n"] | None
+    moment: Float[Array, " n"] | None
     edge: int = eqx.field(static=True)
     per_pixel: int = eqx.field(static=True)
 
@@ -55,18 +58,19 @@ class RaySamples(eqx.Module):
 
         x, y = (look(plane) for plane in self.place)
         u, v = (look(plane) for plane in self.pupil)
-        chance = None if self.chance is None else look(self.chance)
-        return Starts(column.astype(x.dtype) + x, row.astype(y.dtype) + y, u, v, chance)
+        chance, moment = (None if plane is None else look(plane) for plane in (self.chance, self.moment))
+        return Starts(column.astype(x.dtype) + x, row.astype(y.dtype) + y, u, v, chance, moment)
 
 
 class Starts(eqx.Module):
-    """Film points in pixels, aperture points in aperture radii, and chances of some rays, each [*n]."""
+    """Some rays, each [*n]: film points in pixels, aperture points in aperture radii, chances, moments."""
 
     x: Float[Array, "*n"]
     y: Float[Array, "*n"]
     u: Float[Array, "*n"]
     v: Float[Array, "*n"]
     chance: UInt[Array, "*n"] | None
+    moment: Float[Array, "*n"] | None = None
 
 
 def ray_samples(
@@ -96,15 +100,21 @@ def ray_samples(
         place=(film_offsets(pixel_filter, x), film_offsets(pixel_filter, y)),
         pupil=(pupil[:, 0], pupil[:, 1]),
         chance=chance,
+        moment=None,
         edge=edge,
         per_pixel=sum(counts),
     )
 
 
 def pixel_points(dimensions: int, edge: int, rays: int, seed: UInt[Array, ""]) -> Float[Array, "t s d"]:
-    """Points of the unit hypercube, some for each pixel of a tile, spread evenly over each and over all."""
-    order = z_order(*reversed(np.divmod(np.arange(edge**2), edge)))
-    index = jnp.asarray(order, dtype=jnp.int32)[:, None] * rays + jnp.arange(rays, dtype=jnp.int32)
+    """Points of the unit hypercube, some for each pixel of a tile, spread evenly over each and over all.
+
+    Which pixel has which block of the sequence is chosen by the seed, too: scrambling alone leaves what is
+    coarse about a block, but for few random bits, so that the noise of two seeds would go together.
+    """
+    order = jnp.asarray(z_order(*reversed(np.divmod(np.arange(edge**2), edge))), dtype=jnp.int32)
+    order = shuffled(order, edge**2, stirred(seed, _ORDER))
+    index = order[:, None] * rays + jnp.arange(rays, dtype=jnp.int32)[None]
     return jnp.stack(sobol_points(index, seed, dimensions, most=edge**2 * rays), axis=-1)
 
 
@@ -112,11 +122,11 @@ def pixel_chances(edge: int, rays: int, seed: UInt[Array, ""]) -> UInt[Array, "t
     """32 bits [t, s] evenly spaced for the rays of each pixel of a tile, its first rays among them evenly."""
     order = z_order(*reversed(np.divmod(np.arange(edge**2), edge)))
     leap = next(k for k in range(round(_GOLDEN * rays), 2 * rays + 2) if math.gcd(k, rays) == 1)
-    of_ray = np.arange(rays) * leap % rays / rays
-    of_pixel = (order * _GOLDEN % 1.0)[:, None]
-    spread = jnp.asarray((of_ray + of_pixel) % 1.0, dtype=jnp.float32)
-    shift = (stirred(seed, _CHANCE) >> 8).astype(jnp.float32) * 2.0**-24
-    return jnp.minimum((spread + shift) % 1.0 * 2.0**32, 2.0**32 - 256.0).astype(jnp.uint32)
+    # In whole numbers: those of later surfaces are multiples of these, and so would be their rounding.
+    of_ray = np.arange(rays) * leap % rays * 2**32 // rays
+    of_pixel = np.floor(order * _GOLDEN % 1.0 * 2.0**32).astype(np.int64)[:, None]
+    spaced = ((of_ray + of_pixel) % 2**32).astype(np.uint32)
+    return jnp.asarray(spaced) + stirred(seed, _CHANCE)
 
 
 def line_points(edge: int, rays: int, seed: UInt[Array, ""]) -> Float[Array, "k j s 3"]:
@@ -131,7 +141,7 @@ def line_points(edge: int, rays: int, seed: UInt[Array, ""]) -> Float[Array, "k 
     order = jnp.argsort(points[..., :1], axis=1)
     points = jnp.take_along_axis(points, order, axis=1)
     within = jnp.arange(strata, dtype=jnp.int32) % rays
-    along = (points[..., 0] * strata % 1.0 + within.astype(points.dtype)) / rays
+    along = (points[..., 0] * strata % 1.0 + within.astype(points.dtype)[None]) / rays
     along = jnp.minimum(along, 1.0 - 2.0**-24)
     return points.at[..., 0].set(along).reshape(edge, edge, rays, 3)
 

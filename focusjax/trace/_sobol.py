@@ -45,6 +45,18 @@ def sobol_points(
     return points
 
 
+def shuffled(index: Int[Array, "*n"], count: int, seed: UInt[Array, ""]) -> Int[Array, "*n"]:
+    """The numbers from 0 to below `count`, a power of two, in another order: halves swapped, and halves of them.
+
+    Runs of 2^k numbers that begin at a multiple of it stay together.
+    """
+    bits = count.bit_length() - 1
+    if bits == 0:
+        return index
+    word = reversed_bits(index.astype(jnp.uint32)) >> (_BITS - bits)
+    return (reversed_bits(_scrambled(word, seed)) >> (_BITS - bits)).astype(index.dtype)
+
+
 def stirred(seed: UInt[Array, ""], number: int) -> UInt[Array, ""]:
     """A seed that looks independent of `seed` for each `number`."""
     word = seed ^ jnp.uint32((0x9E3779B9 * (number + 1)) & 0xFFFFFFFF)

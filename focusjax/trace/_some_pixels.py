@@ -1,8 +1,8 @@
 """Pictures of a few pixels only, from which the error of a whole one is estimated.
 
-One compiled program serves every number of rays: the number is traced, and the list of ray groups is as long
-as the largest one needs; of it, only what is used is traced. Pixels come as a list, in which small windows may
-come first: square parts of the picture, each denoised as if it were a picture.
+One compiled program serves every number of rays: the number is traced, and the list of ray groups is as
+long as the largest one needs; of it, only what is used is traced. Pixels come as a list, in which small
+windows may come first: square parts of the picture, each denoised as if it were a picture.
 """
 
 import dataclasses
@@ -17,9 +17,10 @@ from focusjax.lens import AbstractLens
 from focusjax.trace._accumulate import PixelSums, summed
 from focusjax.trace._allocate import FEWEST, allocated, allocated_through, contrast, counts_for
 from focusjax.trace._coc_bins import CocBins
+from focusjax.trace._emitters import Emitters, split_emitters
 from focusjax.trace._groups import RayGroups, groups_of
 from focusjax.trace._known_light import KnownLight, known_light
-from focusjax.trace._picture import coc_bins, developed
+from focusjax.trace._picture import RenderSettings, coc_bins, developed
 from focusjax.trace._radiances import Seen, seen_along, traced_scene
 from focusjax.trace._ranges import DisparityRanges, disparity_ranges
 from focusjax.trace._samples import ray_samples
@@ -35,12 +36,16 @@ class Prepared(eqx.Module):
     """What rays of all numbers have in common.
 
     Attributes:
+        layers: without emitters that have rays of their own.
+        emitters: these; None where there are none.
         ranges: disparities that rays can meet.
         variance: of what the rays of each pixel may meet [p].
         known: light that gets through the lens; None where all rays pass alike.
         bins: circle-of-confusion bins.
     """
 
+    layers: Layers
+    emitters: Emitters | None
     ranges: DisparityRanges
     variance: Float[Array, " p"]
     known: KnownLight | None
@@ -66,19 +71,21 @@ NO_WINDOWS = Windows(0, 0, 0)
 
 
 @eqx.filter_jit
-def prepared(layers: Layers, lens: AbstractLens, *, pixel_filter: str, smooth: bool) -> Prepared:
+def prepared(layers: Layers, lens: AbstractLens, *, settings: RenderSettings) -> Prepared:
     """What rays of all numbers have in common."""
-    camera = layers.camera
+    camera, pixel_filter = layers.camera, settings.pixel_filter
+    emitters = None
+    if settings.emitters:
+        layers, emitters = split_emitters(layers, lens)
     ranges = disparity_ranges(layers, lens, pixel_filter)
     row, column = jnp.divmod(jnp.arange(camera.width * camera.height, dtype=jnp.int32), camera.width)
     variance = contrast(layers, lens, ranges, pixel_filter)[ranges.square(column, row)]
-    bins = coc_bins(layers, lens) if smooth else CocBins(None)
-    return Prepared(ranges, variance, known_light(lens, camera), bins)
+    bins = coc_bins(layers, lens) if settings.smooth else CocBins(None)
+    return Prepared(layers, emitters, ranges, variance, known_light(lens, camera), bins)
 
 
 @eqx.filter_jit
 def some_pixels(
-    layers: Layers,
     lens: AbstractLens,
     ready: Prepared,
     pixels: Int[Array, " n"],
@@ -91,8 +98,9 @@ def some_pixels(
 ) -> tuple[Float[Array, "k n 3"], Float[Array, "k m 3"], Int[Array, ""]]:
     """Plain means over the rays of chosen pixels, denoised ones in windows, and the rays traced per seed.
 
+    All are without the light of emitters.
+
     Args:
-        layers: as for `render`.
         lens: as for `render`.
         ready: by `prepared`.
         pixels: row-major numbers [n], those of windows first; n is a multiple of 32.
@@ -102,6 +110,7 @@ def some_pixels(
         pixel_filter: as for `render`.
         windows: how many of the pixels are in windows (static).
     """
+    layers = ready.layers
     count = _counts(ready, rays)[pixels]
     levels = counts_for(most_rays)
     width = layers.camera.width

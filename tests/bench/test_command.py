@@ -42,6 +42,20 @@ def test_files_and_status(finished):
     assert len(list((folder / "cache").iterdir())) == 1
 
 
+def test_what_was_measured_before_a_failure_is_kept(config_file, tmp_path):
+    """A method that fails at its second setting."""
+    status, _, complaint = bench(
+        config_file, "--out", tmp_path / "out", "--size", "32x24", "--repeats", 1,
+        "--cache", tmp_path / "cache", "--reference", "raycast", "--reference-samples", 16,
+        "--methods", "multilayer=4,1,8",
+    )  # fmt: skip
+    assert status == 1
+    assert complaint == "focusjax: multilayer failed on ball_and_wall: layers is 1; expected at least 2\n"
+    facts = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert [row["setting"] for row in facts["scenes"][0]["rows"]] == [4]
+    assert "could not be measured with all its settings" in (tmp_path / "out" / "report.html").read_text()
+
+
 def test_numbers(finished):
     folder = finished[0]
     facts = json.loads((folder / "out" / "results.json").read_text())

@@ -44,6 +44,20 @@ def test_its_own_error_is_estimated(case, tmp_path, calls):
     assert fine.floor_psnr > rough.floor_psnr + 10
 
 
+def test_samples_that_are_not_finite_are_left_out_and_counted(case, tmp_path, monkeypatch):
+    """A pixel that one half lacks is the other's; one that both lack is the mean of its neighbours."""
+    first, second = np.full((24, 32, 3), 0.2), np.full((24, 32, 3), 0.4)
+    first[3, 4], second[3, 5, 1], first[8, 8], second[8, 8] = np.nan, np.inf, np.nan, -np.inf
+    monkeypatch.setattr(module, "made_apart", lambda *_: [(first, 2), (second, 5)])
+    found = reference_picture(case, maker="raycast", samples=4, cache=tmp_path)
+    expected = np.full((24, 32, 3), 0.3)
+    expected[3, 4], expected[3, 5] = 0.4, 0.2
+    np.testing.assert_allclose(found.picture, expected)
+    assert found.dropped == 7
+    assert np.isfinite(found.floor_psnr)
+    assert reference_picture(case, maker="raycast", samples=4, cache=tmp_path).dropped == 7
+
+
 def test_a_broken_file_is_made_anew(case, tmp_path, calls):
     reference_picture(case, maker="raycast", samples=4, cache=tmp_path)
     next(tmp_path.iterdir()).write_bytes(b"half a fi")
@@ -56,7 +70,9 @@ def test_nothing_is_left_of_one_that_fails(case, tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(module.np, "savez_compressed", interrupted)
-    monkeypatch.setattr(module, "made_apart", lambda *_: [np.zeros((24, 32, 3)), np.ones((24, 32, 3))])
+    monkeypatch.setattr(
+        module, "made_apart", lambda *_: [(np.zeros((24, 32, 3)), 0), (np.ones((24, 32, 3)), 0)]
+    )
     with pytest.raises(KeyboardInterrupt):
         reference_picture(case, maker="raycast", samples=4, cache=tmp_path)
     assert not list(tmp_path.iterdir())

@@ -38,7 +38,7 @@ def found(case):
         row("multilayer", 4, 0.5, math.inf, 1.0),
     ]
     picture = np.full((24, 32, 3), 0.5)
-    reference = Reference(picture, "mitsuba", 2048, 55.0, kept=True, seconds=1.0)
+    reference = Reference(picture, "mitsuba", 2048, 3, 55.0, kept=True, seconds=1.0)
     pictures = {"tracer": (16, picture), "mitsuba": (64, picture + 0.01)}
     return CaseResults(case, reference, 0.3, rows, pictures, {})
 
@@ -70,10 +70,21 @@ def test_the_files_tell_them(found, tmp_path):
     machine = {"processor": "two & two", "cores": 2, "device": "cpu", "load_before": 0.5}
     save_results(tmp_path, Results(machine, 3, methods, [found]))
     page = (tmp_path / "report.html").read_text()
-    for text in ("To 40.00 dB", "2.00 s", "6.00", "not reached", "≤ 0.50 s", "≥ 24.00", "two &amp; two", "∞"):
+    for text in (
+        "To 40.00 dB",
+        "2.00 s",
+        "6.00",
+        "not reached",
+        "≤ 0.50 s",
+        "≥ 24.00",
+        "two &amp; two",
+        "∞",
+        "3 of its samples were",
+    ):
         assert text in page
     facts = json.loads((tmp_path / "results.json").read_text())
     assert facts["scenes"][0]["anchor"]["psnr"] == 40.0
     lines = {line["method"]: line for line in facts["scenes"][0]["equal_error"]}
+    assert facts["scenes"][0]["reference"]["dropped_samples"] == 3
     assert lines["gather"]["render"]["seconds"] == "inf"
     assert lines["tracer"]["ratio"] == pytest.approx(6.0)

@@ -71,7 +71,7 @@ def test_all_that_are_installed_by_default():
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["blur"], "no method named 'blur'; expected one of tracer, tracer-1, mitsuba"),
+        (["blur"], r"no method named 'blur'; expected one of tracer, tracer-1, mitsuba, mitsuba\+oidn"),
         (["gather", "gather=4"], "gather is asked for twice"),
         (["gather=4,x"], "settings of gather are '4,x'; expected positive numbers such as gather=16,64"),
         (["scatter=0"], "settings of scatter are '0'; expected positive numbers such as scatter=0.5,1"),
@@ -87,4 +87,6 @@ def test_what_is_not_installed_is_named(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(ChoiceError, match=r"mitsuba needs mitsuba, which is not installed; run `pip install"):
         chosen_methods(["mitsuba"])
+    with pytest.raises(ChoiceError, match=r"mitsuba\+oidn needs mitsuba and pyoidn, which are not installed"):
+        chosen_methods(["mitsuba+oidn"])
     assert [method.name for method in chosen_methods([])] == ["tracer", "tracer-1", "post"]

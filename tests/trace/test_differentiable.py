@@ -13,7 +13,7 @@ from small_scenes import front_camera, patch, varied_layers, wide_lens
 from focusjax.layers import Layers, peel
 from focusjax.lens import ThinLens
 from focusjax.scene import constant_background, make_scene
-from focusjax.trace import render, render_differentiable
+from focusjax.trace import render
 
 PARALLAX = 12.0
 
@@ -33,7 +33,7 @@ def both_modes(layers, lens, values, rays):
     """The picture, its Jacobian [h, w, 3, 2] by focus and opening, and the gradient of a weighted sum."""
 
     def picture(values):
-        return render_differentiable(layers, thin(values, lens), rays=rays, derivative_rays=rays)
+        return render(layers, thin(values, lens), even=True, rays=rays, derivative_rays=rays)
 
     value = picture(values)
     random = jax.random.normal(jax.random.key(0), value.shape, dtype=value.dtype)
@@ -155,7 +155,7 @@ def test_radiance_enters_linearly():
 
     def picture(look):
         changed = eqx.tree_at(lambda layers: (layers.samples.radiance, layers.background), layers, look)
-        return render_differentiable(changed, lens, rays=16)
+        return render(changed, lens, even=True, rays=16)
 
     @jax.jit
     def answers(look):
@@ -171,8 +171,8 @@ def test_radiance_enters_linearly():
 def test_a_lens_beyond_the_layers_is_refused_in_compiled_functions_too():
     layers = varied_layers()
     with pytest.raises(ValueError, match="peel again"):
-        render_differentiable(layers, thin((0.47, 1.2 * PARALLAX), layers.lens), rays=1)
+        render(layers, thin((0.47, 1.2 * PARALLAX), layers.lens), even=True, rays=1)
     with pytest.raises(ValueError, match="peel again"):
-        render_differentiable(layers, thin((np.nan, 0.5 * PARALLAX), layers.lens), rays=1)
+        render(layers, thin((np.nan, 0.5 * PARALLAX), layers.lens), even=True, rays=1)
     with pytest.raises(Exception, match="rays of the lens leave"):
         both_modes(layers, layers.lens, jnp.array([0.47, 1.2 * PARALLAX]), 256)[0].block_until_ready()

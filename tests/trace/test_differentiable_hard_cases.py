@@ -14,7 +14,7 @@ from small_scenes import front_camera, patch, wide_lens
 from focusjax.layers import Layers, peel
 from focusjax.lens import Polygon, ThinLens
 from focusjax.scene import Scene, SceneObject, constant_background, make_scene
-from focusjax.trace import render_differentiable
+from focusjax.trace import render
 
 RAYS = 64
 CAMERA = front_camera(16, 12)
@@ -81,7 +81,7 @@ def lens_of(values: jax.Array, layers: Layers) -> ThinLens:
 
 
 def picture_of(layers: Layers, values: jax.Array) -> jax.Array:
-    return render_differentiable(layers, lens_of(values, layers), rays=RAYS, derivative_rays=RAYS)
+    return render(layers, lens_of(values, layers), even=True, rays=RAYS, derivative_rays=RAYS)
 
 
 @eqx.filter_jit

@@ -14,7 +14,7 @@ from small_scenes import front_camera, varied_layers, varied_scene, wide_lens
 from focusjax.layers import Layers, peel
 from focusjax.metrics import psnr, ssim
 from focusjax.trace import render, render_pinhole
-from focusjax.trace._colour import radiance_at, surface_of
+from focusjax.trace._colour import met_at, surface_of
 from focusjax.trace._gloss import radiance_from_centre
 
 
@@ -86,8 +86,8 @@ def test_gradients_reach_lights_and_materials():
             model,
             (colour, direction, specular, shininess),
         )
-        return radiance_at(
-            eqx.tree_at(lambda s: s.gloss.model, surface, changed), on_grid, jnp.asarray(bright)
+        return jnp.stack(
+            met_at(eqx.tree_at(lambda s: s.gloss.model, surface, changed), on_grid, jnp.asarray(bright)).radiance
         )
 
     sun = model.lights[0]

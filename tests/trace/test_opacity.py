@@ -115,8 +115,8 @@ def test_a_leaf_card_shows_the_sky_through_its_holes():
 @pytest.mark.parametrize("rays", [1, 16, 24, 64])
 def test_chances_lie_evenly_for_every_surface_in_turn(rays: int):
     camera = front_camera()
-    samples = ray_samples(wide_lens(camera), [rays], 0, with_chances=True)
-    chance = np.asarray(samples.chance).astype(np.uint64)
+    samples = ray_samples(wide_lens(camera), (rays,), jnp.uint32(0), with_chances=True)
+    chance = np.asarray(samples.chance).reshape(samples.edge**2, -1).astype(np.uint64)
     for meeting in range(3):
         spaced = np.sort(chance / 2.0**32, axis=1)
         gaps = np.diff(np.concatenate([spaced, spaced[:, :1] + 1], axis=1), axis=1)
@@ -127,8 +127,8 @@ def test_chances_lie_evenly_for_every_surface_in_turn(rays: int):
 
 
 def test_chances_of_one_pixel_and_two_surfaces_are_independent():
-    samples = ray_samples(wide_lens(front_camera()), [64], 0, with_chances=True)
-    first = np.asarray(samples.chance).astype(np.uint64)
+    samples = ray_samples(wide_lens(front_camera()), (64,), jnp.uint32(0), with_chances=True)
+    first = np.asarray(samples.chance).reshape(samples.edge**2, -1).astype(np.uint64)
     second = (first * np.uint64(_NEXT) + np.uint64(1)) & np.uint64(0xFFFFFFFF)
     share = ((first < 2**32 * 0.3) & (second < 2**32 * 0.7)).mean(axis=1)
     # Observed: 0.2100 on average, 0.010 off in a pixel; chances at random would be 0.05 off.
@@ -139,5 +139,5 @@ def test_chances_of_one_pixel_and_two_surfaces_are_independent():
 def test_opaque_layers_ask_for_no_chances():
     layers = layers_of([])
     assert layers.opacity is None
-    assert ray_samples(layers.lens, [4], 0).chance is None
+    assert ray_samples(layers.lens, (4,), jnp.uint32(0)).chance is None
     assert jnp.isfinite(render(layers, layers.lens, rays=4)).all()

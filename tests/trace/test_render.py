@@ -11,7 +11,8 @@ from small_scenes import HEIGHT, WIDTH, at_pixels, front_camera, patch, varied_l
 from focusjax.layers import peel
 from focusjax.lens import ThinLens
 from focusjax.scene import constant_background, make_object, make_scene
-from focusjax.trace import _tracer, render, render_pinhole
+from focusjax.trace import _accumulate, render, render_pinhole
+from focusjax.trace._picture import picture
 
 
 def varied_picture(rays: int = 16, seed: int = 0) -> np.ndarray:
@@ -131,9 +132,12 @@ def test_colour_is_interpolated():
 def test_blocks_do_not_change_the_picture(pixels: int, monkeypatch: pytest.MonkeyPatch):
     """Not even when they do not divide the picture."""
     whole = varied_picture()
-    monkeypatch.setattr(_tracer, "_RAYS_AT_ONCE", {jax.default_backend(): 4 * pixels})
+    monkeypatch.setattr(_accumulate, "_RAYS_AT_ONCE", {jax.default_backend(): 4 * pixels})
+    monkeypatch.setattr(_accumulate, "_ROWS", 32)
+    picture._cached.clear_cache()
     # Observed: 2e-16.
     np.testing.assert_allclose(varied_picture(), whole, rtol=1e-12)
+    picture._cached.clear_cache()
 
 
 def test_the_seed_chooses_the_picture():
@@ -154,21 +158,13 @@ def test_any_number_of_rays(rays: int):
     assert picture.mean() == pytest.approx(varied_picture().mean(), abs=0.01)
 
 
-def test_progress_is_told():
-    told: list[float] = []
-    layers = varied_layers()
-    render(layers, layers.lens, rays=16, progress=told.append)
-    assert told == sorted(told)
-    assert told[-1] == 1.0
-
-
 def test_a_second_picture_compiles_nothing():
     layers = varied_layers()
     with compilations() as compiled:
         jax.jit(lambda x: x + 41.5)(jnp.zeros(3))
         assert compiled, "compilations are not reported under the expected name"
         varied_picture()
-        refocused = ThinLens(layers.lens.focus_disparity * 1.001, layers.lens.aperture_radius)
+        refocused = ThinLens(layers.lens.focus_disparity * 0.8, layers.lens.aperture_radius)
         compiled.clear()
         render(layers, refocused, rays=16, seed=3)
         assert not compiled

@@ -1,4 +1,4 @@
-"""Rays go where what they meet differs; blocks hold every part of every pixel once."""
+"""Rays go where what they meet differs; groups hold every ray of every pixel once."""
 
 import dataclasses
 
@@ -11,9 +11,14 @@ from small_scenes import front_camera, patch, wide_lens
 from focusjax.layers import peel
 from focusjax.scene import constant_background, make_scene
 from focusjax.trace import render
-from focusjax.trace._allot import FEWEST, allot, counts_for
-from focusjax.trace._blocks import Blocks
-from focusjax.trace._tracer import Tracer
+from focusjax.trace._allocate import FEWEST, allocated, contrast, counts_for
+from focusjax.trace._groups import even_groups, groups_of, running_max, tiled_pixels
+from focusjax.trace._prefix import compacted, prefix_sums
+from focusjax.trace._ranges import EDGE, disparity_ranges
+
+
+def allot(variance: np.ndarray, rays: int) -> np.ndarray:
+    return np.asarray(allocated(jnp.asarray(variance), rays, rays))
 
 
 @pytest.mark.parametrize("rays", [4, 10, 64])
@@ -34,8 +39,10 @@ def test_a_picture_without_contrast_takes_the_fewest_that_make_the_mean():
 
 
 def contrasts(layers):
-    tracer = Tracer(layers, layers.lens)
-    return tracer.contrast.reshape(layers.camera.height, layers.camera.width)
+    ranges = disparity_ranges(layers, layers.lens)
+    found = np.asarray(contrast(layers, layers.lens, ranges, "box"))
+    squares = found.reshape(-(-layers.camera.height // EDGE), -1)
+    return squares.repeat(EDGE, axis=0).repeat(EDGE, axis=1)
 
 
 def test_contrast_is_the_variance_over_what_a_pixel_can_meet():
@@ -43,8 +50,8 @@ def test_contrast_is_the_variance_over_what_a_pixel_can_meet():
     camera = front_camera()
     lens = wide_lens(camera)
     halves = [
-        patch("dark", camera, (-20, -20, 16, 50), 0.5, (0.0, 0.0, 0.0)),
-        patch("bright", camera, (16, -20, 60, 50), 0.5, (1.0, 0.0, 0.0)),
+        patch("dark", camera, (-20, -20, 15, 50), 0.5, (0.0, 0.0, 0.0)),
+        patch("bright", camera, (15, -20, 60, 50), 0.5, (1.0, 0.0, 0.0)),
     ]
     seen = contrasts(peel(make_scene(halves, unlit=True), camera, lens))
     assert (seen[:, 14:18].max(axis=0) > 0.1).any()
@@ -68,7 +75,7 @@ def test_a_pane_before_a_plain_wall_gets_rays():
 
 def test_highlights_count_relative_to_their_own_brightness():
     camera = front_camera()
-    bulb = patch("bulb", camera, (14, 10, 18, 14), 0.5, (1.0, 1.0, 1.0))
+    bulb = patch("bulb", camera, (13, 9, 18, 14), 0.5, (1.0, 1.0, 1.0))
     dim, bright = (
         contrasts(
             eqx.tree_at(
@@ -103,38 +110,48 @@ def test_even_and_uneven_pictures_are_of_one_thing():
     assert errors[False] < 0.8 * errors[True]
 
 
-def test_blocks_hold_every_part_once():
+@pytest.mark.parametrize("most", [2000, 5000])
+def test_groups_hold_every_ray_once(most: int):
     random = np.random.default_rng(3)
-    parts, depth = random.integers(1, 9, 300), random.integers(0, 12, 300)
-    made = Blocks(parts, depth, 12, 20, 64)
-    blocks = [made[number] for number in range(len(made))]
-    done = [
-        (pixel, part)
-        for block in blocks
-        for pixel, part, place in zip(block.pixels, block.part, block.place, strict=True)
-        if place < len(block.places)
-    ]
-    assert sorted(done) == [(pixel, part) for pixel in range(300) for part in range(parts[pixel])]
-    for block in blocks:
-        assert len(block.pixels) == len(block.part) == 64
-        assert (depth[block.pixels] <= block.depth).all()
-    total = np.zeros((300, 1))
-    for block in blocks:
-        brought = np.bincount(block.place, minlength=65)[: len(block.places)]
-        total[block.places] += brought[:, None]
-    np.testing.assert_array_equal(total[:, 0], parts)
+    width, height = 37, 21
+    rays = 4 * random.choice([0, 1, 2, 4, 8], width * height)
+    groups = groups_of(jnp.asarray(rays, dtype=jnp.int32), width, height, 4, most=most, nested=4)
+    assert int(groups.used) == min(rays.sum() // 4, most)
+    pixel, first, share = (np.asarray(a) for a in (groups.pixel, groups.first, groups.share))
+    used = pixel < width * height
+    assert used.sum() == int(groups.used)
+    counts = np.bincount(pixel[used], minlength=width * height)
+    whole = np.flatnonzero(4 * counts == rays)
+    # All of the list, or but for the pixels at its end.
+    assert len(whole) >= (width * height if most > rays.sum() // 4 else 0.3 * width * height)
+    for number in whole[::17]:
+        mine = np.sort(first[used][pixel[used] == number])
+        np.testing.assert_array_equal(mine, max(rays[number] - 4, 0) + 4 * np.arange(len(mine)))
+    np.testing.assert_allclose(4 * share[used][rays[pixel[used]] > 0] * rays[pixel[used]], 4.0)
 
 
-def test_blocks_know_only_pixels_with_rays():
-    parts = np.zeros(4000, dtype=int)
-    parts[np.random.default_rng(4).random(4000) < 0.02] = 3
-    made = Blocks(parts, np.zeros(4000, dtype=int), 4, 80, 64)
-    total = np.zeros(4000, dtype=int)
-    for number in range(len(made)):
-        block = made[number]
-        assert len(block.places) <= 64
-        total[block.places] += np.bincount(block.place, minlength=65)[: len(block.places)]
-    np.testing.assert_array_equal(total, parts)
+def test_even_groups_hold_every_ray_once():
+    groups = even_groups(19, 18, 12, 4)
+    pixel, first = np.asarray(groups.pixel), np.asarray(groups.first)
+    used = pixel < 19 * 18
+    pairs = pixel[used] * 3 + first[used] // 4
+    np.testing.assert_array_equal(np.sort(pairs), np.arange(19 * 18 * 3))
+
+
+def test_the_tiled_order_holds_every_pixel_once():
+    order = np.asarray(tiled_pixels(50, 33))
+    np.testing.assert_array_equal(np.sort(order[order < 50 * 33]), np.arange(50 * 33))
+
+
+@pytest.mark.parametrize("length", [1, 128, 1000, 70000])
+def test_prefix_sums_and_compaction(length: int):
+    values = np.random.default_rng(length).integers(0, 5, length).astype(np.int32)
+    before, total = prefix_sums(jnp.asarray(values))
+    np.testing.assert_array_equal(before, np.cumsum(values) - values)
+    assert int(total) == values.sum()
+    np.testing.assert_array_equal(running_max(jnp.asarray(values)), np.maximum.accumulate(values))
+    places, count = compacted(jnp.asarray(values == 3))
+    np.testing.assert_array_equal(np.asarray(places)[: int(count)], np.flatnonzero(values == 3))
 
 
 def test_a_constant_background_is_seen_as_it_is():

@@ -81,13 +81,21 @@ def summed_over(
     order = np.arange(len(work[0])).reshape(-1, mesh.size).T.ravel()
 
     def of_device(*part: Array) -> Array:
-        return jax.lax.psum(jax.lax.scan(add, nothing, part)[0], _AXIS)
+        return jax.lax.scan(add, nothing, part)[0]
 
-    spread = jax.shard_map(
-        of_device,
+    spread = tuple(column[jnp.asarray(order)] for column in work)
+    part = tuple(column[: len(column) // mesh.size] for column in spread)
+    # What the function refers to becomes an argument, of which each device has its copy.
+    converted = eqx.filter_closure_convert(of_device, *part)
+    arrays, rest = eqx.partition(converted, eqx.is_array)
+
+    def shared(arrays: Any, *part: Array) -> Array:
+        return jax.lax.psum(eqx.combine(arrays, rest)(*part), _AXIS)
+
+    return jax.shard_map(
+        shared,
         mesh=mesh,
-        in_specs=(PartitionSpec(_AXIS),) * len(work),
+        in_specs=(PartitionSpec(), *(PartitionSpec(_AXIS) for _ in work)),
         out_specs=PartitionSpec(),
         check_vma=False,
-    )
-    return spread(*(column[jnp.asarray(order)] for column in work))
+    )(arrays, *spread)

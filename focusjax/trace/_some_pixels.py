@@ -134,8 +134,8 @@ def some_pixels(
 
         def seen(some: RayGroups, lens: AbstractLens) -> Seen:
             row, column = jnp.divmod(pixels[jnp.minimum(some.pixel, len(pixels) - 1)], width)
-            number = jnp.arange(_TOGETHER, dtype=jnp.int32)[:, None] + some.first
-            starts = samples.at(*(jnp.broadcast_to(a, number.shape) for a in (column, row)), number)
+            number = jnp.arange(_TOGETHER, dtype=jnp.int32)[:, None] + some.first[None]
+            starts = samples.at(*(jnp.broadcast_to(a[None], number.shape) for a in (column, row)), number)
             least, largest, depth = ready.ranges.at(column, row)
             ends = (jnp.tile(end, _TOGETHER) for end in (least, largest))
             return seen_along(scene, lens, jax.tree.map(jnp.ravel, starts), *ends, depth.max())

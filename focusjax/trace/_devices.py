@@ -86,11 +86,10 @@ def summed_over(
     spread = tuple(column[jnp.asarray(order)] for column in work)
     part = tuple(column[: len(column) // mesh.size] for column in spread)
     # What the function refers to becomes an argument, of which each device has its copy.
-    converted = eqx.filter_closure_convert(of_device, *part)
-    arrays, rest = eqx.partition(converted, eqx.is_array)
+    made = jax.make_jaxpr(of_device)(*part)
 
-    def shared(arrays: Any, *part: Array) -> Array:
-        return jax.lax.psum(eqx.combine(arrays, rest)(*part), _AXIS)
+    def shared(constants: list[Array], *part: Array) -> Array:
+        return jax.lax.psum(jax.core.eval_jaxpr(made.jaxpr, constants, *part)[0], _AXIS)
 
     return jax.shard_map(
         shared,
@@ -98,4 +97,4 @@ def summed_over(
         in_specs=(PartitionSpec(), *(PartitionSpec(_AXIS) for _ in work)),
         out_specs=PartitionSpec(),
         check_vma=False,
-    )(arrays, *spread)
+    )(made.consts, *spread)

@@ -92,10 +92,10 @@ from focusjax.scene import load_mesh as load_mesh
 from focusjax.scene import make_object as make_object
 from focusjax.scene import make_scene as make_scene
 from focusjax.scene import point_light as point_light
+from focusjax.trace import estimate_quality as estimate_quality
 from focusjax.trace import nearest_in_layers as nearest_in_layers
 from focusjax.trace import plan_lens as plan_lens
 from focusjax.trace import plan_rays as plan_rays
-from focusjax.trace import quality_of as quality_of
 from focusjax.trace import render as render
 from focusjax.trace import render_pinhole as render_pinhole
 

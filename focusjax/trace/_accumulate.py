@@ -5,11 +5,13 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.sharding import Mesh
 from jaxtyping import Array, Float, Int
 
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._coc_bins import CocBins
+from focusjax.trace._devices import summed_over
 from focusjax.trace._groups import RayGroups
 from focusjax.trace._radiances import Seen, TracedScene, seen_along
 from focusjax.trace._ranges import DisparityRanges
@@ -42,11 +44,12 @@ def traced_sums(
     groups: RayGroups,
     ranges: DisparityRanges,
     bins: CocBins,
+    mesh: Mesh | None = None,
 ) -> PixelSums:
     """The sums of the pixels whose rays are in `groups`; 0 in the others.
 
     Groups are traced some at a time, in memory that does not grow with their number; of a list that is not
-    used to its end, only what is used.
+    used to its end, only what is used. Devices of `mesh` share them.
     """
     camera = scene.camera
 
@@ -56,7 +59,7 @@ def traced_sums(
         ends = (jnp.tile(end, some.together) for end in (least, largest))
         return seen_along(scene, lens, starts, *ends, depth.max())
 
-    return summed(seen, lens, groups, bins, camera.width * camera.height)
+    return summed(seen, lens, groups, bins, camera.width * camera.height, mesh)
 
 
 def starts_of(
@@ -81,12 +84,14 @@ def summed(
     groups: RayGroups,
     bins: CocBins,
     pixels: int,
+    mesh: Mesh | None = None,
 ) -> PixelSums:
     """Sums over what the rays of each group have `seen`, a function of some groups and of a lens."""
     kinds, in_each = len(bins.least), bool(lens.channels())
     at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // groups.together)
     length = groups.pixel.shape[0]
-    chunks = -(-length // at_once)
+    devices = 1 if mesh is None else mesh.size
+    chunks = -(-length // (at_once * devices)) * devices
     # Whole blocks of rows, so that what fills up the last chunk adds little.
     size = -(-length // (chunks * _ROWS)) * _ROWS
 
@@ -116,7 +121,7 @@ def summed(
         ), None
 
     nothing = jnp.zeros((pixels, _row_length(kinds, in_each)), dtype=jnp.zeros(()).dtype)
-    sums, _ = jax.lax.scan(add, nothing, (jnp.arange(chunks, dtype=jnp.int32), *columns))
+    sums = summed_over(add, nothing, (jnp.arange(chunks, dtype=jnp.int32), *columns), mesh)
     return _apart(sums, kinds, in_each)
 
 

@@ -44,12 +44,21 @@ def counts_for(rays: float) -> tuple[int, ...]:
     return tuple(FEWEST << k for k in range(int(_MOST_TIMES_MEAN * rays // FEWEST).bit_length()))
 
 
-def allocated(variance: Float[Array, " p"], rays: float, most_rays: float) -> Int[Array, " p"]:
+def most_doublings(rays: float | Array) -> int | Int[Array, ""]:
+    """How often the fewest rays are doubled at most where the mean is `rays`, which may be traced."""
+    if isinstance(rays, Array):
+        return jnp.floor(jnp.log2(_MOST_TIMES_MEAN * rays / FEWEST) + 1e-5).astype(jnp.int32)
+    return len(counts_for(rays)) - 1
+
+
+def allocated(
+    variance: Float[Array, " p"], rays: float | Array, most_rays: float | Array
+) -> Int[Array, " p"]:
     """Rays for pixels of a given variance: `rays` of them a pixel on the average, which are four or more.
 
     No pixel gets more than those of `counts_for(most_rays)`.
     """
-    most = len(counts_for(most_rays)) - 1
+    most = most_doublings(most_rays)
     octave = _EXPONENT * jnp.log2(jnp.maximum(variance, _NOTHING))
 
     def counts_at(shift: Float[Array, ""]) -> Int[Array, " p"]:
@@ -66,14 +75,14 @@ def allocated(variance: Float[Array, " p"], rays: float, most_rays: float) -> In
 
 
 def allocated_through(
-    variance: Float[Array, " p"], light: Float[Array, " p"], rays: float
+    variance: Float[Array, " p"], light: Float[Array, " p"], rays: float | Array
 ) -> Int[Array, " p"]:
     """As `allocated`, with so many for each pixel that some get through where `light` is a small share.
 
     However plain a pixel is, rays that are all cut off tell nothing of it. But where it is nearly dark little
     is missed, so that it gets a quarter of the mean at most for that.
     """
-    most = max(int(rays / _MOST_DARK // FEWEST).bit_length() - 1, 0)
+    most = jnp.maximum(most_doublings(rays / (_MOST_DARK * _MOST_TIMES_MEAN)), 0)
     octave = jnp.ceil(jnp.log2(_PASSING / jnp.maximum(light, 1e-9)))
     least = jnp.where(light > 0, FEWEST << jnp.clip(octave, 0, most).astype(jnp.int32), FEWEST)
     beyond = jnp.maximum(least - allocated(variance, rays, rays), 0).astype(variance.dtype).mean()

@@ -49,14 +49,16 @@ _MOST_TIMES = 4.0
 """What weights below 0 make of next to no light is taken no more often than that."""
 
 
-def denoised(sums: PixelSums, width: int, least: tuple[float, ...], rays: float) -> Float[Array, "p 3"]:
+def denoised(
+    sums: PixelSums, width: int, least: tuple[float, ...], rays: float | Array
+) -> Float[Array, "p 3"]:
     """Radiance per light in each pixel, up to white; 0 where there is none.
 
     Args:
         sums: of all rays of the picture.
         width: pixels per row.
         least: least radius of blur in each bin, in pixels.
-        rays: per pixel on the average.
+        rays: per pixel on the average; where traced, kernels are as long as for the fewest rays.
     """
     lights, kinds = sums.light.shape[-1], len(least)
 
@@ -72,7 +74,7 @@ def denoised(sums: PixelSums, width: int, least: tuple[float, ...], rays: float)
     arrived = jnp.zeros_like(passing[0])
     through = passing[0]
     for number, blur in enumerate(least):
-        kernel = _kernel(min(_WIDTH * rays**-_FALL, 1.0) * blur)
+        kernel = _kernel_for(blur, rays)
         own = len(kernel) == 1
         most = math.inf if own else _MOST_TIMES
 
@@ -101,6 +103,24 @@ def denoised(sums: PixelSums, width: int, least: tuple[float, ...], rays: float)
     lit = arrived > 0
     picture = jnp.where(lit, picture / jnp.where(lit, arrived, 1.0), 0.0)
     return jnp.moveaxis(picture, 0, -1).reshape(-1, 3)
+
+
+def _kernel_for(blur: float, rays: float | Array) -> Float[np.ndarray, " n"] | Float[Array, " n"]:
+    """Weights for what is blurred over a radius in pixels."""
+    if not isinstance(rays, Array):
+        return _kernel(min(_WIDTH * rays**-_FALL, 1.0) * blur)
+    if blur < 1.0:
+        return np.ones(1)
+    # The same fit, in closed form.
+    half_width = jnp.minimum(_WIDTH * rays.astype(jnp.zeros(()).dtype) ** -_FALL, 1.0) * blur
+    reach = math.ceil(blur)
+    x = jnp.arange(-reach, reach + 1, dtype=half_width.dtype)
+    weights = jnp.where(
+        jnp.abs(x) <= jnp.ceil(half_width), jnp.exp(-0.5 * (_GAUSSIAN * x / half_width) ** 2), 0
+    )
+    zeroth, second, fourth = ((weights * x**power).sum() for power in (0, 2, 4))
+    fit = weights * (fourth - second * x**2) / jnp.maximum(zeroth * fourth - second**2, 1e-30)
+    return jnp.where(half_width < 1.0, (x == 0).astype(fit.dtype), fit)
 
 
 def _borrowing(planes: Float[Array, "c h w"], lights: int) -> Float[Array, "c h w"]:
@@ -134,7 +154,9 @@ def _tent(reach: int) -> Float[np.ndarray, " n"]:
     return weights / weights.sum()
 
 
-def _smoothed(planes: Float[Array, "c h w"], taps: Float[np.ndarray, " n"]) -> Float[Array, "c h w"]:
+def _smoothed(
+    planes: Float[Array, "c h w"], taps: Float[np.ndarray, " n"] | Float[Array, " n"]
+) -> Float[Array, "c h w"]:
     """The planes averaged along both axes; what weights below 0 leave below 0 is 0.
 
     Beyond the picture it goes on mirrored in the points of its border. That leaves ramps as they are, and the
@@ -143,6 +165,10 @@ def _smoothed(planes: Float[Array, "c h w"], taps: Float[np.ndarray, " n"]) -> F
     reach = len(taps) // 2
     around = [(0, 0), (reach, reach), (reach, reach)]
     planes = jnp.pad(planes, around, mode="reflect", reflect_type="odd")
+
+    def tap(step: int) -> float | Array:
+        return taps[reach + step] if isinstance(taps, Array) else float(taps[reach + step])
+
     for axis in (0, 1):
 
         def along(plane: Float[Array, "v w"], axis: int = axis) -> Float[Array, "_ _"]:
@@ -151,9 +177,9 @@ def _smoothed(planes: Float[Array, "c h w"], taps: Float[np.ndarray, " n"]) -> F
             def at(step: int) -> Float[Array, "_ _"]:
                 return jax.lax.slice_in_dim(plane, reach + step, reach + step + size, axis=axis)
 
-            total = float(taps[reach]) * at(0)
+            total = tap(0) * at(0)
             for step in range(1, reach + 1):
-                total += float(taps[reach + step]) * (at(step) + at(-step))
+                total += tap(step) * (at(step) + at(-step))
             return total
 
         # A loop, as XLA for CPU would work out the first axis anew for each place along the second.

@@ -12,9 +12,9 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.sharding import Mesh
 from jaxtyping import Array, Bool, Float, UInt
 
-from focusjax.geometry import Camera
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._accumulate import PixelSums, traced_sums
@@ -49,6 +49,7 @@ class RenderSettings:
         smooth: whether what is blurred is denoised.
         pixel_filter: "box", "tent" or "gaussian".
         emitters: whether anything may be bright enough for rays of its own.
+        mesh: devices that share the picture; None for the default one.
     """
 
     rays: int
@@ -57,6 +58,7 @@ class RenderSettings:
     smooth: bool
     pixel_filter: str
     emitters: bool
+    mesh: Mesh | None = None
 
 
 @eqx.filter_jit
@@ -121,7 +123,7 @@ def traced_picture(
     known = known_light(lens, layers.camera)
     bins = coc_bins(layers, lens) if settings.smooth else CocBins(None)
     sums = picture_sums(layers, lens, seed, settings, bins, known)
-    means = developed(sums, layers.camera, bins, settings.rays, known)
+    means = developed(sums, layers.camera.width, bins, settings.rays, known)
     return means if emitters is None else means + light_of(emitters, layers, lens, seed, settings)
 
 
@@ -166,7 +168,7 @@ def picture_sums(
         with_chances=layers.samples.opacity is not None,
         pixel_filter=settings.pixel_filter,
     )
-    return traced_sums(traced_scene(layers), lens, samples, groups, ranges, bins)
+    return traced_sums(traced_scene(layers), lens, samples, groups, ranges, bins, settings.mesh)
 
 
 def coc_bins(layers: Layers, lens: AbstractLens) -> CocBins:
@@ -202,16 +204,19 @@ def _adaptive_groups(
 
 
 def developed(
-    sums: PixelSums, camera: Camera, bins: CocBins, rays: float, known: KnownLight | None
+    sums: PixelSums, width: int, bins: CocBins, rays: float | Array, known: KnownLight | None
 ) -> Float[Array, "p 3"]:
-    """Radiance of each pixel from the sums over its rays, denoised if there are several bins."""
+    """Radiance of each pixel from the sums over its rays, denoised if there are several bins.
+
+    `width` is that of a row of pixels; `rays` may be traced.
+    """
     light = jnp.broadcast_to(sums.light.sum(axis=1), sums.over.shape)
     share = light if known is None else known.of(light)
     over = sums.over if known is None else evened(sums.over, light, known)
     if len(bins.least) == 1:
         brought = sums.brought[:, 0]
         return (brought if known is None else evened(brought, light, known)) + over
-    return denoised(sums, camera.width, bins.least, rays) * share + over
+    return denoised(sums, width, bins.least, rays) * share + over
 
 
 def _still(layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings) -> Still:

@@ -1,5 +1,7 @@
 """The picture, with its arguments checked."""
 
+import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -13,6 +15,7 @@ from focusjax._counts import require_counts, require_seed
 from focusjax.geometry import filter_radius
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
+from focusjax.trace._devices import Device, mesh_of, replicated
 from focusjax.trace._emitters import may_emit
 from focusjax.trace._picture import RenderSettings, picture
 from focusjax.trace._reach import check_reach, out_of_reach
@@ -28,6 +31,7 @@ def render(
     smooth: bool | None = None,
     pixel_filter: str | None = None,
     seed: int | Array = 0,
+    devices: Sequence[Device] | None = None,
 ) -> Float[Array, "h w 3"]:
     """The picture that `lens` forms of `layers`: linear radiance, mean over the rays of each pixel.
 
@@ -56,10 +60,14 @@ def render(
             spread with that density. The one that the layers were peeled for if not given. Derivatives are
             those of "box".
         seed: chooses the rays; the same seed gives the same picture. It may be traced.
+        devices: what traces it, the default device if not given. With `jax.devices()` the processes of
+            `jax.distributed`, of which each has the layers and calls this, share the work, and each gets the
+            whole picture. Not for derivatives, nor within compiled functions.
 
     Raises:
-        ValueError: no rays, no such filter, or a lens or filter whose rays leave what the layers were peeled
-            for. Within compiled functions the latter is an `equinox.EquinoxRuntimeError`.
+        ValueError: no rays, no such filter, devices of some other processes only, or a lens or filter whose
+            rays leave what the layers were peeled for. Within compiled functions the latter is an
+            `equinox.EquinoxRuntimeError`.
 
     Example:
         >>> def contrast(focus):  # doctest: +SKIP
@@ -76,9 +84,14 @@ def render(
         smooth=smooth,
         pixel_filter=pixel_filter,
     )
-    return picture(
-        layers, within_reach(layers, lens, settings.pixel_filter), seed_of(seed), settings=settings
-    )
+    given = layers, within_reach(layers, lens, settings.pixel_filter), seed_of(seed)
+    mesh = mesh_of(devices)
+    if mesh is None:
+        return picture(*given, settings=settings)
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(given)):
+        raise ValueError("devices are given to a picture that is differentiated or compiled; leave them out")
+    shared = picture(*replicated(given, mesh), settings=dataclasses.replace(settings, mesh=mesh))
+    return jnp.asarray(shared.addressable_data(0))
 
 
 def render_settings(

@@ -80,13 +80,15 @@ def ray_samples(
     *,
     with_chances: bool = False,
     pixel_filter: str = "box",
+    edge: int | None = None,
 ) -> RaySamples:
     """Samples through `lens` for pixels with each of the increasing `counts` of rays, chosen by `seed`.
 
     Places in the pixel have the density of `pixel_filter`. `with_chances` says whether anything has a partial
-    opacity. Samples of different seeds are independent.
+    opacity. Samples of different seeds are independent. `edge` is that of the tile in pixels, a power of two;
+    as large as its table may be if not given.
     """
-    edge = tile_edge(counts[-1])
+    edge = tile_edge(counts[-1]) if edge is None else min(edge, tile_edge(counts[-1]))
     levels = [pixel_points(4, edge, count, stirred(seed, k)) for k, count in enumerate(counts)]
     u, v, x, y = jnp.concatenate(levels, axis=1).reshape(-1, 4).T
     pupil = jax.vmap(lens.pupil_point)(jnp.stack([u, v], axis=-1))

@@ -26,6 +26,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from focusjax.trace._differentiable import _starts, _traced
 from jaxtyping import Array, Float
 from rich.console import Console
 from rich.table import Table
@@ -36,7 +37,6 @@ from focusjax.config import load_config
 from focusjax.layers import Layers, peel
 from focusjax.lens import TiltShiftLens, as_tilt_shift
 from focusjax.trace import render
-from focusjax.trace._differentiable import _starts, _traced
 from focusjax.trace._flux import Rays
 
 BLOCK = 8

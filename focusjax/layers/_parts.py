@@ -5,6 +5,7 @@ square's surface; its share of the square is that of the points in it, and its p
 """
 
 import dataclasses
+import itertools
 from collections.abc import Iterator
 
 import jax
@@ -112,7 +113,7 @@ def _whole_squares(square: Int[np.ndarray, " p"]) -> list[slice]:
     ends = np.arange(_AT_ONCE, len(square), _AT_ONCE)
     ends = np.searchsorted(square, square[ends]) if len(ends) else ends
     ends = np.unique(np.concatenate([[0], ends, [len(square)]]))
-    return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
 
 
 def _where_nearest(

@@ -80,8 +80,8 @@ def render_moving(
     `step_px` from one to the next. Where nothing moves rays are those of `render`, and a scene where nothing
     does is peeled and traced as without a shutter.
 
-    Highlights and shading are those of a span's middle. No rays are aimed at small highlights where something
-    moves.
+    Highlights and shading are those of a span's middle. Small highlights have no samples of their own where
+    something moves.
 
     Args:
         world: what moves, or a scene that stands still before a moving camera.

@@ -18,5 +18,4 @@ from focusjax.trace._quality import estimate_quality as estimate_quality
 from focusjax.trace._reach import check_reach as check_reach
 from focusjax.trace._reach import widest_opening as widest_opening
 from focusjax.trace._render import render as render
-from focusjax.trace._render import render as render_differentiable  # noqa: F401, TEMPORARY
 from focusjax.trace._timed import Timing as Timing

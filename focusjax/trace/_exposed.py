@@ -83,7 +83,7 @@ def exposed(
         backdrop, emitters = eqx.filter_jit(split_emitters)(backdrop, lens)
     alike = emitters is None or not changing.any()
     bins = _coc_bins(camera, lens, spans) if smooth and alike else CocBins(None)
-    parts = [] if changing.all() else [_still_sums(backdrop, lens, seed, bins, ~here, settings=settings)]
+    total = None if changing.all() else _still_sums(backdrop, lens, seed, bins, ~here, settings=settings)
     through = any(body.scene.volume.opacity is not None for span in spans for body in span.bodies)
     samples = _samples(lens, stirred(seed, _TIMED), settings, through)
     together = min(_TOGETHER, -(-rays // len(spans)))
@@ -96,8 +96,9 @@ def exposed(
         if groups:
             most = _FEWEST_GROUPS << max(0, -(-groups // _FEWEST_GROUPS) - 1).bit_length()
             moving = _Moving(camera, timing, span.bodies, samples, shares)
-            parts.append(_span_sums(moving, lens, bins, here, together=together, most=most))
-    total = jax.tree.map(lambda *sums: sum(sums), *parts)
+            sums = _span_sums(moving, lens, bins, here, together=together, most=most)
+            total = sums if total is None else jax.tree.map(jnp.add, total, sums)
+    assert total is not None
     means = _developed(total, lens, camera, bins, settings=settings)
     if emitters is None:
         return means

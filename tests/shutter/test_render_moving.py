@@ -108,18 +108,15 @@ def test_shutter_curves_and_rolling_shutters_do_what_they_say(card):
     wanted = swept(8, 14, 12 + 12 * 0.5 * (light[1:] + light[:-1]))
     # Observed 0.011.
     assert np.abs(ramped.mean(axis=(0, 2)) - wanted).max() < 0.02
-    rolling = np.asarray(taken(card, shutter=make_shutter(1 / 12, travel_time=1.0)).image)[..., 0]
-    for row in (0, 11, 23):
-        late = 12.0 * ((row + 0.5) / CAMERA.height - 0.5)
-        # Observed 0.032: only rays of times within a row's twelfth of a second see it, through pixels of some
-        # height.
-        np.testing.assert_allclose(
-            rolling[row], swept(8, 14, 12 + late + np.linspace(-0.5, 0.5, 99)), atol=0.06
-        )
-    upwards = np.asarray(taken(card, shutter=make_shutter(1 / 12, travel_time=1.0, direction="up")).image)[
-        ..., 0
-    ]
-    np.testing.assert_allclose(upwards[::-1], rolling, atol=0.06)
+    for direction, sign in (("down", 1.0), ("up", -1.0)):
+        shutter = make_shutter(1 / 12, travel_time=1.0, direction=direction)
+        rolling = np.asarray(taken(card, shutter=shutter).image)[..., 0]
+        for row in (0, 11, 23):
+            late = sign * 12.0 * ((row + 0.5) / CAMERA.height - 0.5)
+            # Observed 0.032, and 0.048 with four seeds: three of 64 rays, of those through the card's edge.
+            np.testing.assert_allclose(
+                rolling[row], swept(8, 14, 12 + late + np.linspace(-0.5, 0.5, 99)), atol=0.06
+            )
 
 
 @pytest.fixture(scope="module")

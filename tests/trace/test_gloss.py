@@ -86,9 +86,8 @@ def test_gradients_reach_lights_and_materials():
             model,
             (colour, direction, specular, shininess),
         )
-        return jnp.stack(
-            met_at(eqx.tree_at(lambda s: s.gloss.model, surface, changed), on_grid, jnp.asarray(bright)).radiance
-        )
+        changed = eqx.tree_at(lambda s: s.gloss.model, surface, changed)
+        return jnp.stack(met_at(changed, on_grid, jnp.asarray(bright)).radiance)
 
     sun = model.lights[0]
     assert seen(sun.colour, sun.direction, model.specular, model.shininess).max() > 1.0

@@ -159,7 +159,9 @@ def test_the_quality_of_a_filtered_picture_is_estimated():
     picture = np.asarray(render(layers, layers.lens, rays=16))
     expected = psnr(picture, np.asarray(render(layers, layers.lens, rays=1024, even=True, seed=5)))
     # Observed: 35.7 for 36.3 dB.
-    assert estimate_quality(layers, layers.lens, picture, rays=16).decibels == pytest.approx(expected, abs=1.5)
+    assert estimate_quality(layers, layers.lens, picture, rays=16).decibels == pytest.approx(
+        expected, abs=1.5
+    )
 
 
 def test_filters_wider_than_the_layers_are_refused():

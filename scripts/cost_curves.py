@@ -1,10 +1,10 @@
 """What a picture costs against pixels, rays, layers, blur size and triangles, and that nothing unused costs.
 
 Each curve changes one thing and keeps the others. Seconds are medians of warm calls of `peel` and of
-`render`; PSNR is that of the rays (`estimate_quality`), and for layers against the picture with all of
-them. Then, all in this run and in turns, ratios: of a picture that is all in focus to one through a pinhole, and of what
-is switched on to the same switched off. Last, the most memory that a process holds that makes one picture
-of 1920 x 1080 with 100 rays, from triangles to radiance.
+`render`; PSNR is that of the rays (`estimate_quality`), and for layers against the picture with all of them.
+Then, all in this run and in turns, ratios: of a picture that is all in focus to one through a pinhole, and of
+what is switched on to the same switched off. Last, the most memory that a process holds that makes one
+picture of 1920 x 1080 with 100 rays, from triangles to radiance.
 
     python scripts/cost_curves.py --out out/cost
     python scripts/cost_curves.py --out out/cost --quick

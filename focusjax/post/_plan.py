@@ -50,7 +50,8 @@ def plan_post(
     """Whether `post_process` can be expected to reach a quality.
 
     The picture is made, and some of its pixels are traced to estimate its error (`estimate_quality`). The
-    quality counts as reached only if the error with two of its standard errors is small enough, so that no picture is taken that was merely lucky in its pixels.
+    quality counts as reached only if the error with two of its standard errors is small enough, so that no
+    picture is taken that was merely lucky in its pixels.
 
     Args:
         view: what a pinhole sees; nothing in it moves.

@@ -46,7 +46,7 @@ def sobol_points(
 
 
 def shuffled(index: Int[Array, "*n"], count: int, seed: UInt[Array, ""]) -> Int[Array, "*n"]:
-    """The numbers from 0 to below `count`, a power of two, in another order: halves swapped, and their halves.
+    """The numbers from 0 to below `count`, a power of two, in another order, halves and their halves swapped.
 
     Runs of 2^k numbers that begin at a multiple of it stay together.
     """

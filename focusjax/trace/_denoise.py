@@ -95,7 +95,8 @@ def denoised(
             # is stopped than that, although with weights below 0 it may seem so.
             least = jnp.maximum(lit, stopped)
             times = jnp.minimum(jnp.where(least > 0, through / jnp.where(least > 0, least, 1.0), 0.0), most)
-            return picture + times * added, arrived + times * stopped, through - times * stopped
+            left = jnp.maximum(through - times * stopped, 0.0)
+            return picture + times * added, arrived + times * stopped, left
 
         anything = (light[number] > 0).any()
         state = picture, arrived, through

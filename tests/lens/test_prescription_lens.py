@@ -264,7 +264,9 @@ def test_the_tracer_renders_it_unchanged(single):
         background=constant_background(1.0),
         unlit=True,
     )
-    image = np.asarray(render(peel(white, CAMERA, single), single, rays=64, even=True))[..., 0]
+    image = np.asarray(render(peel(white, CAMERA, single, supersampling=2), single, rays=64, even=True))[
+        ..., 0
+    ]
     light = [float(rays_at(single, jnp.array(film)).weight.mean()) for film in ((30.5, 20.5), (58.5, 38.5))]
     # The noise of 64 rays a pixel is below that.
     assert image[20, 30] == pytest.approx(light[0], rel=0.02)
@@ -290,7 +292,8 @@ def test_stopped_far_down_it_renders_the_thin_lens_picture():
     pupil = first_order(lens.prescription).entrance_pupil_radius * 1e-3
     thin = ThinLens(jnp.asarray(0.5), pupil)
     real, ideal = (
-        np.asarray(render(peel(scene, camera, one), one, rays=256, even=True)) for one in (lens, thin)
+        np.asarray(render(peel(scene, camera, one, supersampling=2), one, rays=256, even=True))
+        for one in (lens, thin)
     )
     # Observed: 55.6 dB.
     assert psnr(real, ideal) > 50

@@ -53,7 +53,7 @@ def test_contrast_is_the_variance_over_what_a_pixel_can_meet():
         patch("dark", camera, (-20, -20, 15, 50), 0.5, (0.0, 0.0, 0.0)),
         patch("bright", camera, (15, -20, 60, 50), 0.5, (1.0, 0.0, 0.0)),
     ]
-    seen = contrasts(peel(make_scene(halves, unlit=True), camera, lens))
+    seen = contrasts(peel(make_scene(halves, unlit=True), camera, lens, supersampling=2))
     assert (seen[:, 14:18].max(axis=0) > 0.1).any()
     assert seen.max() <= 0.25 + 1e-6
     assert not seen[:, :13].any()
@@ -67,7 +67,7 @@ def test_a_pane_before_a_plain_wall_gets_rays():
     plain = patch("pane", camera, (8, 6, 24, 18), 0.5, (1.0, 1.0, 1.0))
     glass = dataclasses.replace(plain.materials[0], opacity=0.5)
     pane = dataclasses.replace(plain, materials=(glass,))
-    seen = contrasts(peel(make_scene([wall, pane], unlit=True), camera, wide_lens(camera)))
+    seen = contrasts(peel(make_scene([wall, pane], unlit=True), camera, wide_lens(camera), supersampling=2))
     # Half the rays bring 1, half 0.2, in three channels.
     assert seen[12, 16] == pytest.approx(3 * 0.16, rel=0.02)
     assert seen[1, 1] == pytest.approx(0.0, abs=1e-6)
@@ -84,7 +84,7 @@ def test_highlights_count_relative_to_their_own_brightness():
                 (layers.samples.radiance * scale, layers.background * scale),
             )
         )
-        for layers in [peel(make_scene([bulb], unlit=True), camera, wide_lens(camera))]
+        for layers in [peel(make_scene([bulb], unlit=True), camera, wide_lens(camera), supersampling=2)]
         for scale in (1.0, 1000.0)
     )
     assert bright.max() < 200 * dim.max()
@@ -96,7 +96,7 @@ def test_even_and_uneven_pictures_are_of_one_thing():
     wall = patch("wall", camera, (-60, -60, 90, 90), 0.4, (0.2, 0.5, 0.2))
     square = patch("square", camera, (11, 7, 19, 15), 0.9, (1.0, 1.0, 1.0))
     lens = wide_lens(camera, focus=0.4)
-    layers = peel(make_scene([wall, square], unlit=True), camera, lens)
+    layers = peel(make_scene([wall, square], unlit=True), camera, lens, supersampling=2)
     truth = np.asarray(render(layers, layers.lens, rays=1024, even=True, seed=7))
     errors = {}
     for even in (True, False):
@@ -162,5 +162,6 @@ def test_a_constant_background_is_seen_as_it_is():
         ),
         camera,
         wide_lens(camera),
+        supersampling=2,
     )
     assert jnp.allclose(render(layers, layers.lens, rays=4)[12, 16], 0.3)

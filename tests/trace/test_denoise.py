@@ -142,7 +142,9 @@ def test_a_blurred_edge_keeps_its_place_and_light():
     camera = front_camera()
     wall = patch("wall", camera, (-60, -60, WIDTH / 2, 84), 0.1, 1.0)
     lens = wide_lens(camera)
-    layers = peel(make_scene([wall], background=constant_background(0.0), unlit=True), camera, lens)
+    layers = peel(
+        make_scene([wall], background=constant_background(0.0), unlit=True), camera, lens, supersampling=2
+    )
     many = np.asarray(render(layers, lens, rays=2048, even=True))[..., 0].mean(axis=0)
     few = np.mean([np.asarray(render(layers, lens, rays=16, seed=k))[..., 0] for k in range(8)], axis=(0, 1))
     # Observed: 0.012, and 6e-5 of the light.
@@ -156,7 +158,7 @@ def test_what_is_brighter_than_white_is_left_to_its_rays():
     lamp = patch("lamp", camera, (10, 8, 20, 16), 0.1, 50.0)
     lens = wide_lens(camera)
     scene = make_scene([lamp], background=constant_background(0.3), unlit=True)
-    layers = peel(scene, camera, lens)
+    layers = peel(scene, camera, lens, supersampling=2)
     picture, plain = (np.asarray(render(layers, lens, rays=16, smooth=smooth)) for smooth in (True, False))
     dark = plain.max(axis=2) <= 0.3 + 1e-6
     # Observed: 0.295 and 0.345.

@@ -109,7 +109,7 @@ def edge_layers() -> tuple[Layers, ThinLens]:
     )
     lens = wide_lens(camera)
     # Layers of one shape share a compiled program.
-    return peel(scene, camera, lens, like=varied_layers()), lens
+    return peel(scene, camera, lens, supersampling=2, like=varied_layers()), lens
 
 
 def edge_by_radius(radius: float) -> np.ndarray:

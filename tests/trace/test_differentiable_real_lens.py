@@ -38,7 +38,7 @@ def blocks(picture: np.ndarray) -> np.ndarray:
 
 def test_silhouettes_move_as_the_film_does():
     lens = prescription_lens(biconvex(), CAMERA, focus_distance=2.0, f_number=4)
-    layers = peel(varied_scene(), CAMERA, ThinLens(lens.focus_disparity, jnp.asarray(0.2)))
+    layers = peel(varied_scene(), CAMERA, ThinLens(lens.focus_disparity, jnp.asarray(0.2)), supersampling=2)
     step = 60.0
     ends = [
         np.asarray(render(layers, moved(lens, jnp.asarray(side * step)), rays=2048, even=True))

@@ -21,7 +21,8 @@ from focusjax.trace._gloss import radiance_from_centre
 @cache
 def glossy_layers(view_dependent: bool) -> Layers:
     """`glossy_scene`, peeled for the lens whose rays stray most of those below."""
-    return peel(glossy_scene(), glossy_camera(), glossy_lens(2.0), view_dependent=view_dependent)
+    lens = glossy_lens(2.0)
+    return peel(glossy_scene(), glossy_camera(), lens, supersampling=2, view_dependent=view_dependent)
 
 
 @pytest.mark.parametrize("focus", [0.6, 2.0])
@@ -58,7 +59,7 @@ def test_the_pinhole_sees_the_same_either_way():
 def test_scenes_without_gloss_are_what_they_were():
     """Not only the picture: the arrays, and so the programs compiled for them."""
     camera = front_camera()
-    layers = peel(varied_scene(), camera, wide_lens(camera), view_dependent=True)
+    layers = peel(varied_scene(), camera, wide_lens(camera), supersampling=2, view_dependent=True)
     assert layers.samples.gloss is None
     assert jax.tree.structure(layers) == jax.tree.structure(varied_layers())
     np.testing.assert_array_equal(layers.radiance, varied_layers().radiance)

@@ -27,7 +27,9 @@ def pane(camera: Camera, box, disparity, colour, opacity: float) -> SceneObject:
 def layers_of(panes: list[SceneObject], *, focus: float = 0.5) -> Layers:
     camera = front_camera()
     wall = patch("wall", camera, (-90, -90, 160, 160), 0.15, WALL)
-    return peel(make_scene([*panes, wall], unlit=True), camera, wide_lens(camera, focus=focus))
+    return peel(
+        make_scene([*panes, wall], unlit=True), camera, wide_lens(camera, focus=focus), supersampling=2
+    )
 
 
 def over(*panes: tuple[tuple[float, float, float], float]) -> np.ndarray:
@@ -105,7 +107,7 @@ def test_a_leaf_card_shows_the_sky_through_its_holes():
     )
     scene = make_scene([card], unlit=True, background=constant_background((0.0, 0.0, 5.0)))
     lens = wide_lens(camera)
-    layers = peel(scene, camera, lens)
+    layers = peel(scene, camera, lens, supersampling=2)
     for image in (np.asarray(render(layers, lens, rays=32)), np.asarray(render_pinhole(layers))):
         np.testing.assert_allclose(image[8:16, 11:21], np.broadcast_to([0, 0, 5.0], (8, 10, 3)))
         np.testing.assert_allclose(image[3:6, 5:27], np.ones((3, 22, 3)), rtol=1e-6)

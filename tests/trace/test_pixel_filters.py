@@ -89,7 +89,7 @@ def fine_picture() -> np.ndarray:
 def wide_layers(make: Callable[[], Scene]) -> Layers:
     """The layers of a scene that hold the rays of all filters."""
     camera = front_camera()
-    return peel(make(), camera, wide_lens(camera), pixel_filter="gaussian")
+    return peel(make(), camera, wide_lens(camera), supersampling=2, pixel_filter="gaussian")
 
 
 @pytest.mark.parametrize("name", ["tent", "gaussian"])
@@ -181,7 +181,7 @@ def test_a_pinhole_sees_beyond_the_frame_too():
     )
     scene = make_scene([stripe], background=constant_background(0.0), unlit=True)
     closed = ThinLens(jnp.array(0.5), jnp.array(0.0))
-    layers = peel(scene, camera, closed, pixel_filter="tent")
+    layers = peel(scene, camera, closed, supersampling=2, pixel_filter="tent")
     picture = np.asarray(render(layers, closed, rays=64))
     # Observed: exact, as rays are spread evenly.
     np.testing.assert_allclose(picture[:, 0], 0.125, atol=0.02)

@@ -15,7 +15,7 @@ from focusjax.trace import decibels_of, estimate_quality, plan_rays, render
 @cache
 def larger():
     camera = front_camera(96, 72)
-    return peel(varied_scene(), camera, wide_lens(camera))
+    return peel(varied_scene(), camera, wide_lens(camera), supersampling=2)
 
 
 @cache

@@ -51,7 +51,7 @@ def test_each_thing_is_where_it_belongs():
     sharp = patch("sharp", camera, (4, 4, 10, 9), 0.5, (0, 1, 0))
     blurred = patch("blurred", camera, (20, 15, 26, 19), 0.1, (1, 0, 0))
     lens = wide_lens(camera)
-    layers = peel(make_scene([sharp, blurred], unlit=True), camera, lens)
+    layers = peel(make_scene([sharp, blurred], unlit=True), camera, lens, supersampling=2)
     picture = np.asarray(render(layers, lens, rays=64, smooth=False))
     assert picture.shape == (HEIGHT, WIDTH, 3)
     green = np.zeros((HEIGHT, WIDTH))
@@ -81,7 +81,9 @@ def test_no_light_leaks_through_a_slope(slope_x: float, slope_y: float):
     disparity = [5.0 + slope_x * (x - 16) + slope_y * (y - 12) for x, y in corners]
     plane = patch("plane", camera, (left, top, right, bottom), disparity)
     lens = wide_lens(camera, pixels_per_dioptre=11.0, focus=5.0)
-    layers = peel(make_scene([plane], background=constant_background(1000.0), unlit=True), camera, lens)
+    layers = peel(
+        make_scene([plane], background=constant_background(1000.0), unlit=True), camera, lens, supersampling=2
+    )
     picture = np.asarray(render(layers, lens, rays=64))
     # Observed: 0.
     np.testing.assert_allclose(picture, 1.0, atol=1e-5)
@@ -93,7 +95,9 @@ def test_the_sky_shows_beside_a_bar():
     left, right = 14.5, 17.5
     bar = patch("bar", camera, (left, -60, right, 84), 1.0, 0.0)
     lens = wide_lens(camera, pixels_per_dioptre=6.0, focus=0.0)
-    layers = peel(make_scene([bar], background=constant_background(1.0), unlit=True), camera, lens)
+    layers = peel(
+        make_scene([bar], background=constant_background(1.0), unlit=True), camera, lens, supersampling=2
+    )
     picture = np.asarray(render(layers, lens, rays=64))[..., 0]
 
     def left_of(x: np.ndarray) -> np.ndarray:
@@ -117,7 +121,9 @@ def test_colour_is_interpolated():
     points = at_pixels(corners, np.array([0.4, 0.6, 0.7, 0.5]), camera)
     ramp = points @ np.array([[0.1, 0.02, 0.0], [0.0, 0.08, 0.05], [0.01, 0.0, 0.03]]) + 1.0
     surface = make_object("ramp", points, [(0, 1, 2), (0, 2, 3)], vertex_colours=ramp)
-    layers = peel(make_scene([surface], unlit=True), camera, wide_lens(camera, pixels_per_dioptre=2.0))
+    layers = peel(
+        make_scene([surface], unlit=True), camera, wide_lens(camera, pixels_per_dioptre=2.0), supersampling=2
+    )
     rays = 256
     picture = np.asarray(render(layers, ThinLens(jnp.array(0.5), jnp.array(0.0)), rays=rays))
     y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
@@ -177,7 +183,7 @@ def test_single_precision_gives_the_same_picture():
         camera = front_camera()
         objects = varied_scene()
         lens = wide_lens(camera)
-        layers = peel(objects, camera, lens)
+        layers = peel(objects, camera, lens, supersampling=2)
         assert layers.radiance.dtype == jnp.float32
         picture = np.asarray(render(layers, lens, rays=16, even=True))
     assert picture.dtype == np.float32
@@ -212,6 +218,6 @@ def test_another_focus_finds_what_the_first_had_out_of_reach():
     beside = patch("beside", camera, (34, -90, 120, 120), 1.0)
     scene = make_scene([wall, beside], unlit=True)
     near, far = wide_lens(camera, focus=1.0), wide_lens(camera, focus=0.1)
-    once, again = (render(peel(scene, camera, lens), far, rays=64) for lens in (near, far))
+    once, again = (render(peel(scene, camera, lens, supersampling=2), far, rays=64) for lens in (near, far))
     assert float(again[:, -1, 0].min()) > 0.4
     np.testing.assert_allclose(once, again, rtol=0, atol=1e-12)

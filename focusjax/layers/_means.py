@@ -66,7 +66,8 @@ def mean_radiances(
     several[:number] = ~inside_one(held.triangles, held.fragments, held.grid)
     several[:number] |= _beside_another(held, seen.index[:number])
     several = np.flatnonzero(several)
-    squares = _squares(seen, tolerance, None if faces is None else faces[surface.face[seen.source]])
+    clear = None if faces is None else faces[surface.face[seen.source]]
+    squares = _squares(seen, tolerance, held.fragments.triangle[seen.source], clear)
     parts = square_parts(held.triangles, held.grid, squares.take(several), faces)
     owner = several[parts.square]
     total = np.bincount(owner, parts.share, count)
@@ -110,7 +111,7 @@ def _shaded_together(
     )
 
 
-def _squares(seen: Seen, tolerance: float, clear: np.ndarray | None) -> Squares:
+def _squares(seen: Seen, tolerance: float, triangle: np.ndarray, clear: np.ndarray | None) -> Squares:
     """Of all samples, with the disparities of their surface: without those of others in the same place.
 
     A sample that no line cuts is all that rays see of its square, so it takes in what is right behind it.
@@ -126,7 +127,7 @@ def _squares(seen: Seen, tolerance: float, clear: np.ndarray | None) -> Squares:
     cut = seen.cut[nearer]
     nearer, middle = nearer[cut], middle[cut]
     low[nearer] = np.maximum(low[nearer], middle)
-    return Squares(seen.cell, low, high, clear)
+    return Squares(seen.cell, low, high, triangle, clear)
 
 
 def _beside_another(held: Rasterised, index: Int[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:

@@ -24,6 +24,8 @@ from focusjax.layers._silhouettes import OFFSETS, POINTS, points_inside
 from focusjax.layers._touching import touching
 
 _AT_ONCE = 1 << 16
+_FIRST = np.float32(1.0 + 1e-6)
+"""By which a square's own triangle is nearer than others in the same place."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,18 +36,22 @@ class Squares:
         cell: grid sample [n], row-major; several may have the same.
         low: least disparity [n] of the surface there.
         high: largest disparity [n].
+        triangle: index [n] of the triangle that a sample in the square is of; of several that lie in one
+            place, it is the one that counts.
         clear: whether [n] the surface may be seen through; None where none may.
     """
 
     cell: np.ndarray
     low: np.ndarray
     high: np.ndarray
+    triangle: np.ndarray
     clear: np.ndarray | None
 
     def take(self, index: Int[np.ndarray, " k"]) -> "Squares":
         """The squares at the positions `index`."""
         clear = None if self.clear is None else self.clear[index]
-        return Squares(self.cell[index], self.low[index], self.high[index], clear)
+        columns = (a[index] for a in (self.cell, self.low, self.high, self.triangle))
+        return Squares(*columns, clear)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,6 +102,7 @@ def square_parts(
     there = there[np.argsort(square[there], kind="stable")]
     square, plane = square[there], np.stack([values[there] for values in found.plane], axis=1)
     points = points[there]
+    plane[found.triangle[there] == squares.triangle[square]] *= _FIRST
 
     def nearest(part: slice) -> None:
         points[part] = _where_nearest(points[part], plane[part], square[part])

@@ -131,7 +131,7 @@ def test_colour_is_interpolated():
     seen = at_pixels(np.stack([x, y], axis=-1).reshape(-1, 2), disparity.reshape(-1), camera)
     expected = seen @ np.array([[0.1, 0.02, 0.0], [0.0, 0.08, 0.05], [0.01, 0.0, 0.03]]) + 1.0
     # Observed: 1.3e-4 where two triangles meet in a sample, 1.1e-5 elsewhere; a sample's step is 8e-3.
-    np.testing.assert_allclose(picture.reshape(-1, 3), expected, atol=2e-4)
+    np.testing.assert_allclose(picture.reshape(-1, 3), expected, atol=1e-4)
 
 
 @pytest.mark.parametrize("pixels", [100, 6 * WIDTH * HEIGHT])

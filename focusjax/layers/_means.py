@@ -16,6 +16,7 @@ from jaxtyping import Bool, Int
 from focusjax._parallel import in_parallel
 from focusjax.geometry import Camera
 from focusjax.layers._attributes import SurfaceSamples
+from focusjax.layers._opacity import NEARER
 from focusjax.layers._parts import Parts, Squares, inside_one, square_parts
 from focusjax.layers._picture import Rasterised
 from focusjax.layers._shading import ShadedSamples, shaded
@@ -68,6 +69,9 @@ def mean_radiances(
     several = np.flatnonzero(several)
     clear = None if faces is None else faces[surface.face[seen.source]]
     squares = _squares(seen, tolerance, held.fragments.triangle[seen.source], clear)
+    if held.opacity is not None:
+        put_back = np.where(held.opacity[seen.source] < 1.0, 1.0 / NEARER, 1.0)
+        squares = dataclasses.replace(squares, low=squares.low * put_back, high=squares.high * put_back)
     parts = square_parts(held.triangles, held.grid, squares.take(several), faces)
     owner = several[parts.square]
     total = np.bincount(owner, parts.share, count)

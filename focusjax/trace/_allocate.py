@@ -100,8 +100,11 @@ def contrast(
     planes = [jnp.concatenate([level[..., k].reshape(-1) for level in levels]) for k in range(4)]
 
     def over_box(low: Float[Array, "2"], high: Float[Array, "2"]) -> list[Float[Array, ""]]:
-        """Means by the nine squares around the middle of a box, in which they are two to four times."""
-        level = jnp.floor(jnp.log2(jnp.maximum((high - low).max(), 2.0))).astype(jnp.int32) - 1
+        """Means by the nine squares around the middle of a box that is one to two of them wide.
+
+        They reach beyond its ends: a lamp that only the rays at the rim of the aperture meet must tell.
+        """
+        level = jnp.floor(jnp.log2(jnp.maximum((high - low).max(), 1.0))).astype(jnp.int32)
         level = jnp.minimum(level, len(levels) - 1)
         x, y = 0.5 * (low + high) * jnp.exp2(-level.astype(low.dtype))
         column, row = jnp.floor(x).astype(jnp.int32), jnp.floor(y).astype(jnp.int32)

@@ -72,7 +72,7 @@ def exposed(
         changing: pixels in which something does.
         rays: of each pixel in which something changes, and on the average of a picture without motion, whose
             rays the others have.
-        smooth: as for `render`, unless there are emitters beside pixels in which something changes.
+        smooth: as for `render`.
         seed: chooses the rays.
     """
     settings = render_settings(backdrop, lens, rays=rays, smooth=smooth)
@@ -81,9 +81,9 @@ def exposed(
     emitters = None
     if settings.emitters and not changing.all():
         backdrop, emitters = eqx.filter_jit(split_emitters)(backdrop, lens)
-    alike = emitters is None or not changing.any()
-    bins = _coc_bins(camera, lens, spans) if smooth and alike else CocBins(None)
-    total = None if changing.all() else _still_sums(backdrop, lens, seed, bins, ~here, settings=settings)
+    bins = _coc_bins(camera, lens, spans) if smooth else CocBins(None)
+    still = None if changing.all() else _still_sums(backdrop, lens, seed, bins, ~here, settings=settings)
+    total = still if emitters is None else None
     through = any(body.scene.volume.opacity is not None for span in spans for body in span.bodies)
     samples = _samples(lens, stirred(seed, _TIMED), settings, through)
     together = min(_TOGETHER, -(-rays // len(spans)))
@@ -98,12 +98,17 @@ def exposed(
             moving = _Moving(camera, timing, span.bodies, samples, shares)
             sums = _span_sums(moving, lens, bins, here, together=together, most=most)
             total = sums if total is None else jax.tree.map(jnp.add, total, sums)
-    assert total is not None
-    means = _developed(total, lens, camera, bins, settings=settings)
+
+    def means(sums: PixelSums) -> Float[Array, "p 3"]:
+        return _developed(sums, lens, camera, bins, settings=settings)
+
     if emitters is None:
-        return means
-    light = _still_light(emitters, backdrop, lens, seed, settings=settings)
-    return means + jnp.where(here[:, None], 0.0, light)
+        assert total is not None
+        return means(total)
+    # Lamps are in the sums of pixels in which something changes only: either are denoised by themselves.
+    assert still is not None
+    steady = means(still) + _still_light(emitters, backdrop, lens, seed, settings=settings)
+    return steady if total is None else jnp.where(here[:, None], means(total), steady)
 
 
 def _coc_bins(camera: Camera, lens: AbstractLens, spans: Sequence[Span]) -> CocBins:
@@ -188,4 +193,4 @@ def _span_sums(
 def _developed(
     sums: PixelSums, lens: AbstractLens, camera: Camera, bins: CocBins, *, settings: RenderSettings
 ) -> Float[Array, "p 3"]:
-    return developed(sums, camera, bins, settings.rays, known_light(lens, camera))
+    return developed(sums, camera.width, bins, settings.rays, known_light(lens, camera))

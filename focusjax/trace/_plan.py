@@ -32,7 +32,7 @@ from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._allocate import FEWEST
 from focusjax.trace._render import render_settings, within_reach
-from focusjax.trace._some_pixels import NO_WINDOWS, Windows, prepared, some_pixels
+from focusjax.trace._some_pixels import NO_WINDOWS, Windows, emitted, prepared, some_pixels
 
 QUALITIES = {"draft": 30.0, "good": 38.0, "reference": 46.0}
 """Names for PSNRs in dB."""
@@ -166,6 +166,7 @@ class _Trials:
         self, layers: Layers, lens: AbstractLens, seed: int, *, smooth: bool, pixel_filter: str | None
     ) -> None:
         settings = render_settings(layers, lens, smooth=smooth, pixel_filter=pixel_filter)
+        self._settings = dataclasses.replace(settings, rays=_FIRST)
         self._filter = settings.pixel_filter
         self._lens = within_reach(layers, lens, self._filter)
         self._ready = prepared(layers, self._lens, settings=settings)
@@ -181,6 +182,7 @@ class _Trials:
         self._tried: list[int] = []
         self._plain: list[np.ndarray] = []
         self._denoised: list[np.ndarray] = []
+        self._emitters = self._error_of_emitters() if self._ready.emitters is not None else 0.0
         self.seconds_per_ray = 0.0
 
     def run(self, rays: int) -> None:
@@ -207,7 +209,20 @@ class _Trials:
     def decibels(self) -> list[float]:
         """PSNR of pictures of each number of rays so far."""
         white = np.maximum(np.concatenate(self._plain).mean(axis=0), 1.0)
-        return [psnr_of(self._error(number, white)) for number in range(len(self._plain))]
+        found = [self._error(number, white) for number in range(len(self._plain))]
+        emitters = [self._emitters * _FIRST / rays for rays in self._tried]
+        return [psnr_of(sum(both)) for both in zip(found, emitters, strict=True)]
+
+    def _error_of_emitters(self) -> float:
+        """Squared error of the light of emitters, of which `_FIRST` rays a pixel draw rays of their own."""
+        assert self._ready.emitters is not None
+        if not int(self._ready.emitters.pairs):
+            return 0.0
+        one, other = (
+            np.asarray(emitted(self._ready, self._lens, jnp.uint32(seed), settings=self._settings))
+            for seed in (self._seed, self._seed + 1)
+        )
+        return float((0.5 * ((one - other) / np.maximum(0.5 * (one + other), 1.0)) ** 2).mean())
 
     def _error(self, number: int, white: Float[np.ndarray, "n 3"]) -> float:
         """Squared error of pictures of one number of rays; what is brighter than 1 is relative to itself."""

@@ -20,20 +20,18 @@ A picture is taken to be as good as E + 2 d says, which is too good in about one
 import dataclasses
 import time
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, UInt
+from jaxtyping import Array, Bool, Float, Int
 
 from focusjax._counts import require_counts, require_seed
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._allocate import FEWEST
-from focusjax.trace._picture import RenderSettings, light_of
 from focusjax.trace._plan import in_rows, psnr_of
 from focusjax.trace._render import render_settings, within_reach
-from focusjax.trace._some_pixels import Prepared, prepared, some_pixels
+from focusjax.trace._some_pixels import emitted, prepared, some_pixels
 
 _RAYS = 16
 _LARGEST = 64
@@ -158,21 +156,12 @@ def _two_means(
         tracing = time.perf_counter() - start
         means = np.asarray(mean[0, : len(pixels)], dtype=np.float64)
         if ready.emitters is not None:
-            light = _emitted(ready, lens, jnp.uint32(stream), settings=settings)
+            light = emitted(ready, lens, jnp.uint32(stream), settings=settings)
             means = means + np.asarray(light, dtype=np.float64)[pixels]
         found.append(means)
     camera = layers.camera
     whole = FEWEST * camera.width * camera.height
     return np.stack(found), preparing + tracing * whole / max(float(traced), 1.0)
-
-
-@eqx.filter_jit
-def _emitted(
-    ready: Prepared, lens: AbstractLens, seed: UInt[Array, ""], *, settings: RenderSettings
-) -> Float[Array, "p 3"]:
-    """The light of emitters, by rays of their own."""
-    assert ready.emitters is not None
-    return light_of(ready.emitters, ready.layers, lens, seed, settings)
 
 
 def _sampled(stratum: Bool[np.ndarray, " p"], chance: np.random.Generator) -> Int[np.ndarray, " n"]:

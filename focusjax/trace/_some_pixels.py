@@ -20,7 +20,7 @@ from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._emitters import Emitters, split_emitters
 from focusjax.trace._groups import RayGroups, groups_of
 from focusjax.trace._known_light import KnownLight, known_light
-from focusjax.trace._picture import RenderSettings, coc_bins, developed
+from focusjax.trace._picture import RenderSettings, coc_bins, developed, light_of
 from focusjax.trace._radiances import Seen, seen_along, traced_scene
 from focusjax.trace._ranges import DisparityRanges, disparity_ranges
 from focusjax.trace._samples import ray_samples
@@ -85,6 +85,15 @@ def prepared(layers: Layers, lens: AbstractLens, *, settings: RenderSettings) ->
 
 
 @eqx.filter_jit
+def emitted(
+    ready: Prepared, lens: AbstractLens, seed: UInt[Array, ""], *, settings: RenderSettings
+) -> Float[Array, "p 3"]:
+    """The light of emitters in all pixels, by rays of their own, as many as `render` draws."""
+    assert ready.emitters is not None
+    return light_of(ready.emitters, ready.layers, lens, seed, settings)
+
+
+@eqx.filter_jit
 def some_pixels(
     lens: AbstractLens,
     ready: Prepared,
@@ -98,7 +107,7 @@ def some_pixels(
 ) -> tuple[Float[Array, "k n 3"], Float[Array, "k m 3"], Int[Array, ""]]:
     """Plain means over the rays of chosen pixels, denoised ones in windows, and the rays traced per seed.
 
-    All are without the light of emitters.
+    All are without the light of emitters; see `emitted`.
 
     Args:
         lens: as for `render`.

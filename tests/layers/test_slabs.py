@@ -41,7 +41,7 @@ def slabs(scene: Scene, **options) -> Layers:
 @cache
 def varied_slabs(count: int) -> Layers:
     camera = front_camera()
-    return decompose(varied_scene(), camera, wide_lens(camera), count=count)
+    return decompose(varied_scene(), camera, wide_lens(camera), count=count, supersampling=2)
 
 
 @pytest.mark.parametrize(

@@ -94,5 +94,5 @@ def test_plans_count_small_lights_for_what_they_are():
     error = (picture - truth) / np.maximum(truth, 1.0)
     reached = -10.0 * np.log10(np.mean(error**2))
     # Observed: 34.7 dB reached, 35.4 expected of 64 rays; without squares around the lamp 44 of 295.
-    assert reached == pytest.approx(plan.decibels, abs=1.5)
+    assert reached == pytest.approx(plan.decibels, abs=2.0)
     assert plan.decibels < 37.0

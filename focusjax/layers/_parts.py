@@ -6,7 +6,7 @@ square's surface; its share of the square is that of the points in it, and its p
 
 import dataclasses
 import itertools
-from collections.abc import Iterator
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -15,17 +15,17 @@ from jaxtyping import Array, Bool, Float, Int, UInt
 
 from focusjax._parallel import in_parallel, parts
 from focusjax.layers._attributes import SurfaceSamples, surface_samples
-from focusjax.layers._blocks import in_blocks
+from focusjax.layers._blocks import in_blocks, pad_rows, padded_length
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._edges import edge_functions
 from focusjax.layers._grid import Grid
 from focusjax.layers._raster import Fragments
-from focusjax.layers._silhouettes import OFFSETS, POINTS, points_inside
-from focusjax.layers._touching import touching
+from focusjax.layers._touching import OFFSETS, POINTS, touching
 
 _AT_ONCE = 1 << 16
-_FIRST = np.float32(1.0 + 1e-6)
-"""By which a square's own triangle is nearer than others in the same place."""
+_PIECES_AT_ONCE = 1 << 14
+_FIRST, _ROUNDING = np.float32(1.0 + 4e-6), np.float32(1e-6)
+"""By which a square's own triangle is nearer than others in the same place, and others may differ by."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,79 +93,88 @@ def square_parts(
     """
     order = np.argsort(squares.cell, kind="stable")
     found = touching(triangles, grid, squares.cell[order], squares.low[order], squares.high[order])
-    square = order[found.square]
-    points = in_blocks(points_inside, found.sides, _AT_ONCE)[0]
+    square, points = order[found.square], found.points
     there = points > 0
     if clear is not None and squares.clear is not None:
         there &= clear[triangles.source[found.triangle]] == squares.clear[square]
     there = np.flatnonzero(there)
-    there = there[np.argsort(square[there], kind="stable")]
-    square, plane = square[there], np.stack([values[there] for values in found.plane], axis=1)
-    points = points[there]
-    plane[found.triangle[there] == squares.triangle[square]] *= _FIRST
-
-    def nearest(part: slice) -> None:
-        points[part] = _where_nearest(points[part], plane[part], square[part])
-
-    in_parallel(nearest, _whole_squares(square))
+    square, points, triangle = square[there], points[there], found.triangle[there]
+    overlapping = _overlapping(square, points, len(order))
+    points[overlapping] = _where_nearest(
+        points[overlapping],
+        [values[there[overlapping]] for values in found.plane],
+        square[overlapping],
+        triangle[overlapping] == squares.triangle[square[overlapping]],
+    )
     seen = np.flatnonzero(points)
-    square, triangle = square[seen], found.triangle[there[seen]]
+    square, triangle = square[seen], triangle[seen]
     place, share = in_blocks(_centroids, (points[seen],), _AT_ONCE)
     surface = surface_samples(triangles, squares.cell[square].astype(np.int32), triangle, grid, place)
     return Parts(square, share, surface)
 
 
-def _whole_squares(square: Int[np.ndarray, " p"]) -> list[slice]:
-    """Pieces in runs of some thousand; those of one square are in one of them."""
-    ends = np.arange(_AT_ONCE, len(square), _AT_ONCE)
-    ends = np.searchsorted(square, square[ends]) if len(ends) else ends
-    ends = np.unique(np.concatenate([[0], ends, [len(square)]]))
-    return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
+def _overlapping(
+    square: Int[np.ndarray, " p"], points: UInt[np.ndarray, " p"], count: int
+) -> Int[np.ndarray, " k"]:
+    """The pieces of those of `count` squares in which several cover a point, square by square."""
+    together = np.zeros(count, dtype=np.uint32)
+    np.bitwise_or.at(together, square, points)
+    covered = np.bincount(square, np.bitwise_count(points), count)
+    several = np.flatnonzero((covered > np.bitwise_count(together))[square])
+    return several[np.argsort(square[several], kind="stable")]
 
 
 def _where_nearest(
-    points: UInt[np.ndarray, " p"], plane: Float[np.ndarray, "p 3"], square: Int[np.ndarray, " p"]
+    points: UInt[np.ndarray, " p"],
+    plane: Sequence[Float[np.ndarray, " p"]],
+    square: Int[np.ndarray, " p"],
+    own: Bool[np.ndarray, " p"],
 ) -> UInt[np.ndarray, " p"]:
-    """Points of each piece where its `plane` is the nearest of its square; the pieces of one are in a row."""
-    points = points.copy()
-    start = np.flatnonzero(np.diff(square, prepend=-1))
-    length = np.diff(start, append=len(square))
-    several = length > 1
-    start, length = start[several], length[several]
-    together = points[start]
-    overlap = np.zeros(len(start), dtype=bool)
-    for rank, left in _ranks(length, first=1):
-        own = points[start[left] + rank]
-        overlap[left] |= (together[left] & own) > 0
-        together[left] |= own
-    start, length = start[overlap], length[overlap]
-    nearest = np.zeros((len(start), POINTS), dtype=np.float32)
-    owner = np.full((len(start), POINTS), -1, dtype=np.int32)
-    for rank, left in _ranks(length):
-        piece = start[left] + rank
-        w = plane[piece, :1] + plane[piece, 1:] @ OFFSETS.T.astype(np.float32)
-        nearer = (w > nearest[left]) & _unpacked(points[piece])
-        nearest[left] = np.where(nearer, w, nearest[left])
-        owner[left] = np.where(nearer, rank, owner[left])
-    for rank, left in _ranks(length):
-        bits = np.packbits(owner[left] == rank, axis=1, bitorder="little")
-        points[start[left] + rank] = np.ascontiguousarray(bits).view(np.uint32)[:, 0]
-    return points
+    """Points of each piece where its `plane` is the nearest of its square; the pieces of one are in a row.
+
+    Of planes in one place those that are the square's `own` count.
+    """
+
+    def run(part: slice) -> np.ndarray:
+        number = np.cumsum(np.diff(square[part], prepend=square[part.start]) > 0, dtype=np.int32)
+        columns = points[part], *(values[part] for values in plane), number
+        length = padded_length(part.stop - part.start)
+        rows = (pad_rows(a, length) for a in (*columns, own[part]))
+        return np.asarray(_nearest(*rows))[: part.stop - part.start]
+
+    return np.concatenate([np.zeros(0, dtype=np.uint32), *in_parallel(run, _whole_squares(square))])
 
 
-def _ranks(length: Int[np.ndarray, " s"], first: int = 0) -> Iterator[tuple[int, Int[np.ndarray, " k"]]]:
-    """Numbers from `first` on, and which of the lengths are above each."""
-    left = np.arange(len(length))
-    for rank in range(first, int(length.max(initial=0))):
-        left = left[length[left] > rank]
-        yield rank, left
+@jax.jit
+def _nearest(
+    points: UInt[Array, " p"],
+    there: Float[Array, " p"],
+    slope_x: Float[Array, " p"],
+    slope_y: Float[Array, " p"],
+    square: Int[Array, " p"],
+    own: Bool[Array, " p"],
+) -> UInt[Array, " p"]:
+    """As `_where_nearest`, of squares that are numbered without gaps, for some thousand pieces."""
+    offsets = jnp.asarray(OFFSETS, dtype=there.dtype)
+    bit = jnp.arange(POINTS, dtype=jnp.uint32)[None]
+    there, slope_x, slope_y = (values[:, None] for values in (there, slope_x, slope_y))
+    disparity = there + slope_x * offsets[None, :, 0] + slope_y * offsets[None, :, 1]
+    disparity *= jnp.where(own, _FIRST, 1.0)[:, None]
+    disparity = jnp.where((points[:, None] >> bit) & 1 > 0, disparity, 0.0)
+    nearest = jnp.zeros_like(disparity).at[square].max(disparity, mode="drop")[square]
+    # Of what is as near to within rounding, which need not be the same in both places, the first counts.
+    number = jnp.arange(len(square), dtype=jnp.int32)[:, None]
+    won = jnp.where((disparity > 0) & (disparity >= nearest * (1.0 - _ROUNDING)), number, len(square))
+    won = jnp.full_like(won, len(square)).at[square].min(won, mode="drop")[square] == number
+    return (won.astype(jnp.uint32) << bit).sum(axis=1, dtype=jnp.uint32)
 
 
-def _unpacked(points: UInt[np.ndarray, " n"]) -> Bool[np.ndarray, "n 32"]:
-    """Whether each point is among those of a mask."""
-    return np.unpackbits(
-        np.ascontiguousarray(points)[:, None].view(np.uint8), axis=1, bitorder="little"
-    ).astype(bool)
+def _whole_squares(square: Int[np.ndarray, " p"]) -> list[slice]:
+    """Pieces in runs of some thousand; those of one square are in one of them."""
+    ends = np.arange(_PIECES_AT_ONCE, len(square), _PIECES_AT_ONCE)
+    ends = np.searchsorted(square, square[ends]) if len(ends) else ends
+    ends = np.unique(np.concatenate([[0], ends, [len(square)]]))
+    return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
 
 
 @jax.jit

@@ -10,31 +10,16 @@ square whose centre it misses, a fringe sample is added there.
 
 import dataclasses
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, UInt
+from jaxtyping import Bool, UInt
 
-from focusjax.layers._blocks import in_blocks
 from focusjax.layers._cells import line_code
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
 from focusjax.layers._joins import NEIGHBOURS, UNJOINED, Joins, Planes
-from focusjax.layers._touching import touching
+from focusjax.layers._touching import OFFSETS, POINTS, touching
 
 _SIDES = 4
-_AT_ONCE = 1 << 14
-POINTS = 32
-
-
-def _points() -> np.ndarray:
-    """Hammersley points [32, 2] around the centre of the unit square: every row and column has one."""
-    number = np.arange(POINTS)
-    mirrored = sum(((number >> bit) & 1) << (4 - bit) for bit in range(5))
-    return (np.stack([number, mirrored], axis=1) + 0.5) / POINTS - 0.5
-
-
-OFFSETS = _points()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,25 +128,9 @@ def _covered_points(
     order = np.argsort(squares.cell, kind="stable")
     low, high = squares.low[order] - tolerance, squares.high[order] + tolerance
     found = touching(triangles, grid, squares.cell[order], low, high)
-    masks, centres = in_blocks(points_inside, found.sides, _AT_ONCE)
     square = order[found.square]
     together = np.zeros(len(order), dtype=np.uint32)
-    np.bitwise_or.at(together, square, masks)
+    np.bitwise_or.at(together, square, found.points)
     at_centre = np.zeros(len(order), dtype=bool)
-    at_centre[square[centres]] = True
+    at_centre[square[found.centre]] = True
     return together, at_centre
-
-
-@jax.jit
-def points_inside(*sides: Float[Array, " n"]) -> tuple[UInt[Array, " n"], Bool[Array, " n"]]:
-    """Points around a place inside each triangle, a bit each, and whether the place itself is.
-
-    `sides` are the coefficients x, y and offset of the three sides, one after the other, counted from there.
-    """
-    points = jnp.asarray(OFFSETS, dtype=sides[0].dtype)
-    inside, at_place = jnp.ones((len(sides[0]), POINTS), dtype=bool), jnp.ones(len(sides[0]), dtype=bool)
-    for x, y, offset in (sides[k : k + 3] for k in (0, 3, 6)):
-        inside &= x[:, None] * points[None, :, 0] + y[:, None] * points[None, :, 1] + offset[:, None] >= -1e-5
-        at_place &= offset >= -1e-5
-    bits = inside.astype(jnp.uint32) << jnp.arange(POINTS, dtype=jnp.uint32)[None]
-    return bits.sum(axis=1, dtype=jnp.uint32), at_place

@@ -1,5 +1,6 @@
 """The picture of a run, and the layers it is made of."""
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, runtime_checkable
@@ -180,8 +181,8 @@ def _reached(
     layers: Layers, lens: AbstractLens, image: np.ndarray, rays: int, seed: int, *, by_post: bool
 ) -> float:
     """The PSNR of a picture in dB, estimated by other rays than its own and its plan's."""
-    settings = {} if by_post else {"rays": rays}
-    return estimate_quality(layers, lens, image, seed=seed + _OTHER_RAYS, **settings).decibels
+    estimate = functools.partial(estimate_quality, layers, lens, image, seed=seed + _OTHER_RAYS)
+    return (estimate() if by_post else estimate(rays=rays)).decibels
 
 
 def _view(layers: Layers, scene: Scene) -> PinholeView:

@@ -51,7 +51,7 @@ class Squares:
         """The squares at the positions `index`."""
         clear = None if self.clear is None else self.clear[index]
         columns = (a[index] for a in (self.cell, self.low, self.high, self.triangle))
-        return Squares(*columns, clear)
+        return Squares(*columns, clear=clear)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -56,8 +56,8 @@ def traced_sums(
     def seen(some: RayGroups, lens: AbstractLens) -> Seen:
         column, row, _, starts = starts_of(some, samples, camera)
         least, largest, depth = ranges.at(column, row)
-        ends = (jnp.tile(end, some.together) for end in (least, largest))
-        return seen_along(scene, lens, starts, *ends, depth.max())
+        least, largest = (jnp.tile(end, some.together) for end in (least, largest))
+        return seen_along(scene, lens, starts, least, largest, depth.max())
 
     return summed(seen, lens, groups, bins, camera.width * camera.height, mesh)
 
@@ -73,8 +73,8 @@ def starts_of(
     pixel = jnp.minimum(some.pixel, camera.width * camera.height - 1)
     column, row = pixel % camera.width, pixel // camera.width
     number = jnp.arange(some.together, dtype=jnp.int32)[:, None] + some.first[None]
-    places = (jnp.broadcast_to(a[None], number.shape) for a in (column, row))
-    starts = samples.at(*places, jnp.minimum(number, samples.per_pixel - 1))
+    of_column, of_row = (jnp.broadcast_to(a[None], number.shape) for a in (column, row))
+    starts = samples.at(of_column, of_row, jnp.minimum(number, samples.per_pixel - 1))
     return column, row, number, jax.tree.map(lambda a: a.reshape(-1), starts)
 
 
@@ -113,7 +113,7 @@ def summed(
         number, *chunk = work
 
         def traced(sums: Float[Array, "p c"]) -> Float[Array, "p c"]:
-            some = RayGroups(*chunk, jnp.int32(size), groups.together)
+            some = RayGroups(*chunk, used=jnp.int32(size), together=groups.together)
             return sums.at[some.pixel].add(rows(some), mode="drop")
 
         return jax.lax.cond(

@@ -11,6 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import eval_jaxpr
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array
 
@@ -89,7 +90,7 @@ def summed_over(
     made = jax.make_jaxpr(of_device)(*part)
 
     def shared(constants: list[Array], *part: Array) -> Array:
-        return jax.lax.psum(jax.core.eval_jaxpr(made.jaxpr, constants, *part)[0], _AXIS)
+        return jax.lax.psum(eval_jaxpr(made.jaxpr, constants, *part)[0], _AXIS)
 
     return jax.shard_map(
         shared,

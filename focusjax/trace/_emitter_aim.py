@@ -54,7 +54,7 @@ def aim_at(
 
     def advance(_: Array, state: tuple[Array, Array, Aim]) -> tuple[Array, Array, Aim]:
         """The next aperture point, and what is found at this one."""
-        pupil, passing, _ = state
+        pupil, passing = state[:2]
         ray, slope = _ray_and_slope(camera, lens, film_point, pupil, disparity)
         off = place - ray.at(disparity)
         after = pupil + _solved(slope, off)
@@ -73,7 +73,8 @@ def aim_at(
     # In a loop, so that the lens is compiled once.
     zero = nothing[0]
     start = Aim(nothing, LensRay(nothing, nothing, zero), zero, zero)
-    return jax.lax.fori_loop(0, _STEPS + 1, advance, (nothing, nothing, start))[2]
+    _, _, found = jax.lax.fori_loop(0, _STEPS + 1, advance, (nothing, nothing, start))
+    return found
 
 
 def one_to_one(

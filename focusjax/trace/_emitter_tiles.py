@@ -80,7 +80,8 @@ def tile_sums(layers: Layers, bright: Bool[Array, " n"], level: Float[Array, "3"
     start = [jnp.zeros(tiles, dtype=real)] * 8 + [jnp.zeros(rows * columns, dtype=real)]
     *totals, peaks, counts = jax.lax.fori_loop(jnp.int32(0), (count + _PART - 1) // _PART, part, start)
     table = jnp.cumsum(jnp.cumsum(counts.reshape(rows, columns), axis=0), axis=1)
-    return TileSums(*totals[:4], tuple(totals[4:]), peaks, jnp.pad(table, ((1, 0), (1, 0))))
+    count, x, y, disparity, *excess = totals
+    return TileSums(count, x, y, disparity, tuple(excess), peaks, jnp.pad(table, ((1, 0), (1, 0))))
 
 
 def share_of_rays(

@@ -15,6 +15,7 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.geometry import filter_radius
@@ -59,7 +60,7 @@ class Emitters(eqx.Module):
 def may_emit(layers: Layers) -> bool:
     """Whether anything is brighter than white; True where that is not known yet, in compiled functions."""
     radiance = layers.samples.radiance
-    if isinstance(radiance, jax.core.Tracer):
+    if isinstance(radiance, Tracer):
         return True
     # Also where something else is traced.
     with jax.ensure_compile_time_eval():

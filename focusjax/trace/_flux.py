@@ -99,7 +99,7 @@ class Still(eqx.Module):
         """Radiances along rays whose film points lie in or on the borders of the given pixels."""
         shape = film.shape[:2]
         flat = [points[..., axis].reshape(-1) for points in (film, pupil) for axis in range(2)]
-        starts = Starts(*flat, None if chance is None else chance.reshape(-1))
+        starts = Starts(*flat, chance=None if chance is None else chance.reshape(-1))
         ends = (jnp.repeat(end[pixel], shape[1]) for end in (self.least, self.largest))
         seen = seen_along(self.scene, self.lens, starts, *ends)
         return jnp.stack(seen.radiance, axis=-1).reshape(*shape, 3)

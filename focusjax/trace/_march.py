@@ -5,6 +5,8 @@ the first step together; those that go on are compacted into parts that fit the 
 until its last ray has ended. Elsewhere every ray is a lane of one loop.
 """
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, UInt
@@ -40,31 +42,30 @@ def _compacting(volume: Volume, paths: Path, passing: Passing | None) -> Int[Arr
         mine = jax.lax.dynamic_slice(lanes, (number * _PART,), (_PART,))
         path, known = jax.tree.map(lambda a: a.at[mine].get(mode="promise_in_bounds"), (paths, passing))
         there = number * _PART + jnp.arange(_PART, dtype=jnp.int32) < going
-        path = Path(*(getattr(path, name) for name in _LINE), jnp.where(there, path.steps, 0))
+        path = dataclasses.replace(path, steps=jnp.where(there, path.steps, 0))
         found, _ = _walked(volume, path, known, jnp.int32(_FIRST_STEPS), None)
         return hits.at[jnp.where(there, mine, count)].set(found, mode="drop")
 
     return jax.lax.fori_loop(jnp.int32(0), (going + _PART - 1) // _PART, part, hits)
 
 
-_LINE = ("a_x", "a_y", "b_x", "b_y", "start", "stride")
+_State = tuple[Int[Array, ""], Int[Array, " n"], Passing | None]
 
 
 def _walked(
     volume: Volume, paths: Path, passing: Passing | None, begin: Int[Array, ""], end: int | None
 ) -> tuple[Int[Array, " n"], Passing | None]:
     """Where rays hit in steps from `begin` until `end`, or until all have ended, and what they then know."""
-    State = tuple[Int[Array, ""], Int[Array, " n"], Passing | None]
 
     def going(hits: Int[Array, " n"], step: Int[Array, ""]) -> Array:
         return (hits < 0) & (step < paths.steps)
 
-    def unfinished(state: State) -> Array:
+    def unfinished(state: _State) -> Array:
         step, hits, _ = state
         more = going(hits, step).any()
         return more if end is None else more & (step < end)
 
-    def advance(state: State) -> State:
+    def advance(state: _State) -> _State:
         step, hits, known = state
         found, then = jax.vmap(lambda path, k: take_step(volume, path, step, k))(paths, known)
         on = going(hits, step)

@@ -144,10 +144,11 @@ def some_pixels(
         def seen(some: RayGroups, lens: AbstractLens) -> Seen:
             row, column = jnp.divmod(pixels[jnp.minimum(some.pixel, len(pixels) - 1)], width)
             number = jnp.arange(_TOGETHER, dtype=jnp.int32)[:, None] + some.first[None]
-            starts = samples.at(*(jnp.broadcast_to(a[None], number.shape) for a in (column, row)), number)
+            of_column, of_row = (jnp.broadcast_to(a[None], number.shape) for a in (column, row))
+            starts = samples.at(of_column, of_row, number)
             least, largest, depth = ready.ranges.at(column, row)
-            ends = (jnp.tile(end, _TOGETHER) for end in (least, largest))
-            return seen_along(scene, lens, jax.tree.map(jnp.ravel, starts), *ends, depth.max())
+            least, largest = (jnp.tile(end, _TOGETHER) for end in (least, largest))
+            return seen_along(scene, lens, jax.tree.map(jnp.ravel, starts), least, largest, depth.max())
 
         sums = summed(seen, lens, groups, bins, len(pixels))
         plain = PixelSums(

@@ -38,7 +38,7 @@ class Timing(eqx.Module):
         """The share of the light of each row that has arrived at a time; on the host."""
         delay = self.delay * ((np.arange(height) + 0.5) / height - 0.5)
         shares = np.linspace(0.0, 1.0, len(self.quantiles))
-        return np.interp(time - delay, self.quantiles, shares, left=0.0, right=1.0)
+        return np.asarray(np.interp(time - delay, self.quantiles, shares, left=0.0, right=1.0))
 
 
 def interpolated(nodes: Float[Array, "k *v"], place: Float[Array, "..."]) -> Float[Array, "..."]:

@@ -40,7 +40,7 @@ layers = fj.peel(scene, camera, widest)
 
 
 def picture(radius):
-    return fj.render_differentiable(layers, fj.ThinLens(widest.focus_disparity, radius), rays=32)
+    return fj.render(layers, fj.ThinLens(widest.focus_disparity, radius), even=True, rays=32)
 
 
 def contrast(image, region):

@@ -26,7 +26,8 @@ theirs = fj.thin_lens(focus_distance=0.7, f_number=2.0, focal_length=0.05)
 plate = lens_picture(room, camera(1.0), theirs, rays=64)
 
 ours = camera(0.5)
-layers = fj.prefilter(fj.peel(room, ours, fj.widest_lens(ours, min_focus_distance=0.4, f_number=0.7)))
+# Two samples a pixel: in so small a picture much that is sharp is smaller than one.
+layers = fj.peel(room, ours, fj.widest_lens(ours, min_focus_distance=0.4, f_number=0.7), supersampling=2)
 start = fj.thin_lens(focus_distance=1.5, f_number=4, focal_length=0.025)
 fit = fj.fit_image(plate, layers, start, rays=32)
 print(f"focus at {float(fit.lens.focus_distance()):.3f} m (theirs {float(theirs.focus_distance()):.3f} m)")

@@ -64,7 +64,6 @@ from focusjax.layers import decompose as decompose
 from focusjax.layers import disparity_map as disparity_map
 from focusjax.layers import missed_light as missed_light
 from focusjax.layers import peel as peel
-from focusjax.layers import prefilter as prefilter
 from focusjax.layers import umbra_saving as umbra_saving
 from focusjax.lens import Disk as Disk
 from focusjax.lens import FittedLens as FittedLens
@@ -93,12 +92,11 @@ from focusjax.scene import load_mesh as load_mesh
 from focusjax.scene import make_object as make_object
 from focusjax.scene import make_scene as make_scene
 from focusjax.scene import point_light as point_light
+from focusjax.trace import estimate_quality as estimate_quality
 from focusjax.trace import nearest_in_layers as nearest_in_layers
 from focusjax.trace import plan_lens as plan_lens
 from focusjax.trace import plan_rays as plan_rays
-from focusjax.trace import quality_of as quality_of
 from focusjax.trace import render as render
-from focusjax.trace import render_differentiable as render_differentiable
 from focusjax.trace import render_pinhole as render_pinhole
 
 __version__ = "0.1.0"

@@ -29,7 +29,7 @@ from focusjax.metrics import psnr
 from focusjax.scene import SceneObject, directional_light, load_mesh, make_object, make_scene, placement
 from focusjax.shot import Motion, MovingScene, transforms
 from focusjax.shutter import make_shutter, render_moving
-from focusjax.trace import render, render_differentiable
+from focusjax.trace import render
 
 MESHES = Path(__file__).parents[1] / "configs" / "meshes"
 FPS = 24.0
@@ -143,7 +143,7 @@ def derivative(world: MovingScene, camera: Camera, lens: ThinLens, console: Cons
     @eqx.filter_jit
     def picture(focus):
         moved = eqx.tree_at(lambda lens: lens.focus_disparity, lens, focus)
-        return sum(render_differentiable(each, moved, rays=256) for each in layers) / 4
+        return sum(render(each, moved, even=True, rays=256) for each in layers) / 4
 
     focus, step = lens.focus_disparity * 0.9, 0.02
     change = jax.jvp(picture, (focus,), (jnp.ones_like(focus),))[1]

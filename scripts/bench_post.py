@@ -98,7 +98,7 @@ EFFECTS: dict[str, Callable[[Camera], AbstractLens]] = {
 
 
 def decibels(picture: Any, truth: np.ndarray) -> float:
-    """PSNR for a peak of 1; what is brighter counts relative to itself, as in `quality_of`."""
+    """PSNR for a peak of 1; what is brighter counts relative to itself, as in `estimate_quality`."""
     error = (np.asarray(picture) - truth) / np.maximum(truth, 1.0)
     return float(-10.0 * np.log10(np.mean(error**2)))
 

@@ -1,10 +1,10 @@
 """What a picture costs against pixels, rays, layers, blur size and triangles, and that nothing unused costs.
 
 Each curve changes one thing and keeps the others. Seconds are medians of warm calls of `peel` and of
-`render`; PSNR is that of the rays (`quality_of`), and for layers against the picture with all of them. Then,
-all in this run and in turns, ratios: of a picture that is all in focus to one through a pinhole, and of what
-is switched on to the same switched off. Last, the most memory that a process holds that makes one picture
-of 1920 x 1080 with 100 rays, from triangles to radiance.
+`render`; PSNR is that of the rays (`estimate_quality`), and for layers against the picture with all of them.
+Then, all in this run and in turns, ratios: of a picture that is all in focus to one through a pinhole, and of
+what is switched on to the same switched off. Last, the most memory that a process holds that makes one
+picture of 1920 x 1080 with 100 rays, from triangles to radiance.
 
     python scripts/cost_curves.py --out out/cost
     python scripts/cost_curves.py --out out/cost --quick
@@ -32,7 +32,7 @@ from focusjax.layers import Layers, peel
 from focusjax.lens import ThinLens
 from focusjax.metrics import psnr
 from focusjax.scene import Scene, make_object, make_scene
-from focusjax.trace import plan_rays, quality_of, render, render_pinhole
+from focusjax.trace import estimate_quality, plan_rays, render, render_pinhole
 
 MEMORY_SIZE, MEMORY_RAYS, MEMORY_GIB = (1920, 1080), 100, 1.5
 CURVES = {
@@ -88,7 +88,7 @@ def point(scene: Scene, camera: Camera, lens: ThinLens, repeats: int, rays: int 
     return {
         "peel s": seconds_of(lambda: peel(scene, camera, lens, supersampling=1), repeats),
         "render s": seconds_of(lambda: render(layers, lens, rays=rays), repeats),
-        "PSNR": quality_of(layers, lens, picture, rays=rays),
+        "PSNR": estimate_quality(layers, lens, picture, rays=rays).decibels,
         "layers": layers.count,
     }
 

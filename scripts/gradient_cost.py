@@ -25,18 +25,18 @@ from rich.table import Table
 
 from focusjax.layers import Layers, peel
 from focusjax.lens import TiltShiftLens
-from focusjax.trace import render_differentiable
+from focusjax.trace import render
 
 
 @eqx.filter_jit
 def picture(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3"]:
-    return render_differentiable(layers, lens, rays=rays)
+    return render(layers, lens, even=True, rays=rays)
 
 
 @eqx.filter_jit
 def along(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3"]:
     def by_settings(values: Float[Array, "3"]) -> Float[Array, "h w 3"]:
-        return render_differentiable(layers, moved(lens, values), rays=rays)
+        return render(layers, moved(lens, values), even=True, rays=rays)
 
     return jax.jvp(by_settings, (jnp.zeros(3),), (jnp.ones(3),))[1]
 
@@ -44,7 +44,7 @@ def along(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3
 @eqx.filter_jit
 def back(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "3"]:
     def loss(values: Float[Array, "3"]) -> Float[Array, ""]:
-        return (render_differentiable(layers, moved(lens, values), rays=rays) ** 2).sum()
+        return (render(layers, moved(lens, values), even=True, rays=rays) ** 2).sum()
 
     return jax.grad(loss)(jnp.zeros(3))
 

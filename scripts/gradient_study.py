@@ -26,6 +26,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from focusjax.trace._differentiable import _starts, _traced
 from jaxtyping import Array, Float
 from rich.console import Console
 from rich.table import Table
@@ -33,10 +34,9 @@ from rich.table import Table
 from focusjax.baselines import RayScene, lens_picture
 from focusjax.bench import Case, case_from_config
 from focusjax.config import load_config
-from focusjax.layers import Layers, peel, prefilter
+from focusjax.layers import Layers, peel
 from focusjax.lens import TiltShiftLens, as_tilt_shift
-from focusjax.trace import render, render_differentiable
-from focusjax.trace._differentiable import _starts, _traced
+from focusjax.trace import render
 from focusjax.trace._flux import Rays
 
 BLOCK = 8
@@ -138,7 +138,7 @@ def timed(function: Callable[[], Array]) -> tuple[np.ndarray, float]:
 @eqx.filter_jit
 def jacobian(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3 3"]:
     def picture(values: Float[Array, "3"]) -> Float[Array, "h w 3"]:
-        return render_differentiable(layers, moved(lens, values), rays=rays, derivative_rays=rays)
+        return render(layers, moved(lens, values), even=True, rays=rays, derivative_rays=rays)
 
     return jax.jacfwd(picture)(jnp.zeros(3))
 
@@ -160,8 +160,6 @@ def study(path: Path, options: argparse.Namespace) -> list[list[str]]:
     # Room for differences, and for the steps of whoever solves with them.
     widest = moved(lens, jnp.array([0.0, 0.1, 0.0]))
     layers = peel(case.scene, case.camera, widest, supersampling=options.supersampling, max_layers=32)
-    if options.prefilter:
-        layers = prefilter(layers)
     truths = truth(case, lens, options.truth_rays, options.cache)
     # Another lens: a smaller opening, and a pixel more of blur by focus and by tilt.
     by_focus, _, by_tilt = 3.0 * steps(case, lens)
@@ -196,9 +194,6 @@ def main() -> None:
     parser.add_argument("--size", default="80x60", help="pixels")
     parser.add_argument("--blur", type=float, default=12.0, help="widest blur in pixels")
     parser.add_argument("--supersampling", type=int, default=4, help="layer samples per pixel and axis")
-    parser.add_argument(
-        "--prefilter", action="store_true", help="take away what interpolation of colours blurs"
-    )
     parser.add_argument("--rays", type=int, nargs="+", default=[64, 256], help="per pixel, border and rim")
     parser.add_argument("--truth-rays", type=int, default=3072, help="per pixel, twelve times over")
     parser.add_argument("--cache", type=Path, help="folder that keeps the truths")

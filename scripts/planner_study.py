@@ -18,7 +18,7 @@ from focusjax import job
 from focusjax.bench import baked, resized
 from focusjax.config import build_scene, load_config
 from focusjax.layers import peel
-from focusjax.trace import decibels_of, plan_rays, quality_of, render
+from focusjax.trace import decibels_of, estimate_quality, plan_rays, render
 
 
 def arguments() -> argparse.Namespace:
@@ -63,7 +63,7 @@ def study(path: Path, options: argparse.Namespace) -> list[dict]:
                 "rays": plan.rays,
                 "expected dB": plan.decibels,
                 "reached dB": decibels(picture, truth),
-                "told dB": quality_of(layers, lens, picture, rays=plan.rays),
+                "estimated dB": estimate_quality(layers, lens, picture, rays=plan.rays).decibels,
                 "expected s": plan.seconds,
                 "took s": seconds,
             }

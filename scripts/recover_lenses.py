@@ -27,7 +27,7 @@ from focusjax.baselines import RayScene, lens_picture, mitsuba_picture, unlit_sc
 from focusjax.bench import case_from_config
 from focusjax.config import load_config
 from focusjax.inverse import fit_image, scan_lenses, widest_lens
-from focusjax.layers import peel, prefilter
+from focusjax.layers import peel
 from focusjax.lens import ThinLens, TiltShiftLens, tilt_shift_lens
 
 UPRIGHT = ("focus", "f_number")
@@ -62,19 +62,17 @@ def recover(path: Path, free: tuple[str, ...], options: argparse.Namespace) -> d
     smallest = length / (2.0 * radius)
     turned = "tilt" in free
     nearest = 1.0 / (1.3 * most)
-    layers = prefilter(
-        peel(
-            scene,
+    layers = peel(
+        scene,
+        camera,
+        widest_lens(
             camera,
-            widest_lens(
-                camera,
-                min_focus_distance=nearest,
-                f_number=smallest,
-                max_tilt=math.sqrt(2) * MOST_TILT * turned,
-            ),
-            supersampling=options.supersampling,
-            max_layers=case.max_layers,
-        )
+            min_focus_distance=nearest,
+            f_number=smallest,
+            max_tilt=math.sqrt(2) * MOST_TILT * turned,
+        ),
+        supersampling=options.supersampling,
+        max_layers=case.max_layers,
     )
 
     def lens_at(point: np.ndarray) -> ThinLens | TiltShiftLens:

@@ -71,6 +71,6 @@ def varied_scene() -> Scene:
 
 @cache
 def varied_layers() -> Layers:
-    """`varied_scene` peeled for `wide_lens(front_camera())`."""
+    """`varied_scene` peeled for `wide_lens(front_camera())`, two samples to a pixel and axis."""
     camera = front_camera()
-    return peel(varied_scene(), camera, wide_lens(camera))
+    return peel(varied_scene(), camera, wide_lens(camera), supersampling=2)

@@ -32,7 +32,7 @@ def picture(name: str, view: str) -> np.ndarray:
         load_reference.cache_clear()
         reference = load_reference(name)
         lens = reference.lenses[view]
-        layers = peel(reference.scene, reference.camera, lens)
+        layers = peel(reference.scene, reference.camera, lens, supersampling=2)
         return np.asarray(render(layers, lens, rays=RAYS))
 
 

@@ -48,7 +48,7 @@ def lens_for(blur: float, aperture: AbstractAperture) -> ThinLens:
 def picture(blur: float, blades: int = 0, rotation: float = 0.0) -> np.ndarray:
     """What becomes of the dot: light per pixel [h, w]."""
     lens = lens_for(blur, polygon(blades, rotation=rotation) if blades else Disk())
-    layers = peel(dot_scene(), camera(), lens)
+    layers = peel(dot_scene(), camera(), lens, supersampling=2)
     return np.asarray(render(layers, lens, rays=RAYS, smooth=False))[..., 0]
 
 

@@ -150,7 +150,7 @@ def scene() -> Scene:
 @cache
 def picture(kind: str) -> np.ndarray:
     camera, lens, _ = solved(kind)
-    return np.asarray(render(peel(scene(), camera, lens), lens, rays=256))[..., 0]
+    return np.asarray(render(peel(scene(), camera, lens, supersampling=2), lens, rays=256))[..., 0]
 
 
 @every_kind

@@ -53,7 +53,7 @@ def test_picture(view: str) -> None:
         camera = look_at(np.zeros(3), np.array([0, 0, -1.0]), width=width, height=height, field_of_view=field)
         distance, radius = arrays[f"lens_{view}"]
         lens = thin_lens(focus_distance=float(distance), aperture_radius=float(radius))
-        layers = peel(scene_of(arrays), camera, lens)
+        layers = peel(scene_of(arrays), camera, lens, supersampling=2)
         ours = np.asarray(render(layers, lens, rays=256), dtype=np.float64)
     expected_psnr, expected_ssim = OBSERVED[view]
     assert psnr(ours, theirs) >= expected_psnr - 0.7

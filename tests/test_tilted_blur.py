@@ -54,7 +54,7 @@ def lens(tilt: float, swing: float) -> TiltShiftLens:
 def picture() -> np.ndarray:
     """Light per pixel through a lens that leans forward and looks to the left."""
     turned = lens(0.30, -0.25)
-    layers = peel(dots(), camera(), turned)
+    layers = peel(dots(), camera(), turned, supersampling=2)
     return np.asarray(render(layers, turned, rays=256))[..., 0]
 
 

@@ -54,7 +54,7 @@ def room(walls: bool) -> Scene:
 def test_stays_uniform(walls: bool, focus: float, radius: float, aperture: AbstractAperture) -> None:
     camera = look_at(np.zeros(3), np.array([0.1, -0.1, -1.0]), width=48, height=40, field_of_view=0.8)
     lens = ThinLens(jnp.array(1.0 / focus), jnp.array(radius), aperture)
-    picture = np.asarray(render(peel(room(walls), camera, lens), lens, rays=16))
+    picture = np.asarray(render(peel(room(walls), camera, lens, supersampling=2), lens, rays=16))
     # Observed: no difference at all, in double precision.
     np.testing.assert_allclose(picture, np.broadcast_to(RADIANCE, picture.shape), rtol=1e-5)
 
@@ -65,6 +65,6 @@ def test_stays_uniform_through_a_lens_of_many_faults() -> None:
     thin = ThinLens(jnp.array(1.0), jnp.array(0.06), mask(np.array([[0.2, 1.0], [0.7, 0.0]])))
     faults = seidel(thin, camera, w040=0.5, w131=1.0, w222=-1.0, w311=2.0), power_profile([0.0, 0.1])
     lens = chromatic_lens(AberratedLens(thin, faults), focus_offset=(-0.1, 0.0, 0.1), bands=5)
-    picture = np.asarray(render(peel(room(walls=False), camera, lens), lens, rays=16))
+    picture = np.asarray(render(peel(room(walls=False), camera, lens, supersampling=2), lens, rays=16))
     # Observed: 4e-16 relative, the sum of the bands' shares.
     np.testing.assert_allclose(picture, np.broadcast_to(RADIANCE, picture.shape), rtol=1e-5)

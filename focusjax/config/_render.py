@@ -7,8 +7,8 @@ from pydantic import Field, model_validator
 from focusjax.config._values import Number, Positive, Table
 from focusjax.trace import decibels_of
 
-_ROUGH = 32.0
-"""Decibels up to which one layer sample per pixel leaves less error than the rays."""
+_FINE = 40.0
+"""Decibels from which on one layer sample per pixel may leave more error than the rays."""
 
 
 class RenderTable(Table):
@@ -31,7 +31,7 @@ class RenderTable(Table):
         default=None, description="'draft', 'good', 'reference' or decibels such as '40 dB', instead of rays"
     )
     supersampling: Annotated[int, Field(ge=1, le=8)] = Field(
-        default=2, description="layer samples along each side of a pixel, 1 to 8; 1 for a quality up to 32 dB"
+        default=1, description="layer samples along each side of a pixel, 1 to 8; 2 for a quality above 40 dB"
     )
     max_layers: Annotated[int, Field(ge=1, le=64)] = Field(
         default=16, description="the most layers to peel, up to 64; slabs have none"
@@ -63,11 +63,11 @@ class RenderTable(Table):
         if not isinstance(values, dict) or values.get("quality") is None or "supersampling" in values:
             return values
         try:
-            rough = decibels_of(values["quality"]) <= _ROUGH
+            fine = decibels_of(values["quality"]) > _FINE
         except (ValueError, TypeError):
             # Refused where all values are looked at.
             return values
-        return {**values, "supersampling": 1} if rough else values
+        return {**values, "supersampling": 2} if fine else values
 
     @model_validator(mode="after")
     def _rays_or_quality(self) -> "RenderTable":

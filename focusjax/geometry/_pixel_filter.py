@@ -13,9 +13,10 @@ it; the wider two smooth them, and blur what is in focus: the deviation along ea
 box, 0.41 for the tent and 0.49 for the Gaussian.
 """
 
-import numpy as np
+import jax.numpy as jnp
+import jax.scipy.special
 import scipy.special
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 _RADII = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}
 _SIGMA = 0.5
@@ -39,7 +40,7 @@ def filter_radius(pixel_filter: str) -> float:
     return _RADII[pixel_filter]
 
 
-def film_offsets(pixel_filter: str, sample: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+def film_offsets(pixel_filter: str, sample: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """Places in pixels from the pixel's left (or top) border for uniform samples of 0 to 1.
 
     They have the filter's density, and rise with the samples, so that what is spread evenly stays so.
@@ -52,14 +53,14 @@ def film_offsets(pixel_filter: str, sample: Float[np.ndarray, "*n"]) -> Float[np
         ValueError: no such filter.
 
     Example:
-        >>> film_offsets("tent", np.array([0.0, 0.125, 0.5, 1.0]))
-        array([-0.5,  0. ,  0.5,  1.5])
+        >>> film_offsets("tent", jnp.array([0.0, 0.125, 0.5, 1.0])).tolist()
+        [-0.5, 0.0, 0.5, 1.5]
     """
     radius = filter_radius(pixel_filter)
     if pixel_filter == "box":
         return sample
     if pixel_filter == "tent":
-        near = np.sqrt(np.minimum(2.0 * sample, 2.0 - 2.0 * sample)) - 1.0
-        return 0.5 + np.where(sample < 0.5, near, -near)
-    tail = scipy.special.ndtr(-radius / _SIGMA)
-    return 0.5 + _SIGMA * scipy.special.ndtri(tail + (1.0 - 2.0 * tail) * sample)
+        near = jnp.sqrt(jnp.minimum(2.0 * sample, 2.0 - 2.0 * sample)) - 1.0
+        return 0.5 + jnp.where(sample < 0.5, near, -near)
+    tail = float(scipy.special.ndtr(-radius / _SIGMA))
+    return 0.5 + _SIGMA * jax.scipy.special.ndtri(tail + (1.0 - 2.0 * tail) * sample)

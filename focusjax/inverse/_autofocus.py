@@ -16,7 +16,7 @@ from focusjax.inverse._sight import nearest_in_sight
 from focusjax.inverse._target import checked_mask
 from focusjax.layers import Layers
 from focusjax.lens import ThinLens, TiltShiftLens
-from focusjax.trace import check_reach, render, render_differentiable, widest_opening
+from focusjax.trace import check_reach, render, widest_opening
 
 _Lens = TypeVar("_Lens", bound=ThinLens | TiltShiftLens)
 
@@ -45,7 +45,7 @@ def autofocus(
     Contrast is the sum of squares of the differences between neighbouring pixels of the region. It is taken
     as the product of two pictures of different rays, in which noise, which is largest where blur is, has no
     mean. First a scan with few rays over the disparities in the region; then the zero of the contrast's
-    derivative by the focus, with all that silhouettes do to it (`render_differentiable`), next to the best.
+    derivative by the focus, with all that silhouettes do to it (`render`), next to the best.
 
     A region of several things at different distances has several maxima; the highest is taken.
 
@@ -177,7 +177,7 @@ def _slope(
     """Half the contrast's derivative by the focus: the change of one picture times another of other rays."""
 
     def contrast(at: Float[Array, ""]) -> Float[Array, ""]:
-        picture = render_differentiable(layers, _focused(lens, at), rays=rays, seed=seed)
+        picture = render(layers, _focused(lens, at), even=True, rays=rays, seed=seed)
         return _contrast(picture, other, mask)
 
     return jax.jvp(contrast, (focus,), (jnp.ones_like(focus),))[1]

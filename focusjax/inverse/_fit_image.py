@@ -46,7 +46,7 @@ def fit_image(
     """The lens whose picture of `layers` is most like `target`.
 
     Least squares over all pixels by Levenberg and Marquardt's method (Optimistix), with the picture's true
-    derivatives (`render_differentiable`), which know what appears and disappears behind silhouettes. Coarse
+    derivatives (`render`), which know what appears and disappears behind silhouettes. Coarse
     to fine: means over 8 x 8 pixels, over 2 x 2, then single pixels, each of which counts by how well those
     around it were met before: noise is largest along blurred silhouettes, and so are errors of the model.
 
@@ -56,9 +56,8 @@ def fit_image(
     smaller opening whose focus is near its own; how near, the margin decides. `ImageFit.at_limits` tells when
     the best lens would lie beyond.
 
-    Pictures of layers are a little blurred by their samples, which is taken for a lens of another focus and
-    a smaller or larger opening: by several percent where blur is of a few pixels. `layers.prefilter` takes
-    most of that away for pictures that are not made of the same layers, and `exact` all of it.
+    Pictures of layers are true to a share of a sample, which `exact` takes away for pictures that are not
+    made of the same layers.
 
     Args:
         target: linear picture [h, w, 3] of the size of the layers' camera.

@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 from focusjax.inverse._blocks import SIZES, block_means
 from focusjax.inverse._variables import AbstractVariables
 from focusjax.layers import Layers
-from focusjax.trace import render_differentiable
+from focusjax.trace import render
 
 _SCALE = 10.0
 """Sizes of all residuals together where a picture has nothing of what the target shows. Damping is relative
@@ -49,7 +49,7 @@ class Problem(eqx.Module):
     def picture(self, settings: Float[Array, " p"]) -> Float[Array, "h w 3"]:
         """What the lens of given settings forms, times the gain."""
         lens = self.variables.lens_at(settings)
-        return settings[-1] * render_differentiable(self.layers, lens, rays=self.rays, seed=self.seed)
+        return settings[-1] * render(self.layers, lens, even=True, rays=self.rays, seed=self.seed)
 
     def weighed(self, weight: np.ndarray) -> "Problem":
         """The same with other weights."""

@@ -1,5 +1,6 @@
 """The picture of a run, and the layers it is made of."""
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, runtime_checkable
@@ -28,12 +29,11 @@ from focusjax.post import PinholeView, closed_lens, post_process, view_in_layers
 from focusjax.scene import Scene
 from focusjax.trace import (
     LensPlan,
+    estimate_quality,
     nearest_in_layers,
     plan_lens,
-    quality_of,
     render,
     render_pinhole,
-    told_by_rays,
 )
 
 Progress = Callable[[str, float | None], None]
@@ -41,7 +41,7 @@ Progress = Callable[[str, float | None], None]
 
 _EVERY_LAYER = 4096
 _OTHER_RAYS = 10
-"""Added to the seed for the rays that tell of a picture, to be other than those of its plan."""
+"""Added to the seed for the pixels and rays that estimate an error, to be other than those of a plan."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Picture:
         method: "trace" or "post".
         extent: how large layers may be for compiled programs to serve again: the `like` of another run.
         way: how that was chosen, and what was expected, when a quality was asked for.
-        decibels: PSNR of the picture then, told from a sample of the pixels.
+        decibels: PSNR of the picture then, estimated from a sample of the pixels.
         lens_plan: polynomials or the glass of a real lens, when the quality was to decide.
     """
 
@@ -150,14 +150,7 @@ def make_picture(
             image = post_process(view, camera, lens, taps=rays)
         else:
             rays = table.rays if way is None or way.traced is None else way.traced.rays
-            image = render(
-                layers,
-                lens,
-                rays=rays,
-                smooth=table.smooth,
-                seed=table.seed,
-                progress=lambda share: tell("render", share),
-            )
+            image = render(layers, lens, rays=rays, smooth=table.smooth, seed=table.seed)
         image.block_until_ready()
     decibels = None
     if way is not None:
@@ -187,10 +180,9 @@ def make_picture(
 def _reached(
     layers: Layers, lens: AbstractLens, image: np.ndarray, rays: int, seed: int, *, by_post: bool
 ) -> float:
-    """The PSNR of a picture in dB, told by other rays than its own and its plan's."""
-    if by_post:
-        return told_by_rays(layers, lens, image, seed=seed + _OTHER_RAYS).decibels
-    return quality_of(layers, lens, image, rays=rays, seed=seed)
+    """The PSNR of a picture in dB, estimated by other rays than its own and its plan's."""
+    estimate = functools.partial(estimate_quality, layers, lens, image, seed=seed + _OTHER_RAYS)
+    return (estimate() if by_post else estimate(rays=rays)).decibels
 
 
 def _view(layers: Layers, scene: Scene) -> PinholeView:

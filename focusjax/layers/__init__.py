@@ -21,8 +21,8 @@ from focusjax.layers._missed import MissedLight as MissedLight
 from focusjax.layers._missed import NearestSurface as NearestSurface
 from focusjax.layers._missed import missed_light as missed_light
 from focusjax.layers._places import Places as Places
-from focusjax.layers._prefilter import prefilter as prefilter
 from focusjax.layers._pyramid import RangePyramid as RangePyramid
 from focusjax.layers._saving import UmbraSaving as UmbraSaving
 from focusjax.layers._saving import umbra_saving as umbra_saving
 from focusjax.layers._slabs import decompose as decompose
+from focusjax.layers._slopes import radiance_slopes as radiance_slopes

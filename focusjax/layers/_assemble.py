@@ -17,10 +17,11 @@ from focusjax.layers._gloss import GlossSamples
 from focusjax.layers._grid import Grid
 from focusjax.layers._joins import Joins, Planes, join
 from focusjax.layers._layers import Layers, Samples
+from focusjax.layers._means import Seen, mean_radiances
 from focusjax.layers._picture import Rasterised
 from focusjax.layers._places import make_places
 from focusjax.layers._pyramid import RangePyramid, build_ranges
-from focusjax.layers._shading import ShadedSamples, background, shaded
+from focusjax.layers._shading import ShadedSamples, background
 from focusjax.layers._silhouettes import Silhouettes, find_silhouettes
 from focusjax.layers._store import on_device, scattered
 from focusjax.lens import AbstractLens
@@ -52,28 +53,32 @@ def assemble(
     opacity = None if held.opacity is None else held.opacity.astype(real, copy=False)
     return_freed(sum(counts))
 
-    # Shading needs nothing of the geometry, nor do ranges of cells and places: while one compiles or waits,
-    # the other works.
+    outline = _outlined(held, counts, surface, parallax, max_layers, real)
+    seen = Seen(
+        outline.index % grid.size,
+        np.concatenate([disparity, outline.disparity]),
+        outline.low,
+        outline.high,
+        np.concatenate([np.arange(len(disparity)), outline.source]),
+        outline.line != WHOLE,
+        outline.index,
+    )
+    # Shading needs nothing of ranges, cells and places: while one compiles or waits, the other works.
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
-        extent_m = 1.0 / (disparity * float(camera.focal_px) * grid.supersampling)
+        tolerance = 0.5 / max(parallax, 1e-12)
+        apart = gloss is not None
         shading = pool.submit(
-            shaded,
-            scene.shader(camera.position),
-            surface.face,
-            surface.barycentric,
-            extent_m,
-            gloss_apart=gloss is not None,
+            mean_radiances, scene, camera, held, surface, seen, tolerance, gloss_apart=apart
         )
-        outline = _outlined(held, counts, surface, parallax, max_layers, real)
         count = max(outline.layers, 1 if like is None else min(like.count, max_layers))
         least, most, scale = in_steps(outline.low, outline.high)
-        words = pool.submit(lambda: pack_cells(least, most, outline.line))
-        placed = pool.submit(make_places, count * grid.size, outline.index)
-        ranges = _ranges(outline.index % grid.size, least, most, scale, grid, real)
-        cells = scattered((count, grid.rows, grid.columns), outline.index, words.result())
+        words = pack_cells(least, most, outline.line)
+        places, number = make_places(count * grid.size, outline.index)
+        ranges = _ranges(seen.cell, least, most, scale, grid, real)
+        cells = scattered((count, grid.rows, grid.columns), outline.index, words)
         far = background(scene, camera, grid)
-        look, (places, number) = shading.result(), placed.result()
-        del words, placed, shading, least, most
+        look = shading.result()
+        del words, shading, least, most, seen
         face = surface.face
         del surface
 
@@ -84,7 +89,7 @@ def assemble(
         places=places,
         samples=Samples(
             disparity=slots.stored(disparity, outline.disparity),
-            radiance=slots.stored(look.radiance),
+            radiance=slots.stored(look.radiance[: len(face)], look.radiance[len(face) :]),
             triangle=slots.stored_where_held(face, -1),
             links=slots.stored_where_held(outline.links, 0),
             opacity=None if opacity is None else slots.stored(opacity),

@@ -50,14 +50,24 @@ def _attributes(
 
 
 def surface_samples(
-    triangles: ScreenTriangles, sample: np.ndarray, triangle: np.ndarray, grid: Grid
+    triangles: ScreenTriangles,
+    sample: np.ndarray,
+    triangle: np.ndarray,
+    grid: Grid,
+    offset: np.ndarray | None = None,
 ) -> SurfaceSamples:
-    """Attributes of the fragments at grid index `sample` [n] that are of the screen's `triangle` [n]."""
+    """Attributes of the fragments at grid index `sample` [n] that are of the screen's `triangle` [n].
+
+    At the samples' centres, or at the `offset` [n, 2] from them in samples.
+    """
 
     def block(part: slice) -> tuple[np.ndarray, ...]:
         number, where = triangle[part], sample[part]
         row = where // np.int32(grid.columns)
-        corners = triangles.around(number, where - row * np.int32(grid.columns), row)
+        place = where - row * np.int32(grid.columns), row
+        if offset is not None:
+            place = place[0] + offset[part, 0].astype(float), row + offset[part, 1].astype(float)
+        corners = triangles.around(number, *place)
         inputs = (tuple(pad_rows(a.astype(np.float32), _AT_ONCE) for a in some) for some in corners)
         found = [np.asarray(a)[: len(number)] for a in _attributes(*inputs)]
         clipped = np.flatnonzero(number >= triangles.unclipped)

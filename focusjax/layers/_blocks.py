@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from focusjax._parallel import in_parallel, parts
@@ -29,7 +28,7 @@ def in_blocks(program: Callable[..., Any], columns: Sequence[np.ndarray], at_onc
     """
 
     def block(part: slice) -> Any:
-        made = program(*(jnp.asarray(pad_rows(column[part], at_once)) for column in columns))
+        made = program(*jax.device_put([pad_rows(column[part], at_once) for column in columns]))
         return jax.tree.map(lambda a: np.asarray(a)[: part.stop - part.start], made)
 
     blocks = in_parallel(block, parts(len(columns[0]), at_once))

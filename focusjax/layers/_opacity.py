@@ -19,6 +19,8 @@ from focusjax.scene import Opacity, Scene
 
 LEVELS = 255
 """Opacities are kept in this many steps, as the tracer packs them into bytes."""
+NEARER = 1.0 + 2.0 * SEPARATION
+"""By which what may be seen through is put nearer: a decal is before the wall that it lies on."""
 _AT_ONCE = 1 << 16
 
 
@@ -35,7 +37,7 @@ def with_opacity(
     where a texture cuts a surface out inside a triangle, its outline is known to a share of the samples
     along it; the outline of the triangles is known better (see `_silhouettes`).
 
-    What may be seen through is put a little nearer, so that a decal is before the wall it lies on.
+    What may be seen through is put a little nearer; see `NEARER`.
     """
     faces = scene.may_be_seen_through()
     if faces is None:
@@ -54,7 +56,7 @@ def with_opacity(
     fragments = fragments.take(there)
     if (opacity == 1.0).all():
         return fragments, None
-    nearer = np.where(opacity < 1.0, 1.0 + 2.0 * SEPARATION, 1.0).astype(fragments.disparity.dtype)
+    nearer = np.where(opacity < 1.0, NEARER, 1.0).astype(fragments.disparity.dtype)
     return dataclasses.replace(fragments, disparity=fragments.disparity * nearer), opacity
 
 

@@ -44,7 +44,7 @@ def umbra_saving(
     camera: Camera,
     lens: AbstractLens,
     *,
-    supersampling: int = 2,
+    supersampling: int = 1,
     near: float | None = None,
 ) -> UmbraSaving:
     """Layers and samples that `peel` keeps with the umbra and without, as deep as the scene goes.

@@ -10,31 +10,16 @@ square whose centre it misses, a fringe sample is added there.
 
 import dataclasses
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, UInt
+from jaxtyping import Bool, UInt
 
-from focusjax.layers._blocks import in_blocks
 from focusjax.layers._cells import line_code
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
 from focusjax.layers._joins import NEIGHBOURS, UNJOINED, Joins, Planes
-from focusjax.layers._touching import touching
+from focusjax.layers._touching import OFFSETS, POINTS, touching
 
 _SIDES = 4
-_AT_ONCE = 1 << 14
-_POINTS = 32
-
-
-def _points() -> np.ndarray:
-    """Hammersley points [32, 2] around the centre of the unit square: every row and column has one."""
-    number = np.arange(_POINTS)
-    mirrored = sum(((number >> bit) & 1) << (4 - bit) for bit in range(5))
-    return (np.stack([number, mirrored], axis=1) + 0.5) / _POINTS - 0.5
-
-
-_OFFSETS = _points()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,7 +67,7 @@ def find_silhouettes(
     both = _Squares(*(np.concatenate(pair) for pair in zip(_fields(own), _fields(beyond), strict=True)))
     mask, centre = _covered_points(triangles, grid, both, 0.5 * small_step)
     count, number = np.bitwise_count(mask), len(own.cell)
-    cut = np.flatnonzero((count[:number] > 0) & (count[:number] < _POINTS))
+    cut = np.flatnonzero((count[:number] > 0) & (count[:number] < POINTS))
     kept = np.flatnonzero((count[number:] > 0) & ~centre[number:])
     source = beyond.source[kept]
     steep = np.abs(planes.slope_x[source]) + np.abs(planes.slope_y[source])
@@ -102,7 +87,7 @@ def find_silhouettes(
 def _lines(mask: UInt[np.ndarray, " n"]) -> UInt[np.ndarray, " n"]:
     """Codes of the lines that leave the points of each mask on one side."""
     bits = np.unpackbits(mask.view(np.uint8).reshape(-1, 4), axis=1, bitorder="little").astype(np.float32)
-    return line_code(bits @ _OFFSETS.astype(np.float32), bits.mean(axis=1))
+    return line_code(bits @ OFFSETS.astype(np.float32), bits.mean(axis=1))
 
 
 def _fields(squares: _Squares) -> tuple[np.ndarray, ...]:
@@ -143,25 +128,9 @@ def _covered_points(
     order = np.argsort(squares.cell, kind="stable")
     low, high = squares.low[order] - tolerance, squares.high[order] + tolerance
     found = touching(triangles, grid, squares.cell[order], low, high)
-    masks, centres = in_blocks(_inside, found.sides, _AT_ONCE)
     square = order[found.square]
     together = np.zeros(len(order), dtype=np.uint32)
-    np.bitwise_or.at(together, square, masks)
+    np.bitwise_or.at(together, square, found.points)
     at_centre = np.zeros(len(order), dtype=bool)
-    at_centre[square[centres]] = True
+    at_centre[square[found.centre]] = True
     return together, at_centre
-
-
-@jax.jit
-def _inside(*sides: Float[Array, " n"]) -> tuple[UInt[Array, " n"], Bool[Array, " n"]]:
-    """Points around a place inside each triangle, a bit each, and whether the place itself is.
-
-    `sides` are the coefficients x, y and offset of the three sides, one after the other, counted from there.
-    """
-    points = jnp.asarray(_OFFSETS, dtype=sides[0].dtype)
-    inside, at_place = jnp.ones((len(sides[0]), _POINTS), dtype=bool), jnp.ones(len(sides[0]), dtype=bool)
-    for x, y, offset in (sides[k : k + 3] for k in (0, 3, 6)):
-        inside &= x[:, None] * points[None, :, 0] + y[:, None] * points[None, :, 1] + offset[:, None] >= -1e-5
-        at_place &= offset >= -1e-5
-    bits = inside.astype(jnp.uint32) << jnp.arange(_POINTS, dtype=jnp.uint32)[None]
-    return bits.sum(axis=1, dtype=jnp.uint32), at_place

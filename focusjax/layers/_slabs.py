@@ -51,7 +51,7 @@ def decompose(
     *,
     count: int | None = None,
     blur_step: float | None = None,
-    supersampling: int = 2,
+    supersampling: int = 1,
     near: float | None = None,
     view_dependent: bool = False,
     pixel_filter: str = "box",
@@ -71,7 +71,7 @@ def decompose(
         count: number of slabs; give this or `blur_step`.
         blur_step: thickness of a slab in pixels: by how much the blur diameter may change within it (twice
             the delta of Lee09, which is of radii; they find 3 to 10 enough).
-        supersampling: layer samples per output pixel and axis.
+        supersampling: layer samples per output pixel and axis; see `peel`.
         near: depth in metres from which surfaces count; a tenth of the focal length if not given.
         view_dependent: keep what highlights and mirrored surroundings depend on; see `peel`.
         pixel_filter: how a pixel weighs the light around its centre; see `peel`.

@@ -1,35 +1,62 @@
-"""Which triangles touch which squares of the grid, where few of its squares matter."""
+"""Which triangles cover what of which squares of the grid, where few of its squares matter.
+
+Triangles are found by boxes, what lies in boxes by lines of squares; how much of a square a triangle covers
+is then looked at in 32 points.
+"""
 
 import dataclasses
 from collections.abc import Sequence
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Bool, Float, Int, UInt
 
 from focusjax._parallel import in_parallel
+from focusjax.layers._blocks import in_blocks, pad_rows
 from focusjax.layers._boxes import Boxes, boxes_on
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._edges import Edges, edge_functions
 from focusjax.layers._grid import Grid
 
+POINTS = 32
 _SAMPLES_AT_ONCE = 1 << 20
 """In the boxes that one call looks at, of which one may be larger."""
+_BOXES_AT_ONCE, _PAIRS_AT_ONCE = 1 << 15, 1 << 15
+"""In one call of the compiled program; there are no more boxes in a part of `boxes_on`."""
 _SLACK = 1e-5
 """Samples by which a triangle is fattened, so that rounding loses nothing."""
+_WIDEST = 8
+"""Edge in samples of the largest boxes that are left out beforehand where they lie behind all squares."""
+
+
+def _points() -> Float[np.ndarray, "points 2"]:
+    """Hammersley points around the centre of the unit square: every row and column of 32 has one."""
+    number = np.arange(POINTS)
+    mirrored = sum(((number >> bit) & 1) << (4 - bit) for bit in range(5))
+    return (np.stack([number, mirrored], axis=1) + 0.5) / POINTS - 0.5
+
+
+OFFSETS = _points()
 
 
 @dataclasses.dataclass(frozen=True)
 class Touching:
-    """Pairs of a triangle and a square that it may touch.
+    """Pairs of a square and a triangle that covers some of it.
 
     Attributes:
         square: index [n] of the square.
-        sides: x, y and offset [n] of the distances to the triangle's sides, one side after the other, counted
-            from the square's centre; see `_edges`.
+        triangle: index [n] of the triangle.
+        points: which of the points [n] around the square's centre it covers, a bit each.
+        centre: whether [n] it covers the centre.
+        plane: its disparity [n] at the centre, and the change of that in x and in y.
     """
 
     square: np.ndarray
-    sides: tuple[np.ndarray, ...]
+    triangle: np.ndarray
+    points: np.ndarray
+    centre: np.ndarray
+    plane: tuple[np.ndarray, ...]
 
 
 def touching(
@@ -39,7 +66,7 @@ def touching(
     low: Float[np.ndarray, " s"],
     high: Float[np.ndarray, " s"],
 ) -> Touching:
-    """The triangles that touch squares and have a disparity between `low` and `high` at their centres.
+    """What triangles cover of squares at whose centres their disparity is between `low` and `high`.
 
     Args:
         triangles: on the grid.
@@ -51,46 +78,121 @@ def touching(
     count = np.bincount(cell, minlength=grid.size)
     before = np.zeros(grid.size + 1, dtype=np.int32)
     np.cumsum(count, out=before[1:])
+    low, high, cell = low.astype(np.float32), high.astype(np.float32), cell.astype(np.int32)
 
     def some(boxes: Boxes) -> tuple[np.ndarray, ...]:
-        x, y, w = triangles.around(boxes.triangle, boxes.column, boxes.row)
-        edges = edge_functions(x, y, w, np)
-        line = np.repeat(np.arange(len(boxes.triangle)), boxes.height)
-        down = np.arange(len(line)) - np.take(np.cumsum(boxes.height) - boxes.height, line)
+        corners = triangles.around(boxes.triangle, boxes.column, boxes.row)
+        edges = edge_functions(*corners, np)
+        line = np.repeat(np.arange(len(boxes.triangle), dtype=np.int32), boxes.height)
+        down = np.arange(len(line), dtype=np.int32)
+        down -= np.take(np.cumsum(boxes.height, dtype=np.int32) - boxes.height, line)
         first, end = _covered_lines(boxes, edges, line, down)
-        start = np.take(boxes.row * grid.columns + boxes.column, line) + down * grid.columns
+        start = np.take(boxes.row * np.int32(grid.columns) + boxes.column, line)
+        start += down * np.int32(grid.columns)
         # The squares in a line come one after the other.
         begin, times = np.take(before, start + first), np.take(before, start + end)
         times -= begin
-        pair = np.repeat(np.arange(len(line)), times)
-        square = np.arange(len(pair)) - np.take(np.cumsum(times) - times - begin, pair)
-        right = np.take(cell, square) - np.take(start, pair)
+        begin -= np.cumsum(times, dtype=np.int32) - times
+        pair = np.repeat(np.arange(len(line), dtype=np.int32), times)
+        square = np.arange(len(pair), dtype=np.int32) + np.take(begin, pair)
         box, below = np.take(line, pair), np.take(down, pair)
-        w = np.clip(_disparity(edges, box, right, below), *(np.take(end, box) for end in _extremes(w)))
-        kept = np.flatnonzero((w >= np.take(low, square)) & (w <= np.take(high, square)))
-        box, right, below = (np.take(a, kept) for a in (box, right, below))
-        sides = []
-        for across, along, offset, _ in edges:
-            across, along = np.take(across, box), np.take(along, box)
-            sides += [across, along, np.take(offset, box) + across * right + along * below]
-        return np.take(square, kept), *(a.astype(np.float32) for a in sides)
+        right = np.take(cell, square) - np.take(start, pair)
+        table = _table(edges, corners[2])
 
+        def program(*pairs: Array) -> tuple[Array, ...]:
+            return _covered(table, *pairs)
+
+        pairs = box, right, below, np.take(low, square), np.take(high, square)
+        covered = in_blocks(program, pairs, _PAIRS_AT_ONCE)
+        kept = np.flatnonzero((covered[0] > 0) | covered[1])
+        triangle = np.take(boxes.triangle, np.take(box, kept))
+        return np.take(square, kept), triangle, *(np.take(a, kept) for a in covered)
+
+    farthest = _least_disparities(grid, cell, low)
     work = [
         less
         for part in boxes_on(grid, triangles, wanted=count > 0)
-        for less in part.portions(part.samples, _SAMPLES_AT_ONCE)
+        for less in _not_behind(part, triangles, grid, farthest)
     ]
-    nothing = (np.zeros(0, dtype=np.intp), *[np.zeros(0, dtype=np.float32)] * 9)
-    square, *sides = (np.concatenate(a) for a in zip(nothing, *in_parallel(some, work), strict=True))
-    return Touching(square, tuple(sides))
+    types = (np.int32, np.int32, np.uint32, bool, np.float32, np.float32, np.float32)
+    nothing = (np.zeros(0, dtype=each) for each in types)
+    found = zip(nothing, *in_parallel(some, work), strict=True)
+    square, triangle, points, centre, *plane = (np.concatenate(a) for a in found)
+    return Touching(square, triangle, points, centre, tuple(plane))
 
 
-def _disparity(edges: Edges, box: np.ndarray, right: np.ndarray, below: np.ndarray) -> np.ndarray:
-    """That of the triangles in the boxes `box` [n], at places counted from the first sample of each."""
+def _least_disparities(
+    grid: Grid, cell: Int[np.ndarray, " s"], low: Float[np.ndarray, " s"]
+) -> list[Float[np.ndarray, " samples"]]:
+    """The least `low` of the squares in boxes that begin at each sample, 2, 4 and 8 samples wide and high."""
+    least = np.full(grid.size, np.inf, dtype=np.float32)
+    np.minimum.at(least, cell, low)
+    found, edge = [], 1
+    least = least.reshape(grid.rows, grid.columns)
+    while edge < _WIDEST:
+        least = least.copy()
+        least[:-edge] = np.minimum(least[:-edge], least[edge:])
+        least[:, :-edge] = np.minimum(least[:, :-edge], least[:, edge:])
+        edge *= 2
+        found.append(least.reshape(-1))
+    return found
+
+
+def _not_behind(
+    boxes: Boxes, triangles: ScreenTriangles, grid: Grid, farthest: Sequence[Float[np.ndarray, " samples"]]
+) -> list[Boxes]:
+    """The small boxes whose triangles are not behind all squares in them, and the large ones, in portions."""
+    corners = (np.take(corner, boxes.triangle) for corner in triangles.faces.T)
+    first, second, third = (np.take(triangles.points[:, 2], corner) for corner in corners)
+    nearest = np.maximum(np.maximum(first, second), third).astype(np.float32)
+    edge = np.maximum(boxes.width, boxes.height)
+    place = boxes.row * np.int32(grid.columns) + boxes.column
+    kept = edge > _WIDEST
+    for level, least in enumerate(farthest):
+        mine = np.flatnonzero((edge <= 2 << level) & (edge > (1 << level if level else 0)))
+        kept[mine] = nearest[mine] >= np.take(least, place[mine])
+    boxes = boxes.take(np.flatnonzero(kept))
+    return list(boxes.portions(boxes.samples, _SAMPLES_AT_ONCE))
+
+
+def _table(edges: Edges, w: Sequence[np.ndarray]) -> Float[Array, "14 boxes"]:
+    """What tells where a triangle is, of each box, in single precision: places are near its first sample.
+
+    The three coefficients of each side; disparity at the first sample, its changes, its least and largest.
+    """
     # Of triangles without area there are no pairs, but infinite distances.
     with np.errstate(invalid="ignore"):
-        slope_x, slope_y, there = (sum(edge[k] * edge[3] for edge in edges) for k in range(3))
-    return np.take(there, box) + np.take(slope_x, box) * right + np.take(slope_y, box) * below
+        plane = [sum(edge[k] * edge[3] for edge in edges) for k in (2, 0, 1)]
+    rows = [*(values for edge in edges for values in edge[:3]), *plane, *_extremes(w)]
+    return jnp.asarray(np.stack([pad_rows(row.astype(np.float32), _BOXES_AT_ONCE) for row in rows]))
+
+
+@jax.jit
+def _covered(
+    table: Float[Array, "14 boxes"],
+    box: Int[Array, " n"],
+    right: Int[Array, " n"],
+    below: Int[Array, " n"],
+    low: Float[Array, " n"],
+    high: Float[Array, " n"],
+) -> tuple[UInt[Array, " n"], Bool[Array, " n"], Float[Array, " n"], Float[Array, " n"], Float[Array, " n"]]:
+    """As `Touching` has it, from `points` on, for the squares `right` of and `below` the first of a box."""
+    x, y = right.astype(jnp.float32), below.astype(jnp.float32)
+    *sides, there, slope_x, slope_y, least, most = (row[box] for row in table)
+    there = there + slope_x * x + slope_y * y
+    within = jnp.clip(there, least, most)
+    counts = (within >= low) & (within <= high)
+    offsets = jnp.asarray(OFFSETS, dtype=jnp.float32)
+    inside, centre = jnp.broadcast_to(counts[:, None], (len(box), POINTS)), counts
+    for across, along, offset in (sides[k : k + 3] for k in (0, 3, 6)):
+        distance = offset + across * x + along * y
+        centre &= distance >= -_SLACK
+        inside &= (
+            across[:, None] * offsets[None, :, 0] + along[:, None] * offsets[None, :, 1] + distance[:, None]
+            >= -_SLACK
+        )
+    bits = inside.astype(jnp.uint32) << jnp.arange(POINTS, dtype=jnp.uint32)[None]
+    return bits.sum(axis=1, dtype=jnp.uint32), centre, there, slope_x, slope_y
 
 
 def _extremes(values: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -19,7 +19,7 @@ class Mask(AbstractAperture):
     focus show the image upright, those in front of it upside down.
 
     A mask has no sharp rim: its outline is the disk around it, where no light passes, and its edges are
-    slopes a pixel wide. Derivatives (`render_differentiable`) hold for it as for other openings, the image's
+    slopes a pixel wide. Derivatives (those of `render`) hold for it as for other openings, the image's
     values included, but with more noise the finer the image is, as they come from rays through these slopes.
 
     Attributes:

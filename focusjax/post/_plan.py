@@ -11,7 +11,7 @@ from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.post._process import post_process
 from focusjax.post._view import PinholeView
-from focusjax.trace import decibels_of, told_by_rays
+from focusjax.trace import decibels_of, estimate_quality
 
 PLACES = 16
 """To look at per pixel: with twice as many it takes twice as long and is hardly better."""
@@ -49,9 +49,9 @@ def plan_post(
 ) -> PostPlan:
     """Whether `post_process` can be expected to reach a quality.
 
-    The picture is made, and some of its pixels are traced for its error to be told (`told_by_rays`): fewer
-    rays than a plan of `plan_rays` tries. The quality counts as reached only if the error with two of
-    its standard errors is small enough, so that no picture is taken that was merely lucky in its pixels.
+    The picture is made, and some of its pixels are traced to estimate its error (`estimate_quality`). The
+    quality counts as reached only if the error with two of its standard errors is small enough, so that no
+    picture is taken that was merely lucky in its pixels.
 
     Args:
         view: what a pinhole sees; nothing in it moves.
@@ -63,7 +63,7 @@ def plan_post(
 
     Raises:
         ValueError: no such quality; a view that moves, which layers of one moment cannot tell of; or as
-            `post_process` and `told_by_rays`.
+            `post_process` and `estimate_quality`.
 
     Example:
         >>> plan = plan_post(view_in_layers(layers, scene), layers, lens, "draft")  # doctest: +SKIP
@@ -79,5 +79,7 @@ def plan_post(
     start = time.perf_counter()
     picture = np.asarray(post_process(view, layers.camera, lens, taps=taps))
     seconds = time.perf_counter() - start
-    told = told_by_rays(layers, lens, picture, seed=seed)
-    return PostPlan(taps, told.decibels, told.at_least, told.at_least >= wanted, seconds, told.fewest_seconds)
+    found = estimate_quality(layers, lens, picture, seed=seed)
+    return PostPlan(
+        taps, found.decibels, found.at_least, found.at_least >= wanted, seconds, found.fewest_seconds
+    )

@@ -78,7 +78,7 @@ class FrameSettings:
     rays: int = 64
     smooth: bool = True
     quality: str | float | None = None
-    supersampling: int = 2
+    supersampling: int = 1
     max_layers: int = 8
     slabs: int | None = None
     slab_blur_px: float | None = None

@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -70,7 +69,6 @@ def render_moving(
     most_spans: int = 64,
     make: MakeLayers | None = None,
     like: Mapping[str, Extent] | None = None,
-    progress: Callable[[float], None] | None = None,
 ) -> MovingPicture:
     """The picture of a moving scene through a lens, while a shutter is open (Kyaw 2013 section 5.2).
 
@@ -82,8 +80,8 @@ def render_moving(
     `step_px` from one to the next. Where nothing moves rays are those of `render`, and a scene where nothing
     does is peeled and traced as without a shutter.
 
-    Highlights and shading are those of a span's middle. No rays are aimed at small highlights where something
-    moves.
+    Highlights and shading are those of a span's middle. Small highlights have no samples of their own where
+    something moves.
 
     Args:
         world: what moves, or a scene that stands still before a moving camera.
@@ -92,16 +90,15 @@ def render_moving(
         shutter: when it is open.
         frame: the instant around which it is, in frames.
         fps: frames of `world` and `camera` per second.
-        rays: of each pixel in which something moves, and on the average of the others.
-        smooth: take the noise out of what is blurred by defocus, as `render` does; not in pictures with small
-            highlights that stand still beside what moves, to which rays are aimed.
+        rays: of each pixel in which something moves, and on the average of a picture without motion, whose
+            rays the others have.
+        smooth: denoise what is blurred by defocus, as `render` does.
         seed: chooses them.
         turn: radians, by which a body may be seen from elsewhere than by its layers; less is more exact.
         step_px: pixels, more for what is blurred, by which deforming things may move from span to span.
         most_spans: no more than these; `step_px` of the result tells what was left then.
         make: makes layers, by `peel` if not given.
         like: `extents` of another picture, whose compiled programs serve again.
-        progress: told the share done.
 
     Raises:
         ValueError: a number out of range, a camera that changes its number of pixels, things so near to the
@@ -127,7 +124,7 @@ def render_moving(
     bodies, scene, known = bodies_that_move(moving, times), moving.at(frame), dict(like or {})
     if not bodies and not cameras.move(times):
         layers = layers_of(scene, cameras.still, lens, known.get(BACKDROP))
-        image = render(layers, lens, rays=rays, smooth=smooth, seed=seed, progress=progress)
+        image = render(layers, lens, rays=rays, smooth=smooth, seed=seed)
         return MovingPicture(image, 1, 1, 0.0, 0.0, 0.0, layers.complete, {BACKDROP: layers.extent})
     plans = plan_bodies(moving, scene, bodies, cameras, lens, times, Care(turn, step_px, most_spans))
     edges = _edges(shutter, plans.spans, frame, fps)
@@ -150,10 +147,9 @@ def render_moving(
         rays=rays,
         smooth=smooth,
         seed=seed,
-        progress=progress,
     )
     return MovingPicture(
-        image=jnp.asarray(image.reshape(*plans.change.shape, 3), dtype=jnp.zeros(()).dtype),
+        image=image.reshape(*plans.change.shape, 3),
         spans=plans.spans,
         peels=sum(len(each.posed) for each in laid),
         changing=float(change.mean()),

@@ -1,6 +1,5 @@
 """Tracing lens rays through layers."""
 
-from focusjax.trace._differentiable import render_differentiable as render_differentiable
 from focusjax.trace._exposed import Span as Span
 from focusjax.trace._exposed import exposed as exposed
 from focusjax.trace._known_light import light_map as light_map
@@ -12,12 +11,11 @@ from focusjax.trace._pinhole import render_pinhole as render_pinhole
 from focusjax.trace._plan import RayPlan as RayPlan
 from focusjax.trace._plan import decibels_of as decibels_of
 from focusjax.trace._plan import plan_rays as plan_rays
-from focusjax.trace._plan import quality_of as quality_of
 from focusjax.trace._plan_lens import LensPlan as LensPlan
 from focusjax.trace._plan_lens import plan_lens as plan_lens
+from focusjax.trace._quality import QualityEstimate as QualityEstimate
+from focusjax.trace._quality import estimate_quality as estimate_quality
 from focusjax.trace._reach import check_reach as check_reach
 from focusjax.trace._reach import widest_opening as widest_opening
 from focusjax.trace._render import render as render
 from focusjax.trace._timed import Timing as Timing
-from focusjax.trace._told import ToldQuality as ToldQuality
-from focusjax.trace._told import told_by_rays as told_by_rays

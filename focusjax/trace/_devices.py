@@ -1,28 +1,23 @@
-"""Blocks of a picture on several devices, and in several processes.
+"""A picture's rays on several devices, and in several processes.
 
-Every device has copies of what all blocks read, and takes the next block when it is done with one: blocks
-cost unequally, and nothing waits as it would in one program that is sharded over all devices. Processes take
-every n-th block each, and add up what they have at the end, which is all that they say to one another.
+Everything is replicated but the list of ray groups, of which each device traces every n-th part; what they
+have found is added up at the end.
 """
 
-import concurrent.futures
-import queue
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jax.experimental import multihost_utils
-from jaxtyping import Float
-from scipy.sparse import csr_array, vstack
+from jax.core import eval_jaxpr
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from jaxtyping import Array
 
-from focusjax._parallel import CORES, parts
+T = TypeVar("T")
 
-S = TypeVar("S")
-R = TypeVar("R")
-
-_ROWS_AT_ONCE = 1 << 16
+_AXIS = "devices"
 
 
 @runtime_checkable
@@ -33,70 +28,74 @@ class Device(Protocol):
     platform: str
 
 
-class Workforce:
-    """Devices that share the blocks of a picture, those of this process among them."""
+def mesh_of(devices: Sequence[Device] | None) -> Mesh | None:
+    """The mesh of `devices`; None for the default device. See `render`.
 
-    def __init__(self, devices: Sequence[Device] | None = None) -> None:
-        """The workforce of `devices`; see `render`.
+    Raises:
+        ValueError: no devices, one twice, or some of other processes without those of all.
+    """
+    if devices is None:
+        return None
+    if not len(devices) or len(set(devices)) < len(devices):
+        raise ValueError(
+            f"devices are {list(devices)}; expected at least one, each named once, such as jax.devices()"
+        )
+    processes = {device.process_index for device in devices}
+    if processes not in ({jax.process_index()}, set(range(jax.process_count()))):
+        raise ValueError(
+            f"devices are those of the processes {sorted(processes)} of {jax.process_count()}; expected"
+            f" those of this one (jax.local_devices()) or some of each (jax.devices())"
+        )
+    return Mesh(np.array(devices, dtype=object), (_AXIS,))
 
-        Raises:
-            ValueError: no devices, one twice, or some of other processes without those of all.
-        """
-        if devices is None:
-            devices = jax.local_devices()
-        if not len(devices) or len(set(devices)) < len(devices):
-            raise ValueError(
-                f"devices are {list(devices)}; expected at least one, each named once, such as jax.devices()"
-            )
-        processes = {device.process_index for device in devices}
-        if processes not in ({jax.process_index()}, set(range(jax.process_count()))):
-            raise ValueError(
-                f"devices are those of the processes {sorted(processes)} of {jax.process_count()}; expected"
-                f" those of this one (jax.local_devices()) or some of each (jax.devices())"
-            )
-        # To JAX they are devices, which it does not declare as a type.
-        self._devices: list[Any] = [
-            device for device in devices if device.process_index == jax.process_index()
-        ]
-        self._processes = len(processes)
 
-    def each(self, work: Callable[[int, S], R], count: int, shared: S) -> Iterator[tuple[R, float]]:
-        """`work(number, copy)` of this process's numbers below `count`, and the share done.
+def replicated(tree: T, mesh: Mesh) -> T:
+    """Arrays with a copy on every device. Processes have to hand in the same."""
+    sharding = NamedSharding(mesh, PartitionSpec())
 
-        `copy` is `shared` on the device that does it.
-        """
-        first = jax.process_index() if self._processes > 1 else 0
-        numbers = range(first, count, self._processes)
-        copies = [shared]
-        if len(self._devices) > 1:
-            copies = [eqx.filter_shard(shared, device) for device in self._devices]
-        # XLA runs one block on about one core, so a CPU is given a block per core at a time.
-        on_cpu = self._devices[0].platform == "cpu"
-        at_once = max(1, CORES // len(copies)) if on_cpu else 1
-        free: queue.SimpleQueue[S] = queue.SimpleQueue()
-        for copy in copies * at_once:
-            free.put(copy)
+    def put(leaf: Any) -> Any:
+        if not eqx.is_array(leaf):
+            return leaf
+        values = np.asarray(leaf)
+        return jax.make_array_from_callback(values.shape, sharding, lambda index: values[index])
 
-        def one(number: int) -> R:
-            copy = free.get()
-            try:
-                return work(number, copy)
-            finally:
-                free.put(copy)
+    return jax.tree.map(put, tree)
 
-        with concurrent.futures.ThreadPoolExecutor(len(copies) * at_once) as pool:
-            for done, found in enumerate(pool.map(one, numbers), start=1):
-                yield found, done / len(numbers)
 
-    def total(self, sums: Float[np.ndarray, "p c"]) -> Float[np.ndarray, "p c"]:
-        """The sum over all processes of what each has."""
-        if self._processes == 1:
-            return sums
-        return np.asarray(multihost_utils.process_allgather(sums)).sum(axis=0)
+def summed_over(
+    add: Callable[[Array, tuple[Array, ...]], tuple[Array, None]],
+    nothing: Array,
+    work: tuple[Array, ...],
+    mesh: Mesh | None,
+) -> Array:
+    """The sum that `add` makes from `nothing` of all parts of `work`.
 
-    def total_of_sparse(self, sums: csr_array) -> csr_array:
-        """The same of sparse matrices, of which so many rows are spread out at a time."""
-        if self._processes == 1:
-            return sums
-        some = parts(sums.shape[0], _ROWS_AT_ONCE)  # pyright: ignore[reportOptionalSubscript]
-        return csr_array(vstack([csr_array(self.total(sums[rows].toarray())) for rows in some]))
+    Args:
+        add: from a sum and a part, the sum with what the part adds, and None.
+        nothing: zeros.
+        work: parts along the first axis, a multiple of the number of devices.
+        mesh: of the devices; None for the default one.
+    """
+    if mesh is None:
+        return jax.lax.scan(add, nothing, work)[0]
+    # Parts that follow one another cost about the same, so they go to different devices.
+    order = np.arange(len(work[0])).reshape(-1, mesh.size).T.ravel()
+
+    def of_device(*part: Array) -> Array:
+        return jax.lax.scan(add, nothing, part)[0]
+
+    spread = tuple(column[jnp.asarray(order)] for column in work)
+    part = tuple(column[: len(column) // mesh.size] for column in spread)
+    # What the function refers to becomes an argument, of which each device has its copy.
+    made = jax.make_jaxpr(of_device)(*part)
+
+    def shared(constants: list[Array], *part: Array) -> Array:
+        return jax.lax.psum(eval_jaxpr(made.jaxpr, constants, *part)[0], _AXIS)
+
+    return jax.shard_map(
+        shared,
+        mesh=mesh,
+        in_specs=(PartitionSpec(), *(PartitionSpec(_AXIS) for _ in work)),
+        out_specs=PartitionSpec(),
+        check_vma=False,
+    )(made.consts, *spread)

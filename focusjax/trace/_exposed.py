@@ -1,34 +1,37 @@
 """Pictures of bodies that move: the rays of some pixels, span after span of the shutter's time."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt
-from scipy.sparse import csr_array
 
 from focusjax.geometry import Camera
 from focusjax.layers import Layers
-from focusjax.lens import AbstractLens, in_colour
-from focusjax.trace._allot import FEWEST
-from focusjax.trace._blur_classes import ONE_CLASS, BlurClasses, blur_classes
-from focusjax.trace._class_sums import added_up, by_class, class_sums, told_apart
-from focusjax.trace._devices import Workforce
+from focusjax.lens import AbstractLens
+from focusjax.trace._accumulate import PixelSums, starts_of, summed
+from focusjax.trace._coc_bins import CocBins
+from focusjax.trace._emitters import Emitters, split_emitters
 from focusjax.trace._focal_zone import focal_zone
+from focusjax.trace._groups import RayGroups
 from focusjax.trace._known_light import known_light
-from focusjax.trace._moving import Front, MovingLayers, in_front
-from focusjax.trace._timed import TimedSamples, Timing, timed_samples
-from focusjax.trace._traced import Traced
-from focusjax.trace._tracer import Tracer, ready_tracer
+from focusjax.trace._moving import MovingLayers, seen_in_motion
+from focusjax.trace._picture import RenderSettings, developed, light_of, picture_sums
+from focusjax.trace._radiances import Seen
+from focusjax.trace._render import render_settings, seed_of
+from focusjax.trace._samples import RaySamples
+from focusjax.trace._sobol import stirred
+from focusjax.trace._timed import RowShares, Timing, row_shares, timed_groups, timed_samples
 
-_TOGETHER = 8
+_TOGETHER = 4
 """At most so many rays of a pixel, one after the other in time, that look up one range of disparities."""
-_FEWEST_PARTS = 1 << 12
-"""Traced together: fewer would need other programs, and save next to nothing."""
-_RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
+_FEWEST_GROUPS = 1 << 12
+"""Length of the shortest list: all are this times a power of two, so that few programs are compiled."""
+_TIMED = 1 << 21
+"""Number of the seed's stream for rays that have times."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,14 +53,15 @@ def exposed(
     *,
     rays: int,
     smooth: bool = True,
-    seed: int = 0,
-    progress: Callable[[float], None] | None = None,
-) -> Float[np.ndarray, "p 3"]:
+    seed: int | Int[Array, ""] = 0,
+) -> Float[Array, "p 3"]:
     """Radiance of all pixels while a shutter is open, row-major.
 
-    Rays of pixels in which something changes are spread over pixel, opening and time. Those of the others are
-    as `render` has them. All are told apart by how blurred what they meet is at their time, and smoothed
-    together; a mean over time has no finer detail than what it is of.
+    Rays of pixels in which something changes are spread over pixel, aperture and time. Those of the others
+    are as `render` has them. The sums of all are denoised together, each ray in the bin of how blurred what
+    it meets is at its time: a mean over time has no finer detail than what it is of.
+
+    Times, spans and which pixels change are known beforehand; all else may be traced.
 
     Args:
         camera: in whose axes the lens makes its rays.
@@ -66,241 +70,127 @@ def exposed(
         spans: what is there then; one after the other, together all times that rays have.
         backdrop: what pixels see in which nothing changes.
         changing: pixels in which something does.
-        rays: of each pixel in which something changes, and on the average of the others.
-        smooth: as for `render`, unless highlights are aimed at beside pixels in which something changes.
+        rays: of each pixel in which something changes, and on the average of a picture without motion, whose
+            rays the others have.
+        smooth: as for `render`.
         seed: chooses the rays.
-        progress: told the share done.
     """
-    tracer = None if changing.all() else ready_tracer(backdrop, lens, None)
-    # Small highlights are aimed at from pixels in which nothing changes, whose sums are without them then.
-    alike = tracer is None or not tracer.aims or not changing.any()
-    classes = _classes(lens, camera, spans) if smooth and alike else ONE_CLASS
-    told = None if changing.any() else progress
-    still = (
-        None if tracer is None else _still(tracer, ~changing, classes, rays=rays, seed=seed, progress=told)
-    )
-    pixel_filter = backdrop.pixel_filter
-    samples = timed_samples(lens, rays, seed, with_chances=_seen_through(spans), pixel_filter=pixel_filter)
-    sums = _moving_sums(camera, lens, timing, spans, classes, changing, samples, progress)
-    apart, over = by_class(sums)
-    traced = Traced(
-        sums=apart,
-        over=over,
-        aimed=0.0,
-        least=classes.least,
-        width=camera.width,
-        rays=rays,
-        known=known_light(lens, camera),
-    )
-    if still is not None:
-        traced = dataclasses.replace(
-            traced, sums=apart + still.sums, over=over + still.over, aimed=still.aimed
-        )
-    return traced.smooth()
+    settings = render_settings(backdrop, lens, rays=rays, smooth=smooth)
+    seed, here = seed_of(seed), jnp.asarray(changing)
+    # Emitters are split off in pixels in which nothing changes only, whose bins are without them then.
+    emitters = None
+    if settings.emitters and not changing.all():
+        backdrop, emitters = eqx.filter_jit(split_emitters)(backdrop, lens)
+    bins = _coc_bins(camera, lens, spans) if smooth else CocBins(None)
+    still = None if changing.all() else _still_sums(backdrop, lens, seed, bins, ~here, settings=settings)
+    total = still if emitters is None else None
+    through = any(body.scene.volume.opacity is not None for span in spans for body in span.bodies)
+    samples = _samples(lens, stirred(seed, _TIMED), settings, through)
+    together = min(_TOGETHER, -(-rays // len(spans)))
+    of_row = changing.reshape(camera.height, -1).sum(axis=1)
+    for span in spans:
+        begin = None if span is spans[0] else span.begin
+        end = None if span is spans[-1] else span.end
+        shares = row_shares(timing, begin, end, camera.height, rays, together)
+        groups = int(of_row @ shares.parts.astype(np.int64))
+        if groups:
+            most = _FEWEST_GROUPS << max(0, -(-groups // _FEWEST_GROUPS) - 1).bit_length()
+            moving = _Moving(camera, timing, span.bodies, samples, shares)
+            sums = _span_sums(moving, lens, bins, here, together=together, most=most)
+            total = sums if total is None else jax.tree.map(jnp.add, total, sums)
+
+    def means(sums: PixelSums) -> Float[Array, "p 3"]:
+        return _developed(sums, lens, camera, bins, settings=settings)
+
+    if emitters is None:
+        assert total is not None
+        return means(total)
+    # Lamps are in the sums of pixels in which something changes only: either are denoised by themselves.
+    assert still is not None
+    steady = means(still) + _still_light(emitters, backdrop, lens, seed, settings=settings)
+    return steady if total is None else jnp.where(here[:, None], means(total), steady)
 
 
-def _classes(lens: AbstractLens, camera: Camera, spans: Sequence[Span]) -> BlurClasses:
-    """Those of all that any span shows; one where rays see highlights and mirrors for themselves."""
+def _coc_bins(camera: Camera, lens: AbstractLens, spans: Sequence[Span]) -> CocBins:
+    """One bin where rays see highlights and mirrors for themselves."""
     bodies = [body for span in spans for body in span.bodies]
-    if any(body.scene.surface.gloss is not None for body in bodies):
-        return ONE_CLASS
-    far = jnp.zeros(camera.width * camera.height)
-    # What comes nearer within a span is of the nearest class all the same.
-    nearest = max(float(body.ranges.overall[1]) for body in bodies)
-    return blur_classes(focal_zone(lens, camera), jnp.full_like(far, nearest), far)
-
-
-def _still(
-    tracer: Tracer,
-    wanted: Bool[np.ndarray, " p"],
-    classes: BlurClasses,
-    *,
-    rays: int,
-    seed: int,
-    progress: Callable[[float], None] | None,
-) -> Traced:
-    """What `render` traces, in the `wanted` pixels only, `rays` on their average; 0 in the others."""
-    counts = np.zeros(len(wanted), dtype=np.int64)
-    whole = np.full(len(wanted), rays) if rays < FEWEST else tracer.counts(rays)
-    counts[wanted] = whole[wanted]
-    if rays >= FEWEST and not wanted.all():
-        counts[wanted] = tracer.allotted(max(whole.mean(), FEWEST), wanted)
-    return tracer.trace(counts, rays, seed, progress, classes=classes)
-
-
-def _seen_through(spans: Sequence[Span]) -> bool:
-    """Whether rays need chances to stop at what is there in part only."""
-    return any(body.scene.volume.opacity is not None for span in spans for body in span.bodies)
-
-
-def _moving_sums(
-    camera: Camera,
-    lens: AbstractLens,
-    timing: Timing,
-    spans: Sequence[Span],
-    classes: BlurClasses,
-    changing: Bool[np.ndarray, " p"],
-    samples: TimedSamples,
-    progress: Callable[[float], None] | None,
-) -> csr_array:
-    """Means over the rays of each pixel that is `changing`, as `class_sums` tells them; 0 for the others."""
-    rays, real = samples.moment.shape[1], samples.moment.dtype
-    pixels = np.flatnonzero(changing).astype(np.int32)
-    together = min(_TOGETHER, max(1, -(-rays // len(spans))))
-    quantiles = jnp.asarray(timing.quantiles, dtype=real)
-    delay = jnp.asarray(timing.delay, dtype=real)
-    size = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together)
-    work = [
-        (span, part)
-        for span in spans
-        for part in _parts(span, spans, camera, timing, pixels, rays, together, size)
-    ]
-    in_each = bool(lens.channels())
-
-    def trace(number: int, shared: TimedSamples) -> tuple[Int[np.ndarray, " d"], csr_array]:
-        span, part = work[number]
-        chosen = tuple(jnp.asarray(a) for a in (part.pixels, part.first, part.last, part.shares))
-        starts = _starts(shared, camera, quantiles, delay, *chosen, together=together)
-        place = jnp.asarray(part.place)
-
-        def seen(lens: AbstractLens) -> Float[Array, "p k c"]:
-            empty = jnp.zeros((len(part.place), together), dtype=real)
-            front: Front = jnp.zeros((*empty.shape, 3), dtype=real), empty, empty - 1.0
-            for body in span.bodies:
-                front = in_front(
-                    front, body, camera, lens, starts.film, starts.pupil, starts.time, starts.chance
-                )
-            return _sums(front, starts.mine, chosen[0], place, classes, in_each=in_each)
-
-        found = np.asarray(in_colour(seen, lens))[: len(part.places)]
-        return part.places, csr_array(found.reshape(len(found), -1) / rays)
-
-    found = []
-    for part, done in Workforce(None).each(trace, len(work), samples):
-        found.append(part)
-        if progress is not None:
-            progress(done)
-    return added_up(found, (len(changing), told_apart(lens, classes)), real)
-
-
-@dataclasses.dataclass(frozen=True)
-class _Part:
-    """Some rays of some pixels: of each, those from `first` until `last` whose times are between `shares`.
-
-    Their numbers are `pixels`, and `places` each once. What a row of rays brings is added up at its `place`
-    among these; there is none for what only fills the part.
-    """
-
-    pixels: Int[np.ndarray, " b"]
-    first: Int[np.ndarray, " b"]
-    last: Int[np.ndarray, " b"]
-    shares: Float[np.ndarray, "b 2"]
-    places: Int[np.ndarray, " d"]
-    place: Int[np.ndarray, " b"]
-
-
-def _parts(
-    span: Span,
-    spans: Sequence[Span],
-    camera: Camera,
-    timing: Timing,
-    pixels: Int[np.ndarray, " p"],
-    rays: int,
-    together: int,
-    size: int,
-) -> list[_Part]:
-    """The rays of a span in parts of one size; what fills the last one counts for nothing."""
-    height = camera.height
-    rows = np.arange(height)
-    low = np.zeros(height) if span is spans[0] else timing.share_before(span.begin, rows, height)
-    high = np.ones(height) if span is spans[-1] else timing.share_before(span.end, rows, height)
-    # What rounding adds to a whole number of rays is none.
-    begin = np.floor(low * rays + 1e-6).astype(np.int32)
-    end = np.where(high > low, np.ceil(high * rays - 1e-6), begin).astype(np.int32)
-    row = pixels // camera.width
-    chunks = -(-(end - begin) // together)
-    place = np.repeat(np.arange(len(pixels), dtype=np.int32), chunks[row])
-    if not len(place):
-        return []
-    number = np.arange(len(place)) - np.repeat(np.cumsum(chunks[row]) - chunks[row], chunks[row])
-    of = row[place]
-    first = (begin[of] + together * number).astype(np.int32)
-    last = np.minimum(first + together, end[of]).astype(np.int32)
-    shares = np.stack([low, high], axis=1)[of].astype(np.float32)
-    size = min(size, max(_FEWEST_PARTS, 1 << (len(place) - 1).bit_length()))
-    found = []
-    for start in range(0, len(place), size):
-        take = np.minimum(start + np.arange(size), len(place) - 1)
-        # Rays of a pixel follow one another.
-        places, among = np.unique(place[take], return_inverse=True)
-        among[len(place) - start :] = size
-        numbers = pixels[place[take]], first[take], last[take]
-        found.append(_Part(*numbers, shares[take], pixels[places], among.astype(np.int32)))
-    return found
-
-
-class _Starts(eqx.Module):
-    """Rays of pixels: film and pupil points, times, chances, and which of them are to be counted."""
-
-    film: Float[Array, "p s 2"]
-    pupil: Float[Array, "p s 2"]
-    time: Float[Array, "p s"]
-    chance: UInt[Array, "p s"] | None
-    mine: Bool[Array, "p s"]
+    glossy = any(body.scene.surface.gloss is not None for body in bodies)
+    return CocBins(None if glossy else focal_zone(lens, camera))
 
 
 @eqx.filter_jit
-def _starts(
-    samples: TimedSamples,
-    camera: Camera,
-    quantiles: Float[Array, " q"],
-    delay: Float[Array, ""],
-    pixels: Int[Array, " p"],
-    first: Int[Array, " p"],
-    last: Int[Array, " p"],
-    shares: Float[Array, "p 2"],
+def _still_sums(
+    layers: Layers,
+    lens: AbstractLens,
+    seed: UInt[Array, ""],
+    bins: CocBins,
+    wanted: Bool[Array, " p"],
     *,
-    together: int,
-) -> _Starts:
-    """The rays of a part of the work, and some more that fill it."""
-    column, row = pixels % camera.width, pixels // camera.width
-    tile = (row % samples.edge) * samples.edge + column % samples.edge
-    start = jnp.minimum(first, samples.moment.shape[1] - together)
+    settings: RenderSettings,
+) -> PixelSums:
+    """What `render` sums up, of the `wanted` pixels only."""
+    return picture_sums(layers, lens, seed, settings, bins, known_light(lens, layers.camera), wanted)
 
-    def take(values: Array) -> Array:
-        rest = values.shape[2:]
 
-        def one(tile: Array, start: Array) -> Array:
-            at = (tile, start, *(jnp.zeros_like(tile) for _ in rest))
-            return jax.lax.dynamic_slice(values, at, (1, together, *rest))[0]
+@eqx.filter_jit
+def _still_light(
+    emitters: Emitters,
+    layers: Layers,
+    lens: AbstractLens,
+    seed: UInt[Array, ""],
+    *,
+    settings: RenderSettings,
+) -> Float[Array, "p 3"]:
+    return light_of(emitters, layers, lens, seed, settings)
 
-        return jax.vmap(one)(tile, start)
 
-    moment, offset = take(samples.moment), take(samples.offset)
-    late = delay * ((row.astype(moment.dtype) + 0.5) / camera.height - 0.5)
-    even = jnp.linspace(0.0, 1.0, quantiles.shape[0], dtype=quantiles.dtype)
-    number = start[:, None] + jnp.arange(together, dtype=start.dtype)[None]
-    mine = (number >= first[:, None]) & (number < last[:, None])
-    mine &= (moment >= shares[:, :1]) & ((moment < shares[:, 1:]) | (shares[:, 1:] >= 1))
-    return _Starts(
-        film=jnp.stack([column, row], axis=-1).astype(offset.dtype)[:, None] + offset,
-        pupil=take(samples.pupil),
-        time=jnp.interp(moment, even, quantiles) + late[:, None],
-        chance=None if samples.chance is None else take(samples.chance),
-        mine=mine,
+@eqx.filter_jit
+def _samples(
+    lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings, with_chances: bool
+) -> RaySamples:
+    return timed_samples(
+        lens, settings.rays, seed, with_chances=with_chances, pixel_filter=settings.pixel_filter
     )
 
 
+class _Moving(eqx.Module):
+    """What rays of one span go through, and which they are."""
+
+    camera: Camera
+    timing: Timing
+    bodies: tuple[MovingLayers, ...]
+    samples: RaySamples
+    shares: RowShares
+
+
 @eqx.filter_jit
-def _sums(
-    front: Front,
-    mine: Bool[Array, "p s"],
-    pixels: Int[Array, " p"],
-    place: Int[Array, " p"],
-    classes: BlurClasses,
+def _span_sums(
+    moving: _Moving,
+    lens: AbstractLens,
+    bins: CocBins,
+    changing: Bool[Array, " p"],
     *,
-    in_each: bool,
-) -> Float[Array, "p k c"]:
-    """`class_sums` of the rays that are to be counted."""
-    along, share, disparity = front
-    return class_sums(along, jnp.where(mine, share, 0.0), disparity, pixels, place, classes, in_each=in_each)
+    together: int,
+    most: int,
+) -> PixelSums:
+    """The sums over the rays of one span, of pixels that are `changing`; 0 in the others."""
+    camera, samples, shares = moving.camera, moving.samples, moving.shares
+
+    def seen(some: RayGroups, lens: AbstractLens) -> Seen:
+        _, row, number, starts = starts_of(some, samples, camera)
+        assert starts.moment is not None
+        moment = starts.moment.reshape(number.shape)
+        time = moving.timing.times(moment, row, camera.height).reshape(-1)
+        found = seen_in_motion(moving.bodies, camera, lens, starts, time, some.together)
+        mine = (shares.hold(moment, row) & (number < samples.per_pixel)).reshape(-1)
+        return dataclasses.replace(found, weight=jnp.where(mine, found.weight, 0.0))
+
+    groups = timed_groups(shares, changing, camera.width, samples.per_pixel, together, most=most)
+    return summed(seen, lens, groups, bins, camera.width * camera.height)
+
+
+@eqx.filter_jit
+def _developed(
+    sums: PixelSums, lens: AbstractLens, camera: Camera, bins: CocBins, *, settings: RenderSettings
+) -> Float[Array, "p 3"]:
+    return developed(sums, camera.width, bins, settings.rays, known_light(lens, camera))

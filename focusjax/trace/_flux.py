@@ -29,8 +29,9 @@ from focusjax.trace._motion import (
     rim_flow,
     spreading,
 )
-from focusjax.trace._radiances import TracedScene, radiances
-from focusjax.trace._samples import chances, line_points, spread_points, tile_edge, z_order
+from focusjax.trace._radiances import TracedScene, seen_along
+from focusjax.trace._samples import Starts, line_points, pixel_chances, pixel_points, tile_edge, z_order
+from focusjax.trace._sobol import stirred
 
 _Values = TypeVar("_Values", Array, tuple[Array, Array])
 _WITHIN = 4
@@ -46,12 +47,12 @@ class Rays(eqx.Module):
 
     Attributes:
         number: rays per pixel, and per border (static).
-        seed: chooses them (static).
+        seed: chooses them.
         at_once: rays traced at a time (static).
     """
 
     number: int = eqx.field(static=True)
-    seed: int = eqx.field(static=True)
+    seed: UInt[Array, ""]
     at_once: int = eqx.field(static=True)
 
 
@@ -86,7 +87,7 @@ class Still(eqx.Module):
         """What decides where so many rays of pixels at places of a tile stop, if anything has to."""
         if self.scene.volume.opacity is None:
             return None
-        return jnp.asarray(chances(edge, number, self.rays.seed))[tile]
+        return pixel_chances(edge, number, self.rays.seed)[tile]
 
     def along(
         self,
@@ -96,8 +97,12 @@ class Still(eqx.Module):
         chance: UInt[Array, "b s"] | None,
     ) -> Float[Array, "b s 3"]:
         """Radiances along rays whose film points lie in or on the borders of the given pixels."""
-        ends = self.least[pixel], self.largest[pixel]
-        return radiances(self.scene, self.lens, film, pupil, chance, *ends, depth=self.scene.volume.layers)[0]
+        shape = film.shape[:2]
+        flat = [points[..., axis].reshape(-1) for points in (film, pupil) for axis in range(2)]
+        starts = Starts(*flat, chance=None if chance is None else chance.reshape(-1))
+        ends = (jnp.repeat(end[pixel], shape[1]) for end in (self.least, self.largest))
+        seen = seen_along(self.scene, self.lens, starts, *ends)
+        return jnp.stack(seen.radiance, axis=-1).reshape(*shape, 3)
 
 
 def picture_flow(still: Still, moved: AbstractLens) -> Float[Array, "h w 3"]:
@@ -168,10 +173,9 @@ def _through_borders(still: Still, moved: AbstractLens) -> tuple[Float[Array, "n
     )
     axis = np.repeat([0, 1], [len(row) for row in rows])
     row, column = np.concatenate(rows), np.concatenate(columns)
-    upright, level = (line_points(edge, rays.number, rays.seed + k).astype(real) for k in (1, 2))
-    points = np.stack([upright.swapaxes(0, 1), level]).reshape(2, edge**2, rays.number, 3)
-    along = jnp.asarray(points[..., 0])
-    places = jnp.asarray(np.maximum(points[..., 1:], LEAST_PLACE))
+    upright, level = (line_points(edge, rays.number, stirred(rays.seed, k)) for k in (1, 2))
+    points = jnp.stack([upright.swapaxes(0, 1), level]).reshape(2, edge**2, rays.number, 3)
+    along, places = points[..., 0], jnp.maximum(points[..., 1:], LEAST_PLACE)
     sites = [jnp.asarray(a) for a in (column, row, axis)]
 
     def block(number: Int[Array, " b"]) -> tuple[Array, Array]:
@@ -211,8 +215,7 @@ def _through_rim(still: Still, moved: AbstractLens) -> Float[Array, "p 3"]:
     row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
     number, edge = still.rays.number, still.tile
     # A fifth dimension beside the four of rays within, so that turns and film points spread together.
-    points = spread_points(5, edge, number, still.rays.seed + 3)[..., 4]
-    turns = jnp.asarray(points.astype(still.least.dtype))
+    turns = pixel_points(5, edge, number, stirred(still.rays.seed, 3))[..., 4]
     # Where the opening ends, and what flows out of it there.
     edges = [(1.0, rim_flow)] + ([] if lens.opening().hole() is None else [(0.0, hole_flow)])
 
@@ -242,8 +245,7 @@ def _within_opening(still: Still, moved: AbstractLens, evenly: Float[Array, " p"
     camera, lens, edge = still.scene.camera, still.lens, still.tile
     number = max(_WITHIN, still.rays.number // _WITHIN)
     row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
-    points = spread_points(4, edge, number, still.rays.seed + 4).astype(still.least.dtype)
-    points = jnp.asarray(np.maximum(points, LEAST_PLACE))
+    points = jnp.maximum(pixel_points(4, edge, number, stirred(still.rays.seed, 4)), LEAST_PLACE)
 
     def block(pixel: Int[Array, " b"]) -> Float[Array, "b 3"]:
         column, row = pixel % camera.width, pixel // camera.width

@@ -6,31 +6,33 @@ again. So layers of a body that are peeled once, at a key time, serve for a span
 moving a sample: it is the rays that are moved, each by its own time, and nothing is repeated as ghosts.
 
 With P(z) = (X0 + m z, -z) the ray in the camera's axes at depth z, and M the map from there to the axes of
-the
-key camera, of which o = M P(0) and d is the image of (m, -1), depth there is z' = z0 + g z with z0 = -o_z and
-g = -d_z, and the ray crosses the plane z' = 0 at o - d z0 / g with slopes d / g: by these it is q'(w') = a' +
-b' w' (see `focusjax.geometry.LensRay`), exactly. What it meets at disparity w' there is at
+the key camera, of which o = M P(0) and d is the image of (m, -1), depth there is z' = z0 + g z with z0 =
+-o_z and g = -d_z, and the ray crosses the plane z' = 0 at o - d z0 / g with slopes d / g: by these it is
+q'(w') = a' + b' w' (see `focusjax.geometry.LensRay`), exactly. What it meets at disparity w' there is at
 
     w = g w' / (1 - z0 w')
 
 at the ray's own time. Of several bodies the one with the largest w is what the ray sees.
 """
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, UInt
+from jaxtyping import Array, Float, Int, UInt
 
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers import Layers, RangePyramid
 from focusjax.lens import AbstractLens
-from focusjax.trace._colour import radiance_at
+from focusjax.trace._colour import disparity_of, met_at
 from focusjax.trace._march import first_hits
-from focusjax.trace._radiances import TracedScene, traced_scene
+from focusjax.trace._radiances import Seen, TracedScene, on_grid, traced_scene
+from focusjax.trace._samples import Starts
 from focusjax.trace._starts import lens_rays
+from focusjax.trace._timed import interpolated
 from focusjax.trace._walk import path_of
 
 _ROUNDS = 4
@@ -108,82 +110,83 @@ def moved_ray(
     return LensRay(a, b, ray.weight), depth, along
 
 
-Front = tuple[Float[Array, "p s 3"], Float[Array, "p s"], Float[Array, "p s"]]
-"""The radiance along rays, the share of it that arrives, and the disparity it comes from; -1 for nowhere."""
-
-
-@eqx.filter_jit
-def in_front(
-    front: Front,
-    body: MovingLayers,
+def seen_in_motion(
+    bodies: tuple[MovingLayers, ...],
     camera: Camera,
     lens: AbstractLens,
-    film: Float[Array, "p s 2"],
-    pupil: Float[Array, "p s 2"],
-    time: Float[Array, "p s"],
-    chance: UInt[Array, "p s"] | None,
-) -> Front:
-    """What rays see of `body` where it is before what is in `front`, else that.
+    starts: Starts,
+    time: Float[Array, " n"],
+    together: int,
+) -> Seen:
+    """What n rays bring back from bodies that move: of each ray what is nearest at its time.
 
     Args:
-        front: of the bodies before it.
-        body: layers for the time of all rays.
+        bodies: layers for the times of all rays.
         camera: in whose axes the lens makes its rays.
         lens: where they come from.
-        film: film points in pixels; the rays of a row lie close together in time.
-        pupil: points of the opening.
-        time: as of the body's span.
-        chance: decides where rays stop among surfaces that are there in part only; None where all are whole.
+        starts: their film and aperture points: all first ones of groups of rays that lie close together in
+            pixel and time, then all second ones, and so on.
+        time: as of the bodies' span.
+        together: rays of a group.
+    """
+    rays = lens_rays(camera, lens, starts)
+    seen: Seen | None = None
+    for body in bodies:
+        found = _seen_of(body, camera, rays, starts.chance, time, together)
+        if seen is not None:
+            nearer, before = found.disparity > seen.disparity, seen
+            found = jax.tree.map(lambda a, b, nearer=nearer: jnp.where(nearer, a, b), found, before)
+        seen = found
+    assert seen is not None
+    return seen
+
+
+def _seen_of(
+    body: MovingLayers,
+    camera: Camera,
+    rays: LensRay,
+    chance: UInt[Array, " n"] | None,
+    time: Float[Array, " n"],
+    together: int,
+) -> Seen:
+    """What rays see of one body; its disparity is that of `beyond` where they pass it."""
+    length = jnp.where(body.end > body.begin, body.end - body.begin, 1.0)
+    matrices = interpolated(body.matrices, (time - body.begin) / length)
+
+    def line(ray: LensRay, matrix: Float[Array, "3 4"]) -> tuple[LensRay, Array, Array]:
+        moved, depth, along = moved_ray(ray, camera, body.scene.camera, matrix)
+        return on_grid(moved, body.scene.grid), depth, along
+
+    rays, depth, along = jax.vmap(line)(rays, matrices)
+    grouped = jax.tree.map(lambda a: a.reshape(together, -1, *a.shape[1:]), rays)
+    least, largest, deepest = jax.vmap(lambda group: _range(body.ranges, group), in_axes=1)(grouped)
+    paths = jax.vmap(path_of)(rays, jnp.tile(least, together), jnp.tile(largest, together))
+    # A ray that runs backwards among what has turned by more than a quarter sees none of it.
+    paths = dataclasses.replace(paths, steps=jnp.where(along > 0, paths.steps, 0))
+    volume = dataclasses.replace(body.scene.volume, deepest=deepest.max())
+    hits = first_hits(volume, paths, None if chance is None else chance ^ body.stir)
+    there = jax.vmap(lambda hit: disparity_of(body.scene.surface, hit))(hits)
+    ahead = 1.0 - depth * there
+    met = (hits >= 0) & (ahead > 0)
+    now = jnp.where(met, along * there / jnp.where(met, ahead, 1.0), body.beyond)
+    hits = jnp.where(met, hits, -1)
+    found = jax.vmap(lambda ray, hit: met_at(body.scene.surface, ray, hit))(rays, hits)
+    return Seen(found.radiance, rays.weight, now)
+
+
+def _range(ranges: RangePyramid, rays: LensRay) -> tuple[Float[Array, ""], Float[Array, ""], Int[Array, ""]]:
+    """Least and largest disparity that some rays, in grid units, can meet, and layer count.
+
+    As `disparity_range`.
     """
 
-    def line(ray: LensRay, time: Array) -> tuple[LensRay, Array, Array]:
-        moved, depth, along = moved_ray(ray, camera, body.scene.camera, _matrix_at(body, time))
-        grid = body.scene.grid
-        a, b = moved.a * grid.supersampling + grid.margin, moved.b * grid.supersampling
-        return LensRay(a, b, moved.weight), depth, along
-
-    rays, depth, along = jax.vmap(jax.vmap(line))(lens_rays(camera, lens, film, pupil), time)
-    least, largest = jax.vmap(lambda rays: _range(body.ranges, rays))(rays)
-    paths = jax.vmap(jax.vmap(path_of, in_axes=(0, None, None)))(rays, least, largest)
-    # A ray that runs backwards among what has turned by more than a quarter sees none of it.
-    paths = eqx.tree_at(lambda path: path.steps, paths, jnp.where(along > 0, paths.steps, 0))
-    stirred = None if chance is None else (chance ^ body.stir).reshape(-1)
-    paths = jax.tree.map(lambda a: a.reshape(-1), paths)
-    hits = first_hits(body.scene.volume, paths, stirred, depth=body.scene.volume.layers)
-    hits = hits.reshape(rays.weight.shape)
-    surface = body.scene.surface
-    number = surface.places.number(jnp.maximum(hits, 0))
-    there = jnp.where(hits >= 0, surface.disparity[number], 0.0)
-    beyond = 1.0 - depth * there
-    met = (hits >= 0) & (beyond > 0)
-    now = jnp.where(met, along * there / jnp.where(met, beyond, 1.0), body.beyond)
-    hits = jnp.where(met, hits, -1)
-    radiance = jax.vmap(jax.vmap(lambda ray, hit: radiance_at(surface, ray, hit)))(rays, hits)
-    nearer = now > front[2]
-    return jnp.where(nearer[..., None], radiance, front[0]), rays.weight, jnp.where(nearer, now, front[2])
-
-
-def _matrix_at(body: MovingLayers, time: Float[Array, ""]) -> Float[Array, "3 4"]:
-    nodes = body.matrices.shape[0]
-    if nodes == 1:
-        return body.matrices[0]
-    length = jnp.where(body.end > body.begin, body.end - body.begin, 1.0)
-    place = jnp.clip((time - body.begin) / length, 0.0, 1.0) * (nodes - 1)
-    before = jnp.minimum(place.astype(jnp.int32), nodes - 2)
-    share = place - before.astype(place.dtype)
-    return body.matrices[before] + share * (body.matrices[before + 1] - body.matrices[before])
-
-
-def _range(ranges: RangePyramid, rays: LensRay) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Least and largest disparity that some rays, in grid units, can meet: as `disparity_range`."""
-
-    def narrow(_: Any, state: tuple[Array, Array]) -> tuple[Array, Array]:
-        ends = [rays.a + rays.b * w for w in state]
+    def narrow(_: Any, state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        ends = [rays.a + rays.b * w for w in state[:2]]
         low = jnp.minimum(*(end.min(axis=0) for end in ends)) - _SLACK
         high = jnp.maximum(*(end.max(axis=0) for end in ends)) + _SLACK
-        least, largest, _depth = ranges.query(low, high)
-        return jnp.where(largest <= 0, 0.0, least), jnp.where(largest <= 0, 0.0, largest)
+        least, largest, depth = ranges.query(low, high)
+        return jnp.where(largest <= 0, 0.0, least), jnp.where(largest <= 0, 0.0, largest), depth
 
     overall = ranges.overall
-    start = jnp.where(overall[1] > 0, overall[0], 0.0), overall[1]
+    start = jnp.where(overall[1] > 0, overall[0], 0.0), overall[1], ranges.most_layers
     return jax.lax.fori_loop(0, _ROUNDS, narrow, start)

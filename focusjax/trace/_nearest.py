@@ -40,7 +40,7 @@ def _first_disparities(layers: Layers, rays: LensRay) -> Float[Array, " n"]:
 
     def one(ray: LensRay) -> Float[Array, ""]:
         on_grid = LensRay(ray.a * grid.supersampling + grid.margin, ray.b * grid.supersampling, ray.weight)
-        hit = first_hit(volume, on_grid, least, largest, depth=layers.count)
+        hit = first_hit(volume, on_grid, least, largest)
         sample = jnp.maximum(hit, 0)
         # From the sample's centre to where the ray is above its square, as far as the surface goes there.
         low, high = _above_square(on_grid, sample % grid.size, grid.columns)

@@ -1,44 +1,56 @@
-"""How many rays a wanted quality takes, and what a picture's quality is, told from parts of it.
+"""How many rays a wanted quality takes, from pictures of a few of the pixels.
 
-Let S be the smoothed picture of some rays and R1, R2 plain means of others, all independent. As R1 and R2 are
-right on the average, the mean of
+Let A, B be plain means of independent rays in a pixel, and S that of the denoised picture of A. As A and B
+are right on the average, (A - B)^2 / 2 is on the average the squared error of either; with two more means C
+and D, (S - C) (S - D) is that of S, what denoising makes wrong included. The error of the picture is
 
-    (S - R1) (S - R2)
+    E = E_plain g,        g = (error of S) / (error of A),
 
-is the squared error of S, what smoothing makes wrong included. A trial traces small squares of the picture, a
-twelfth of it, as smoothing takes what is around. Where rays are aimed at lights, which are few pixels and may
-be wrong by much, there are squares for these alone: around random ones of them, in which each counts the less
-the more of them it may have been chosen with. From one number of rays to another the error goes about as
-rays^-1, so the second or third trial is at the number that is wanted. Only the error of the rays is meant;
-that of the layers stays, about 45 dB at one sample per pixel and 50 dB at two where things are in focus.
+E_plain from single pixels all over the picture, which differ much from one to another; g from a few windows,
+as denoising takes what is around, in which it differs less. Single pixels are chosen the more often the more
+the rays of theirs may differ, and count the less (Horvitz and Thompson 1952).
+
+A first trial is of 16 rays. The second is of the number that, by the usual fall of the error with the number
+of rays, should give what is wanted, 64 at most; the number planned is on the power law through both. Only the
+error of the rays is meant; that of the layers stays, about 45 dB at one sample per pixel and 50 dB at two
+where things are in focus.
 """
 
 import dataclasses
+import itertools
 import time
+from collections.abc import Sequence
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
-from scipy.ndimage import uniform_filter
+from jaxtyping import Bool, Float, Int
 
 from focusjax._arguments import require_switches
-from focusjax._counts import require_counts, require_seed
+from focusjax._counts import require_seed
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
-from focusjax.trace._allot import FEWEST
-from focusjax.trace._tracer import Tracer, ready_tracer
+from focusjax.trace._allocate import FEWEST
+from focusjax.trace._render import render_settings, within_reach
+from focusjax.trace._some_pixels import NO_WINDOWS, Windows, emitted, prepared, some_pixels
 
 QUALITIES = {"draft": 30.0, "good": 38.0, "reference": 46.0}
 """Names for PSNRs in dB."""
-_FIRST_TRIAL = 16
-_TRIALS = 6
-_NEAR = 0.75
-"""Decibels above what is wanted, within which no smaller number of rays is tried."""
-_FALL = 1.0
-_PIXELS_PER_TRIED = 12
-_LEAST_PIXELS = 16384
-_AIMED_SQUARES = 32
-_SQUARE, _AROUND = 24, 6
-"""Pixels along the edge of a square, and around it that are traced for it."""
+_FIRST, _LARGEST = 16, 64
+"""Rays of the first trial, and of the second one at most."""
+_FALL = 1.15
+_FALL_UNSURE, _LEAST_FALL = 0.25, 0.7
+"""The error falls as this power of the number of rays, give or take; and never slower than the last."""
+_UNSURE = 0.6
+"""Standard error of a trial in dB, of which its pixels are most."""
+_SINGLE = 4096
+"""Single pixels."""
+_CORE, _AROUND = 16, 8
+"""Pixels along the edge of a window's core, and around it."""
+_WINDOWS, _WINDOW_PIXELS = 8, 0.04
+"""Windows at least, and what share of the picture they are otherwise."""
+_EVEN = 0.5
+"""Share of the single pixels that are chosen alike all over the picture."""
 _MOST = 1 << 14
 
 
@@ -92,6 +104,8 @@ def plan_rays(
 ) -> RayPlan:
     """The fewest rays per pixel with which `render` can be expected to reach a quality.
 
+    Two programs are compiled, the same for every quality and every lens of a kind.
+
     Args:
         layers: as for `render`.
         lens: as for `render`.
@@ -99,7 +113,7 @@ def plan_rays(
             "good" or "reference".
         smooth: as for `render`.
         pixel_filter: as for `render`.
-        seed: chooses the rays of the trial.
+        seed: chooses the pixels and rays of the trials.
 
     Raises:
         ValueError: no such quality; one that takes more than 16384 rays, naming what can be reached; or a
@@ -112,157 +126,185 @@ def plan_rays(
     wanted = decibels_of(quality)
     require_seed(seed)
     require_switches(smooth=smooth)
-    tracer = ready_tracer(layers, lens, pixel_filter)
-    tried: dict[int, tuple[float, float]] = {}
-    count = _FIRST_TRIAL
-    while count not in tried and len(tried) < _TRIALS:
-        tried[count] = _trial(tracer, count, seed, smooth=smooth)
-        if wanted <= tried[count][0] < wanted + _NEAR:
-            break
-        count = _next_trial({rays: decibels for rays, (decibels, _) in tried.items()}, wanted)
-    enough = [rays for rays, (decibels, _) in tried.items() if decibels >= wanted]
-    nearest = min(enough) if enough else max(tried)
-    count = nearest if enough else count
-    decibels, seconds = tried[nearest]
-    expected = decibels + 10.0 * _FALL * np.log10(count / nearest)
-    return RayPlan(count, float(expected), seconds * count / nearest)
+    trials = _Trials(layers, lens, seed, smooth=smooth, pixel_filter=pixel_filter)
+    trials.run(_FIRST)
+    (first,) = trials.decibels()
+    second = int(np.clip(np.ceil(_FIRST * 10.0 ** ((wanted - first) / (10.0 * _FALL))), FEWEST, _LARGEST))
+    trials.run(second)
+    rays, decibels = _on_power_law((_FIRST, second), trials.decibels(), wanted)
+    return RayPlan(rays, decibels, trials.seconds_per_ray * rays * layers.camera.width * layers.camera.height)
 
 
-def _next_trial(tried: dict[int, float], wanted: float) -> int:
-    """The number of rays that should give the wanted decibels, after those that some gave.
-
-    Between two of them where there is one on either side.
+def _on_power_law(tried: tuple[int, int], found: Sequence[float], wanted: float) -> tuple[int, float]:
+    """Rays for the wanted decibels, and the decibels expected of them, where two numbers gave those found.
 
     Raises:
         ValueError: more rays than can be.
     """
-    fewer = max((rays for rays, decibels in tried.items() if decibels < wanted), default=None)
-    more = min((rays for rays, decibels in tried.items() if decibels >= wanted), default=None)
-    if fewer is not None and more is not None:
-        share = (wanted - tried[fewer]) / (tried[more] - tried[fewer])
-        return int(np.clip(np.ceil(fewer * (more / fewer) ** share), min(fewer + 1, more), more))
-    known = fewer if fewer is not None else more
-    assert known is not None
-    rays = known * 10.0 ** ((wanted - tried[known]) / (10.0 * _FALL))
+    # A straight line of decibels over the logarithm of the number, by what is known beforehand of its slope.
+    lever = 10.0 * np.log10(np.asarray(tried) / _FIRST)
+    matrix = np.stack([np.ones(2), lever], axis=1) / _UNSURE
+    matrix = np.concatenate([matrix, [[0.0, 1.0 / _FALL_UNSURE]]])
+    right = np.append(np.asarray(found) / _UNSURE, _FALL / _FALL_UNSURE)
+    (start, fall), *_ = np.linalg.lstsq(matrix, right)
+    fall = max(float(fall), _LEAST_FALL)
+    rays = _FIRST * 10.0 ** ((wanted - start) / (10.0 * fall))
     if rays > _MOST:
-        best = tried[known] + 10.0 * _FALL * np.log10(_MOST / known)
+        best = start + 10.0 * fall * np.log10(_MOST / _FIRST)
         raise ValueError(
             f"quality of {wanted:g} dB would take about {rays:.0f} rays per pixel; {best:.0f} dB can be"
             f" reached with {_MOST}, so ask for less"
         )
-    return max(FEWEST, int(np.ceil(rays)))
+    count = max(FEWEST, int(np.ceil(rays)))
+    return count, float(start + 10.0 * fall * np.log10(count / _FIRST))
 
 
-def quality_of(
-    layers: Layers,
-    lens: AbstractLens,
-    picture: Float[np.ndarray, "h w 3"],
-    *,
-    rays: int,
-    pixel_filter: str | None = None,
-    seed: int = 0,
-) -> float:
-    """PSNR in dB of the rays of a `picture` that `render` made with `rays`, `pixel_filter` and `seed`.
+class _Trials:
+    """Independent pictures of the same few pixels, two of each number of rays that is tried."""
 
-    The peak is 1; what is brighter counts relative to itself. A sample of the pixels is traced again with
-    other rays, as many.
-    """
-    require_counts(rays=rays)
-    require_seed(seed)
-    tracer = ready_tracer(layers, lens, pixel_filter)
-    # Neither the pixels nor the rays of a plan's trials, so that this is another word on it.
-    whole = tracer.counts(rays)
-    share = max(1.0 / _PIXELS_PER_TRIED, min(1.0, _LEAST_PIXELS / len(whole)))
-    told = np.random.default_rng(seed + 2).random(len(whole)) < share
-    told[np.argmax(whole)] = True
-    one, other = (
-        tracer.trace(np.where(told, whole, 0), rays, seed + k, independent=True).raw()[told] for k in (2, 3)
-    )
-    given = np.asarray(picture).reshape(-1, 3)[told]
-    return _decibels(given, one, other, np.full(len(given), 1.0 / len(given)))
+    def __init__(
+        self, layers: Layers, lens: AbstractLens, seed: int, *, smooth: bool, pixel_filter: str | None
+    ) -> None:
+        settings = render_settings(layers, lens, smooth=smooth, pixel_filter=pixel_filter)
+        self._settings = dataclasses.replace(settings, rays=_FIRST)
+        self._filter = settings.pixel_filter
+        self._lens = within_reach(layers, lens, self._filter)
+        self._ready = prepared(layers, self._lens, settings=settings)
+        camera, chance = layers.camera, np.random.default_rng(seed)
+        self._windows, inside, self._core = NO_WINDOWS, np.zeros(0, dtype=np.int32), np.zeros(0, dtype=bool)
+        if len(self._ready.bins.least) > 1:
+            self._windows, inside, self._core = _windows(camera.width, camera.height, chance)
+        single, self._weight = single_pixels(np.asarray(self._ready.variance), _SINGLE, chance)
+        self._inside = len(inside)
+        self._pixels = jnp.asarray(in_rows(np.concatenate([inside, single])))
+        self._single = slice(len(inside), len(inside) + len(single))
+        self._seed = 4 * seed
+        self._tried: list[int] = []
+        self._plain: list[np.ndarray] = []
+        self._denoised: list[np.ndarray] = []
+        self._emitters = self._error_of_emitters() if self._ready.emitters is not None else 0.0
+        self.seconds_per_ray = 0.0
 
-
-def _trial(tracer: Tracer, rays: int, seed: int, *, smooth: bool) -> tuple[float, float]:
-    """PSNR in dB of pictures of `rays` per pixel, and seconds that one takes."""
-    whole, camera = tracer.counts(rays), tracer.layers.camera
-    traced, weight = _told(tracer, camera.height, camera.width, seed)
-    told = weight > 0
-    counts = np.where(traced, whole, 0)
-    classes = tracer.classes if smooth else None
-    # Few rays would tell little of what they miss themselves.
-    sure = max(rays, _FIRST_TRIAL)
-    told_counts = np.where(told, tracer.counts(sure), 0)
-    checks = [tracer.trace(told_counts, sure, seed + k, classes=classes, independent=True) for k in (1, 2)]
-    one, other = (check.raw()[told] for check in checks)
-    # For its programs to be compiled.
-    tracer.trace(counts, rays, seed, classes=classes).smooth()
-    start = time.perf_counter()
-    found = tracer.trace(counts, rays, seed, classes=classes)
-    seconds = (time.perf_counter() - start) * float(whole.sum()) / float(counts.sum())
-    start = time.perf_counter()
-    picture = found.smooth()[told]
-    seconds += time.perf_counter() - start
-    return _decibels(picture, one, other, weight[told]), seconds
-
-
-def _decibels(
-    picture: Float[np.ndarray, "n 3"],
-    one: Float[np.ndarray, "n 3"],
-    other: Float[np.ndarray, "n 3"],
-    weight: Float[np.ndarray, " n"],
-) -> float:
-    """PSNR of some pixels by two means of other rays; what is brighter than 1 counts relative to itself.
-
-    What is less than can be told from so many is as much as can. `weight` sums to 1.
-    """
-    white = np.maximum(0.5 * (one + other), 1.0)
-    relative = ((picture - one) * (picture - other) / white**2).astype(np.float64).mean(axis=1)
-    error = weight @ relative
-    sure = np.sqrt(weight**2 @ (relative - error) ** 2)
-    return -10.0 * float(np.log10(max(error, sure, 1e-12)))
-
-
-def _told(
-    tracer: Tracer, height: int, width: int, seed: int
-) -> tuple[Bool[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-    """Pixels that a trial traces, and what those that it tells of count, in all 1."""
-    pixels = height * width
-    if pixels <= _LEAST_PIXELS:
-        return np.ones(pixels, dtype=bool), np.full(pixels, 1.0 / pixels)
-    traced, told = _squares(height, width, seed)
-    aims = tracer.aims_from
-    if not aims.any():
-        return traced, told / told.sum()
-    plain, share = told & ~aims, aims.mean()
-    weight = np.where(plain, (1.0 - share) / max(plain.sum(), 1), 0.0)
-    chance = np.random.default_rng(seed + 1)
-    centres = np.unravel_index(chance.choice(np.flatnonzero(aims), _AIMED_SQUARES), (height, width))
-    more_traced, chosen = (np.zeros((height, width), dtype=bool) for _ in range(2))
-    for y, x in zip(*centres, strict=True):
-        for mark, reach in ((more_traced, _SQUARE // 2 + _AROUND), (chosen, _SQUARE // 2)):
-            mark[max(y - reach, 0) : y + reach + 1, max(x - reach, 0) : x + reach + 1] = True
-    # A pixel is chosen with any centre so near.
-    near = uniform_filter(aims.reshape(height, width).astype(float), _SQUARE + 1, mode="constant").ravel()
-    chosen = chosen.ravel() & aims
-    counts = np.where(chosen, 1.0 / np.maximum(near, 0.5 / (_SQUARE + 1) ** 2), 0.0)
-    return traced | more_traced.ravel(), weight + share * counts / counts.sum()
-
-
-def _squares(height: int, width: int, seed: int) -> tuple[Bool[np.ndarray, " p"], Bool[np.ndarray, " p"]]:
-    """Pixels to be traced and, of these, to be told of: squares, of each part of the picture one."""
-    pixels = height * width
-    edge = _SQUARE + 2 * _AROUND
-    squares = max(pixels / _PIXELS_PER_TRIED, _LEAST_PIXELS) / edge**2
-    down = max(1, round(np.sqrt(squares * height / width)))
-    across = max(1, round(squares / down))
-    traced, told = (np.zeros((height, width), dtype=bool) for _ in range(2))
-    chance = np.random.default_rng(seed)
-    for row in range(down):
-        for column in range(across):
-            y, x = (
-                int((place + chance.random()) / parts * max(size - edge, 1))
-                for place, parts, size in ((row, down, height), (column, across, width))
+    def run(self, rays: int) -> None:
+        """Two more pictures, of so many rays; the time of the last is kept."""
+        number = 2 * len(self._plain)
+        start = time.perf_counter()
+        plain, denoised, traced = jax.block_until_ready(
+            some_pixels(
+                self._lens,
+                self._ready,
+                self._pixels,
+                jnp.int32(rays),
+                jnp.uint32(self._seed + number) + jnp.arange(2, dtype=jnp.uint32),
+                most_rays=_LARGEST,
+                pixel_filter=self._filter,
+                windows=self._windows,
             )
-            traced[y : y + edge, x : x + edge] = True
-            told[y + _AROUND : y + edge - _AROUND, x + _AROUND : x + edge - _AROUND] = True
-    return traced.ravel(), told.ravel()
+        )
+        self.seconds_per_ray = (time.perf_counter() - start) / (2.0 * float(traced))
+        self._tried.append(rays)
+        self._plain.append(np.asarray(plain, dtype=np.float64))
+        self._denoised.append(np.asarray(denoised, dtype=np.float64))
+
+    def decibels(self) -> list[float]:
+        """PSNR of pictures of each number of rays so far."""
+        white = np.maximum(np.concatenate(self._plain).mean(axis=0), 1.0)
+        found = [self._error(number, white) for number in range(len(self._plain))]
+        emitters = [self._emitters * _FIRST / rays for rays in self._tried]
+        return [psnr_of(sum(both)) for both in zip(found, emitters, strict=True)]
+
+    def _error_of_emitters(self) -> float:
+        """Squared error of the light of emitters, of which `_FIRST` rays a pixel draw rays of their own."""
+        assert self._ready.emitters is not None
+        if not int(self._ready.emitters.pairs):
+            return 0.0
+        one, other = (
+            np.asarray(emitted(self._ready, self._lens, jnp.uint32(seed), settings=self._settings))
+            for seed in (self._seed, self._seed + 1)
+        )
+        return float((0.5 * ((one - other) / np.maximum(0.5 * (one + other), 1.0)) ** 2).mean())
+
+    def _error(self, number: int, white: Float[np.ndarray, "n 3"]) -> float:
+        """Squared error of pictures of one number of rays; what is brighter than 1 is relative to itself."""
+        one, other = self._plain[number]
+        plain = (0.5 * (one - other) ** 2 / white**2).mean(axis=1)
+        error = float(self._weight @ plain[self._single])
+        if not self._inside:
+            return error
+        core, white = self._core, white[: self._inside][self._core]
+        of_plain = plain[: self._inside][core].mean()
+        if of_plain <= 0:
+            return error
+        plain = np.concatenate(self._plain)[:, : self._inside][:, core]
+        squares = self._squares(number, plain, self._denoised[number][:, core])
+        gain = (squares / white**2).mean() / of_plain
+        return error * float(np.clip(gain, 0.01, 2.0))
+
+    def _squares(
+        self, number: int, plain: Float[np.ndarray, "k n 3"], denoised: Float[np.ndarray, "2 n 3"]
+    ) -> Float[np.ndarray, "n 3"]:
+        """Squared errors of denoised pictures, by all pairs of plain ones of other rays."""
+        if len(plain) == 2:
+            return ((denoised - plain[::-1]) ** 2).mean(axis=0) - 0.5 * (plain[0] - plain[1]) ** 2
+        rays = np.repeat(self._tried, 2).astype(float)
+        total, weights = np.zeros_like(plain[0]), 0.0
+        for own, seen in enumerate(denoised, start=2 * number):
+            for one, other in itertools.combinations(set(range(len(plain))) - {own}, 2):
+                # The more rays, the less noise of theirs.
+                weight = rays[one] * rays[other]
+                total += weight * (seen - plain[one]) * (seen - plain[other])
+                weights += weight
+        return total / weights
+
+
+def psnr_of(error: float) -> float:
+    """Decibels of a mean squared error, for a peak of 1."""
+    return -10.0 * float(np.log10(max(error, 1e-12)))
+
+
+def in_rows(pixels: Int[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
+    """The list with its last one repeated, until it is as long as `some_pixels` takes it."""
+    return np.pad(pixels, (0, -len(pixels) % 32), mode="edge").astype(np.int32)
+
+
+def single_pixels(
+    variance: Float[np.ndarray, " p"], count: int, chance: np.random.Generator
+) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Some pixels, those in which rays may differ the more often, and weights for the mean over all.
+
+    Systematic sampling along the rows, with replacement where a pixel is likely enough.
+    """
+    pixels = len(variance)
+    if pixels <= count:
+        return np.arange(pixels), np.full(pixels, 1.0 / pixels)
+    # About the error of a pixel that has rays in proportion to the power 0.4 of the variance.
+    likely = variance.astype(np.float64) ** 0.5
+    likely = _EVEN / pixels + (1.0 - _EVEN) * likely / max(likely.sum(), 1e-30)
+    ends = np.cumsum(likely / likely.sum())
+    places = (np.arange(count) + chance.random(count)) / count
+    chosen = np.minimum(np.searchsorted(ends, places), pixels - 1)
+    return chosen, 1.0 / (count * pixels * likely[chosen] / likely.sum())
+
+
+def _windows(
+    width: int, height: int, chance: np.random.Generator
+) -> tuple[Windows, Int[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """Windows spread over the picture, their pixels one window after another, and which are in cores.
+
+    A window at the border ends with the picture, and its core with it.
+    """
+    edge = _CORE + 2 * _AROUND
+    high, wide = min(edge, height), min(edge, width)
+    down, across = -(-height // _CORE), -(-width // _CORE)
+    count = min(max(_WINDOWS, round(_WINDOW_PIXELS * width * height / edge**2)), down * across)
+    # Evenly along a row of tiles that turns at each end.
+    order = np.arange(down * across).reshape(down, across)
+    order[1::2] = order[1::2, ::-1]
+    places = ((np.arange(count) + chance.random(count)) / count * down * across).astype(int)
+    row, column = np.divmod(order.ravel()[places], across)
+    top = np.clip(row * _CORE - _AROUND, 0, height - high)[:, None, None]
+    left = np.clip(column * _CORE - _AROUND, 0, width - wide)[:, None, None]
+    y, x = top + np.arange(high)[:, None], left + np.arange(wide)
+    y, x = np.broadcast_arrays(y, x)
+    core = (y // _CORE == row[:, None, None]) & (x // _CORE == column[:, None, None])
+    return Windows(count, high, wide), (y * width + x).ravel(), core.ravel()

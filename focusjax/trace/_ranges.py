@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -11,22 +12,75 @@ from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 
 _ROUNDS = 4
+EDGE = 2
+"""Pixels along the edge of the squares that ranges are found for."""
+
+
+class DisparityRanges(eqx.Module):
+    """What the rays of the pixels of small squares can meet, row-major squares [q].
+
+    Attributes:
+        least: least disparity in 1/m.
+        largest: largest one; 0 where there is nothing to meet.
+        depth: most layers.
+        across: squares per row (static).
+    """
+
+    least: Float[Array, " q"]
+    largest: Float[Array, " q"]
+    depth: Int[Array, " q"]
+    across: int = eqx.field(static=True)
+
+    def at(
+        self, column: Int[Array, "*n"], row: Int[Array, "*n"]
+    ) -> tuple[Float[Array, "*n"], Float[Array, "*n"], Int[Array, "*n"]]:
+        """Least and largest disparity and number of layers for pixels in a column and row."""
+        square = self.square(column, row)
+        least, largest, depth = (
+            plane.at[square].get(mode="promise_in_bounds") for plane in (self.least, self.largest, self.depth)
+        )
+        return least, largest, depth
+
+    def square(self, column: Int[Array, "*n"], row: Int[Array, "*n"]) -> Int[Array, "*n"]:
+        """Number of the square that the pixels in a column and row lie in."""
+        return row // EDGE * self.across + column // EDGE
+
+    def middles(self) -> Float[Array, "q 2"]:
+        """Film points in the middle of the squares."""
+        row, column = jnp.divmod(jnp.arange(self.least.shape[0], dtype=jnp.int32), self.across)
+        return (jnp.stack([column, row], axis=-1).astype(self.least.dtype) + 0.5) * EDGE
+
+    def of_pixels(self, width: int, height: int) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+        """Least and largest disparity of each pixel, row-major."""
+        row, column = jnp.divmod(jnp.arange(width * height, dtype=jnp.int32), width)
+        return self.at(column, row)[:2]
+
+
+def disparity_ranges(layers: Layers, lens: AbstractLens, pixel_filter: str = "box") -> DisparityRanges:
+    """The disparities that rays of the pixels of each small square can meet."""
+    camera = layers.camera
+    across, down = -(-camera.width // EDGE), -(-camera.height // EDGE)
+    nothing = jnp.zeros(across * down, dtype=jnp.zeros(()).dtype)
+    squares = DisparityRanges(nothing, nothing, jnp.zeros(across * down, dtype=jnp.int32), across)
+
+    def one(middle: Float[Array, "2"]) -> tuple[Array, Array, Array]:
+        return disparity_range(layers, lens, middle, filter_radius(pixel_filter) + 0.5 * (EDGE - 1))
+
+    return DisparityRanges(*jax.vmap(one)(squares.middles()), across)
 
 
 def disparity_range(
-    layers: Layers, lens: AbstractLens, film_point: Float[Array, "2"], pixel_filter: str = "box"
+    layers: Layers, lens: AbstractLens, film_point: Float[Array, "2"], wide: float
 ) -> tuple[Float[Array, ""], Float[Array, ""], Int[Array, ""]]:
-    """Least and largest disparity that rays of the pixel around `film_point` can meet, and layer count.
+    """Least and largest disparity that rays can meet, and layer count.
 
-    Lee10 section 3.1: bound the footprint for the whole scene, look up the disparities under it, bound
-    again for those alone, and so on; a few rounds gain nearly all. The largest is 0 where there is
-    nothing to meet.
+    Those of film points up to `wide` pixels from `film_point` along x and y. Lee10 section 3.1: bound the
+    footprint for the whole scene, look up the disparities under it, bound again for those alone, and so on; a
+    few rounds gain nearly all. The largest is 0 where there is nothing to meet.
     """
     grid = layers.grid
-    # Rays start anywhere in the pixel or as far beyond as the filter reaches, for which the corners of all
-    # pixels there answer. They are rounded to their nearest sample.
-    wide = filter_radius(pixel_filter)
-    ends = sorted({-wide, -0.5, 0.5, wide})
+    # Those of film points between are bounded by those of the corners, but for what the slack makes up for.
+    ends = sorted({-wide, wide})
     offsets = jnp.array([(x, y) for y in ends for x in ends], dtype=film_point.dtype)
     slack = 1.0
 

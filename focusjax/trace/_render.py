@@ -1,18 +1,24 @@
-"""The picture."""
+"""The picture, with its arguments checked."""
 
-from collections.abc import Callable, Sequence
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Float
+from jax.core import Tracer
+from jaxtyping import Array, Float, UInt
 
-from focusjax._arguments import require_switches
+from focusjax._arguments import require_kind, require_switches
 from focusjax._counts import require_counts, require_seed
+from focusjax.geometry import filter_radius
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
-from focusjax.trace._allot import FEWEST
-from focusjax.trace._devices import Device
-from focusjax.trace._tracer import ready_tracer
+from focusjax.trace._devices import Device, mesh_of, replicated
+from focusjax.trace._emitters import may_emit
+from focusjax.trace._picture import RenderSettings, picture
+from focusjax.trace._reach import check_reach, out_of_reach
 
 
 def render(
@@ -20,45 +26,127 @@ def render(
     lens: AbstractLens,
     *,
     rays: int = 64,
+    derivative_rays: int | None = None,
     even: bool = False,
     smooth: bool | None = None,
     pixel_filter: str | None = None,
-    seed: int = 0,
+    seed: int | Array = 0,
     devices: Sequence[Device] | None = None,
-    progress: Callable[[float], None] | None = None,
 ) -> Float[Array, "h w 3"]:
     """The picture that `lens` forms of `layers`: linear radiance, mean over the rays of each pixel.
+
+    A pure function of its arrays: it works under `jax.jit`, `jax.vmap` (over lenses, seeds, layers of equal
+    shape), `jax.jvp` and `jax.grad`. Counts, switches and the pixel filter are static; a lens that moves or
+    another seed compile nothing new.
+
+    Derivatives are those of the converged picture: what is hidden and what shows may change. They hold for
+    every array of the lens (focus, aperture, plane in focus, focal surface, shape of the aperture), and for
+    `layers.samples.radiance` and `layers.background`; all else of the layers is taken as fixed. They are
+    first derivatives, forward or reverse, in memory that does not grow with the number of rays.
 
     Args:
         layers: peeled for this lens or for one whose rays go farther.
         lens: any lens.
         rays: rays per pixel on the average; each has its own place in the pixel and on the lens. They go
             where what they may meet differs, up to eight times as many, and four where it is all alike; see
-            `_allot`. Fewer than four are the same for all. Up to half of them are aimed at small highlights
-            out of focus, where there are such; see `_highlights`.
-        even: give just `rays` to every pixel, be it plain or not, those that are aimed apart.
-        smooth: take the noise out of what is blurred, by averaging over a few tenths of its blur with the
-            pixels around, less the more rays there are; see `_reconstruct`. Otherwise each pixel is the mean
-            of its own rays, as it is with `even` unless this says otherwise.
+            `_allocate`. Fewer than four are the same for all.
+        derivative_rays: rays per border between pixels, rim of the aperture and pixel, of which derivatives
+            by the lens are made; half of `rays` if not given.
+        even: give just `rays` to every pixel, be it plain or not.
+        smooth: denoise what is blurred, by averaging over a few tenths of its blur with the pixels around,
+            less the more rays there are; see `_denoise`. Otherwise each pixel is the mean of its own rays, as
+            it is with `even` unless this says otherwise.
         pixel_filter: "box", "tent" or "gaussian", how the light around a pixel's centre counts: its rays are
-            spread with that density. The one that the layers were peeled for if not given.
-        seed: chooses the rays; the same seed gives the same picture.
-        devices: what traces it, all devices of this process if not given. With `jax.devices()` the processes
-            of `jax.distributed`, of which each has the layers and calls this, share the work, and each gets
-            the whole picture.
-        progress: called with the share done, 0 to 1, now and then.
+            spread with that density. The one that the layers were peeled for if not given. Derivatives are
+            those of "box".
+        seed: chooses the rays; the same seed gives the same picture. It may be traced.
+        devices: what traces it, the default device if not given. With `jax.devices()` the processes of
+            `jax.distributed`, of which each has the layers and calls this, share the work, and each gets the
+            whole picture. Not for derivatives, nor within compiled functions.
 
     Raises:
-        ValueError: no rays, no such filter, a lens or filter whose rays leave what the layers were peeled
-            for, or devices of some other processes only.
+        ValueError: no rays, no such filter, devices of some other processes only, or a lens or filter whose
+            rays leave what the layers were peeled for. Within compiled functions the latter is an
+            `equinox.EquinoxRuntimeError`.
+
+    Example:
+        >>> def contrast(focus):  # doctest: +SKIP
+        ...     lens = eqx.tree_at(lambda lens: lens.focus_disparity, start, focus)
+        ...     return render(layers, lens).var()
+        >>> jax.grad(contrast)(0.5)  # doctest: +SKIP
     """
-    require_counts(rays=rays)
-    require_seed(seed)
+    settings = render_settings(
+        layers,
+        lens,
+        rays=rays,
+        derivative_rays=derivative_rays,
+        even=even,
+        smooth=smooth,
+        pixel_filter=pixel_filter,
+    )
+    given = layers, within_reach(layers, lens, settings.pixel_filter), seed_of(seed)
+    mesh = mesh_of(devices)
+    if mesh is None:
+        return picture(*given, settings=settings)
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(given)):
+        raise ValueError("devices are given to a picture that is differentiated or compiled; leave them out")
+    shared = picture(*replicated(given, mesh), settings=dataclasses.replace(settings, mesh=mesh))
+    return jnp.asarray(shared.addressable_data(0))
+
+
+def render_settings(
+    layers: Layers,
+    lens: AbstractLens,
+    *,
+    rays: int = 64,
+    derivative_rays: int | None = None,
+    even: bool = False,
+    smooth: bool | None = None,
+    pixel_filter: str | None = None,
+) -> RenderSettings:
+    """Checked settings; arguments and errors are those of `render`."""
+    usage = "(layers, lens)"
+    require_kind(layers, Layers, usage, "`peel` and `decompose` make them", "layers")
+    require_kind(lens, AbstractLens, usage, "`thin_lens` makes one, as others do", "lens")
+    derivative_rays = max(1, rays // 2) if derivative_rays is None else derivative_rays
+    require_counts(rays=rays, derivative_rays=derivative_rays)
     smooth = not even if smooth is None else smooth
     require_switches(even=even, smooth=smooth)
-    tracer, camera = ready_tracer(layers, lens, pixel_filter, devices), layers.camera
-    alike = even or rays < FEWEST
-    counts = np.full(camera.width * camera.height, rays) if alike else tracer.counts(rays)
-    traced = tracer.trace(counts, rays, seed, progress, classes=tracer.classes if smooth else None)
-    means = traced.smooth()
-    return jnp.asarray(means.reshape(camera.height, camera.width, 3))
+    chosen = layers.pixel_filter if pixel_filter is None else pixel_filter
+    filter_radius(chosen)
+    return RenderSettings(
+        int(rays), int(derivative_rays), bool(even), bool(smooth), chosen, emitters=may_emit(layers)
+    )
+
+
+def seed_of(seed: Any) -> UInt[Array, ""]:
+    """A whole number, traced or not, as the device takes it.
+
+    Raises:
+        ValueError: it is no whole number of zero or more.
+    """
+    if not isinstance(seed, Tracer):
+        require_seed(seed)
+        return jnp.uint32(int(seed) & 0xFFFFFFFF)
+    if seed.shape or not jnp.issubdtype(seed.dtype, jnp.integer):
+        raise ValueError(f"seed is traced as {seed.dtype}{list(seed.shape)}; expected one whole number")
+    return seed.astype(jnp.uint32)
+
+
+def within_reach(layers: Layers, lens: AbstractLens, pixel_filter: str) -> AbstractLens:
+    """The lens, if the layers hold all of its rays; when traced, with a check where it is used.
+
+    Raises:
+        ValueError: they do not.
+    """
+    if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((layers, lens))):
+        # Also where something else is traced, such as the seed.
+        with jax.ensure_compile_time_eval():
+            check_reach(layers, lens, pixel_filter)
+        return lens
+    return eqx.error_if(
+        lens,
+        out_of_reach(layers, lens),
+        "rays of the lens leave what the layers were peeled for; keep its focus and aperture within"
+        " bounds, or peel with the lens whose rays go farthest",
+    )

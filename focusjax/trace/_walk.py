@@ -10,6 +10,8 @@ from focusjax.layers import BELOW_MOST, covered, interval
 
 _OPAQUE = 255
 _LAYERS_PER_WORD = 4
+_UNROLLED = 8
+"""Layers that every step looks at without a loop."""
 _NEXT = 0x4FBD1FED
 """M, for which 8 to 1024 evenly spaced c fill the square of (c, M c) evenly, and that of (c, M^2 c)."""
 
@@ -21,6 +23,7 @@ class Volume(eqx.Module):
         cells: packed interval and outline [n] of every sample of every layer, the layers of a sample side by
             side, so that a step reads one place in memory.
         scale: dioptres per step of `cells`.
+        deepest: how many layers hold anything where rays are.
         opacity: in 255ths of all samples, those of four layers in the bytes of each word [n / 4, rounded
             up], which lie side by side as well; None where all are opaque, and then it costs nothing.
         columns: samples per row (static).
@@ -30,6 +33,7 @@ class Volume(eqx.Module):
 
     cells: UInt[Array, " n"]
     scale: Float[Array, ""]
+    deepest: Int[Array, ""]
     opacity: UInt[Array, " m"] | None
     columns: int = eqx.field(static=True)
     rows: int = eqx.field(static=True)
@@ -47,7 +51,7 @@ def make_volume(
         return jnp.moveaxis(words, 0, -1).reshape(-1)
 
     packed = None if opacity is None else side_by_side(_pack_opacity(opacity))
-    return Volume(side_by_side(cells), scale, packed, columns, rows, layers)
+    return Volume(side_by_side(cells), scale, jnp.int32(layers), packed, columns, rows, layers)
 
 
 class Path(eqx.Module):
@@ -86,6 +90,10 @@ class Passing(eqx.Module):
     chance: UInt[Array, "*n"]
 
 
+_Seen = tuple[UInt[Array, ""], Int[Array, ""], UInt[Array, ""], UInt[Array, ""]]
+"""The nearest word so far, where it is, the layers the ray is inside, and its chance."""
+
+
 def path_of(ray: LensRay, least: Float[Array, ""], largest: Float[Array, ""]) -> Path:
     """The steps of `ray` (in grid units) from the disparity `largest` to `least`."""
     (a_x, a_y), (b_x, b_y) = ray.a, ray.b
@@ -99,25 +107,24 @@ def path_of(ray: LensRay, least: Float[Array, ""], largest: Float[Array, ""]) ->
 
 
 def take_step(
-    volume: Volume, path: Path, step: Int[Array, ""], passing: Passing | None, *, depth: int
+    volume: Volume, path: Path, step: Int[Array, ""], passing: Passing | None
 ) -> tuple[Int[Array, ""], Passing | None]:
-    """What the ray meets in step number `step`, as `first_hit` tells it, and what it then knows."""
-    layer_size = volume.columns * volume.rows
-    per_dioptre, words = 1.0 / volume.scale, -(-volume.layers // _LAYERS_PER_WORD)
+    """What the ray meets in step number `step`, as `first_hit` has it, and what it then knows."""
     near = path.start - step.astype(path.start.dtype) * path.stride
     middle = near - 0.5 * path.stride
     column = jnp.clip((path.a_x + path.b_x * middle).astype(jnp.int32), 0, volume.columns - 1)
     row = jnp.clip((path.a_y + path.b_y * middle).astype(jnp.int32), 0, volume.rows - 1)
     sample = row * volume.columns + column
+    per_dioptre = 1.0 / volume.scale
     nearest = (near * per_dioptre).astype(jnp.int32) + 1
     farthest = ((near - path.stride) * per_dioptre).astype(jnp.int32)
     half_way = (nearest + farthest) >> 1
     offset_x, offset_y = path.a_x - 0.5 - column.astype(near.dtype), path.a_y - 0.5 - row.astype(near.dtype)
     per_step_x, per_step_y = path.b_x * volume.scale, path.b_y * volume.scale
-    best, hit = jnp.uint32(0), jnp.int32(-1)
-    inside_now, levels = jnp.uint32(0), jnp.uint32(0)
     chance = jnp.uint32(0) if passing is None else passing.chance
-    for layer in range(depth):
+
+    def look(layer: Int[Array, ""] | int, seen: _Seen) -> _Seen:
+        best, hit, inside_now, chance = seen
         word = volume.cells.at[sample * volume.layers + layer].get(mode="promise_in_bounds")
         low, most = interval(word)
         at = jnp.clip(half_way, low, most).astype(offset_x.dtype)
@@ -125,17 +132,28 @@ def take_step(
         # Words are ordered by their largest disparity; of two within one step, the earlier is nearer.
         meets = (low <= nearest) & (most >= farthest) & (word > best) & inside
         if volume.opacity is not None and passing is not None:
-            place, byte = divmod(layer, _LAYERS_PER_WORD)
-            if byte == 0:
-                levels = volume.opacity.at[sample * words + place].get(mode="promise_in_bounds")
-            level, bit = levels >> (8 * byte) & _OPAQUE, jnp.uint32(1 << layer % 32)
+            words = -(-volume.layers // _LAYERS_PER_WORD)
+            at_word = sample * words + layer // _LAYERS_PER_WORD
+            levels = volume.opacity.at[at_word].get(mode="promise_in_bounds")
+            byte = jnp.asarray(layer % _LAYERS_PER_WORD, dtype=jnp.uint32)
+            level = levels >> (8 * byte) & _OPAQUE
+            bit = jnp.uint32(1) << jnp.asarray(layer % 32, dtype=jnp.uint32)
             partly = meets & (level < _OPAQUE)
             new = partly & ((passing.inside & bit) == 0)
             inside_now |= jnp.where(partly, bit, 0)
             meets &= ~partly | (new & ((chance >> 8) < level * ((1 << 24) // _OPAQUE)))
             chance = jnp.where(new, chance * _NEXT + 1, chance)
         best = jnp.where(meets, word | BELOW_MOST, best)
-        hit = jnp.where(meets, sample + layer * layer_size, hit)
+        hit = jnp.where(meets, sample + layer * (volume.columns * volume.rows), hit)
+        return best, hit, inside_now, chance
+
+    seen: _Seen = jnp.uint32(0), jnp.int32(-1), jnp.uint32(0), chance
+    first = min(volume.layers, _UNROLLED)
+    for layer in range(first):
+        seen = look(layer, seen)
+    if volume.layers > first:
+        seen = jax.lax.fori_loop(jnp.int32(first), volume.deepest, look, seen)
+    _, hit, inside_now, chance = seen
     return hit, None if passing is None else Passing(inside_now, chance)
 
 
@@ -145,8 +163,6 @@ def first_hit(
     least: Float[Array, ""],
     largest: Float[Array, ""],
     chance: UInt[Array, ""] | None = None,
-    *,
-    depth: int,
 ) -> Int[Array, ""]:
     """Flat index, layer by layer, of the first sample that `ray` (in grid units) meets; -1 if it meets none.
 
@@ -154,7 +170,7 @@ def first_hit(
     at the disparity `largest`, that of the last at `least`. (A range of less than half a sample is one
     step.) A `largest` of 0 says that there is nothing to meet. A step lies in the sample under its middle,
     and meets a layer there when the step's disparities overlap the sample's; of several, the nearest
-    counts. Only the first `depth` layers are looked at.
+    counts.
 
     A sample of opacity alpha stops the share alpha of all rays (stochastic transparency, Enderton 2010), so
     that their mean is the blend of everything they meet: it stops those whose `chance`, a number of 32 bits
@@ -172,7 +188,7 @@ def first_hit(
 
     def advance(walk: tuple[Array, Array, Passing | None]) -> tuple[Array, Array, Passing | None]:
         step, _, passing = walk
-        return step + 1, *take_step(volume, path, step, passing, depth=depth)
+        return step + 1, *take_step(volume, path, step, passing)
 
     return jax.lax.while_loop(unfinished, advance, (jnp.int32(0), jnp.int32(-1), passing))[1]
 

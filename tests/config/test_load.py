@@ -191,12 +191,12 @@ def test_limits_of_what_is_not_free_are_told(path):
 @pytest.mark.parametrize(
     ("values", "expected"),
     [
-        ({}, 2),
+        ({}, 1),
         ({"quality": "draft"}, 1),
-        ({"quality": 32}, 1),
-        ({"quality": "good"}, 2),
+        ({"quality": 40}, 1),
+        ({"quality": "reference"}, 2),
         ({"quality": "draft", "supersampling": 3}, 3),
     ],
 )
-def test_a_rough_quality_does_with_one_layer_sample(values: dict, expected: int):
+def test_a_high_quality_takes_more_layer_samples(values: dict, expected: int):
     assert RenderTable.model_validate(values).supersampling == expected

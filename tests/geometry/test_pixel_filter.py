@@ -1,5 +1,6 @@
 """Film offsets have their filter's density, by its formula."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -15,7 +16,7 @@ DENSITIES = {
 @pytest.mark.parametrize("name", DENSITIES)
 def test_offsets_have_the_density(name: str):
     radius, density = filter_radius(name), DENSITIES[name]
-    places = film_offsets(name, (np.arange(1000) + 0.5) / 1000) - 0.5
+    places = np.asarray(film_offsets(name, (jnp.arange(1000) + 0.5) / 1000)) - 0.5
     assert (np.diff(places) > 0).all()
     assert np.abs(places).max() < radius
     x = (np.arange(-2000, 2000) + 0.5) / 1000
@@ -27,7 +28,7 @@ def test_offsets_have_the_density(name: str):
 
 def test_the_ends_are_at_the_radius():
     for name in DENSITIES:
-        ends = film_offsets(name, np.array([0.0, 1.0], dtype=np.float32))
+        ends = film_offsets(name, jnp.array([0.0, 1.0], dtype=jnp.float32))
         # Observed: 1.2e-6.
         np.testing.assert_allclose(np.abs(ends - 0.5), filter_radius(name), atol=1e-5)
 

@@ -25,7 +25,9 @@ def layers() -> Layers:
     wall = patch("wall", camera, (-60, -60, 92, 84), 0.1, 0.1)
     scene = make_scene([*near, *far, wall], background=constant_background(0.0), unlit=True)
     f_number = float(camera.focal_length) / (2 * 8.0 / 40)
-    return peel(scene, camera, widest_lens(camera, min_focus_distance=0.9, f_number=f_number))
+    return peel(
+        scene, camera, widest_lens(camera, min_focus_distance=0.9, f_number=f_number), supersampling=2
+    )
 
 
 START = ThinLens(jnp.array(0.0), jnp.array(8.0 / 40))

@@ -27,7 +27,7 @@ def layers() -> Layers:
     camera = front_camera()
     f_number = float(camera.focal_length) / (2 * 12.0 / 40)
     widest = widest_lens(camera, min_focus_distance=0.8, f_number=f_number, max_tilt=0.05)
-    return peel(varied_scene(), camera, widest)
+    return peel(varied_scene(), camera, widest, supersampling=2)
 
 
 @cache
@@ -251,4 +251,4 @@ def test_an_empty_view_is_refused():
     camera = front_camera()
     aside = make_scene([patch("aside", camera, (900, 0, 910, 9), 0.5)], unlit=True)
     with pytest.raises(ValueError, match="no surface is in sight"):
-        fit_image(target(), peel(aside, camera, wide_lens(camera)), wide_lens(camera))
+        fit_image(target(), peel(aside, camera, wide_lens(camera), supersampling=2), wide_lens(camera))

@@ -21,7 +21,12 @@ GAIN = 0.7
 def layers():
     camera = front_camera()
     f_number = float(camera.focal_length) / (2 * 12.0 / 40)
-    return peel(varied_scene(), camera, widest_lens(camera, min_focus_distance=0.8, f_number=f_number))
+    return peel(
+        varied_scene(),
+        camera,
+        widest_lens(camera, min_focus_distance=0.8, f_number=f_number),
+        supersampling=2,
+    )
 
 
 def test_control_values_opening_and_gain_are_found(layers):

@@ -43,7 +43,7 @@ def test_layers_of_the_widest_lens_serve_every_lens_in_its_range():
     camera = front_camera()
     f_number = float(camera.focal_length) / (2 * 6.0 / 40)
     widest = widest_lens(camera, min_focus_distance=1.0, f_number=f_number, max_tilt=0.03)
-    layers = peel(varied_scene(), camera, widest)
+    layers = peel(varied_scene(), camera, widest, supersampling=2)
     radius = jnp.array(6.0 / 40)
     lean = np.sin(0.03) / float(camera.focal_length)
     for focus in (0.0, 0.4, 1.0):

@@ -29,7 +29,7 @@ def test_an_extent_serves_its_own_frame_only():
 def test_layers_with_room_hold_the_same():
     layers, camera = varied_layers(), front_camera()
     wider = layers.extent.for_others(None)
-    roomy = peel(varied_scene(), camera, wide_lens(camera), like=wider)
+    roomy = peel(varied_scene(), camera, wide_lens(camera), supersampling=2, like=wider)
     assert (roomy.count, roomy.extent.room, roomy.grid) == (wider.count, wider.room, layers.grid)
     np.testing.assert_array_equal(roomy.cells[: layers.count], layers.cells)
     assert not np.any(roomy.cells[layers.count :])

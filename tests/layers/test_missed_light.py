@@ -112,9 +112,9 @@ def test_fewer_layers_miss_more():
 
 def test_plain_layers_tell_what_the_ray_cast_tells():
     scene, camera, lens = varied_scene(), front_camera(), varied_layers().lens
-    plain = peel(scene, camera, lens, umbra=False, max_layers=12)
+    plain = peel(scene, camera, lens, supersampling=2, umbra=False, max_layers=12)
     assert missed_light(plain, nearest_in_layers(plain)).share == 0.0
-    layers = peel(scene, camera, lens, max_layers=1)
+    layers = peel(scene, camera, lens, supersampling=2, max_layers=1)
     cast = missed_light(layers, nearest_in_scene(scene, camera))
     traced = missed_light(layers, nearest_in_layers(plain))
     # Observed: 0.0359 against 0.0395, as the walk knows where a ray is to half a sample.

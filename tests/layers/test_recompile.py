@@ -27,7 +27,7 @@ def rippled(scene: Scene, phase: float) -> Scene:
 
 def peeled(phase: float, *, view_dependent: bool, like: Layers | None = None) -> Layers:
     scene = rippled(glossy_scene(), phase)
-    return peel(scene, CAMERA, glossy_lens(), view_dependent=view_dependent, like=like)
+    return peel(scene, CAMERA, glossy_lens(), supersampling=2, view_dependent=view_dependent, like=like)
 
 
 @pytest.mark.parametrize("view_dependent", [False, True])
@@ -50,14 +50,14 @@ def test_a_deformed_scene_compiles_nothing(view_dependent: bool):
 def test_what_is_kept_for_the_shape_changes_nothing():
     layers = varied_layers()
     lens, camera = layers.lens, layers.camera
-    few = peel(varied_scene(), camera, lens, max_layers=2)
+    few = peel(varied_scene(), camera, lens, supersampling=2, max_layers=2)
     wide = dataclasses.replace(layers, grid=dataclasses.replace(layers.grid, margin=48))
-    again = peel(varied_scene(), camera, lens, like=wide)
+    again = peel(varied_scene(), camera, lens, supersampling=2, like=wide)
     assert (again.count, again.grid.margin) == (layers.count, 48)
-    deeper = peel(make_scene([FLAT], unlit=True), camera, lens, like=layers)
+    deeper = peel(make_scene([FLAT], unlit=True), camera, lens, supersampling=2, like=layers)
     assert deeper.count == layers.count > 1
     assert not np.asarray(deeper.disparity[1:]).any()
-    assert peel(varied_scene(), camera, lens, like=few).count == layers.count
+    assert peel(varied_scene(), camera, lens, supersampling=2, like=few).count == layers.count
     pictures = [np.asarray(render(one, lens, rays=8)) for one in (layers, again)]
     # Observed: 1e-15.
     np.testing.assert_allclose(*pictures, atol=1e-9)

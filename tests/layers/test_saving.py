@@ -16,8 +16,8 @@ def samples_by_layer(layers: Layers) -> tuple[int, ...]:
 
 def test_counts_are_those_of_the_layers():
     scene, camera, lens = varied_scene(), front_camera(), varied_layers().lens
-    saving = umbra_saving(scene, camera, lens)
-    plain = peel(scene, camera, lens, max_layers=12, umbra=False)
+    saving = umbra_saving(scene, camera, lens, supersampling=2)
+    plain = peel(scene, camera, lens, supersampling=2, max_layers=12, umbra=False)
     assert plain.complete
     assert saving.umbra == samples_by_layer(varied_layers())
     assert saving.plain == samples_by_layer(plain)

@@ -41,7 +41,7 @@ def slabs(scene: Scene, **options) -> Layers:
 @cache
 def varied_slabs(count: int) -> Layers:
     camera = front_camera()
-    return decompose(varied_scene(), camera, wide_lens(camera), count=count)
+    return decompose(varied_scene(), camera, wide_lens(camera), count=count, supersampling=2)
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ def test_layers_are_in_order_and_packed_from_the_front():
 
 def test_slabs_keep_surfaces_that_are_there():
     camera = front_camera()
-    every = peel(varied_scene(), camera, wide_lens(camera), max_layers=12, umbra=False)
+    every = peel(varied_scene(), camera, wide_lens(camera), supersampling=2, max_layers=12, umbra=False)
     ours = varied_slabs(8)
     centre = np.asarray(ours.triangle) >= 0
     found = np.zeros(centre.shape, dtype=bool)

@@ -79,9 +79,9 @@ def test_what_moves_out_of_focus_takes_few_rays(card):
     assert smooth > rough + 6.0
 
 
-@pytest.mark.parametrize(("radiance", "alike"), [(3.0, True), (0.03, False)])
-def test_small_highlights_beside_what_moves_leave_no_seam(radiance, alike):
-    """Still pixels have rays aimed at them, others have not: both are left as their rays have them."""
+@pytest.mark.parametrize("radiance", [3.0, 0.03])
+def test_highlights_beside_what_moves_leave_no_seam(radiance):
+    """A blurred one lies across the border between pixels with times and those without."""
     lamp = patch("lamp", CAMERA, (14, 9, 18, 13), 0.1, (radiance,) * 3)
     wall = patch("wall", CAMERA, (-40, -40, 80, 80), 0.09, (0.02,) * 3)
     card = patch("card", CAMERA, (1, -30, 4, 60), 0.95, (0.05,) * 3)
@@ -89,9 +89,17 @@ def test_small_highlights_beside_what_moves_leave_no_seam(radiance, alike):
     moves = {"card": Motion(transforms=transforms(keys, between="linear"))}
     world = MovingScene(make_scene([lamp, wall, card], unlit=True), [lamp, wall, card], moves)
     lens = wide_lens(CAMERA, pixels_per_dioptre=10.0, focus=1.0)
+    truth = np.asarray(taken(world, lens=lens, rays=2048, smooth=False).image)
     rough, smooth = (taken(world, lens=lens, rays=8, smooth=smooth) for smooth in (False, True))
-    assert 0.0 < smooth.changing < 1.0
-    assert np.array_equal(rough.image, smooth.image) == alike
+    # Observed 19.2 and 22.5 dB, and 58.5 and 58.9 dB.
+    assert psnr(smooth.image, truth) > psnr(rough.image, truth) + 0.2
+    seam = round(smooth.changing * CAMERA.width)
+    assert 0 < seam < CAMERA.width
+    off = np.abs(np.asarray(smooth.image) - truth).mean(axis=(0, 2))
+    # Observed 0.86 and 0.7 times.
+    assert off[seam - 1 : seam + 1].max() < 1.2 * max(
+        off[seam - 3 : seam - 1].max(), off[seam + 1 : seam + 3].max()
+    )
 
 
 def test_shutter_curves_and_rolling_shutters_do_what_they_say(card):
@@ -100,18 +108,15 @@ def test_shutter_curves_and_rolling_shutters_do_what_they_say(card):
     wanted = swept(8, 14, 12 + 12 * 0.5 * (light[1:] + light[:-1]))
     # Observed 0.011.
     assert np.abs(ramped.mean(axis=(0, 2)) - wanted).max() < 0.02
-    rolling = np.asarray(taken(card, shutter=make_shutter(1 / 12, travel_time=1.0)).image)[..., 0]
-    for row in (0, 11, 23):
-        late = 12.0 * ((row + 0.5) / CAMERA.height - 0.5)
-        # Observed 0.032: only rays of times within a row's twelfth of a second see it, through pixels of some
-        # height.
-        np.testing.assert_allclose(
-            rolling[row], swept(8, 14, 12 + late + np.linspace(-0.5, 0.5, 99)), atol=0.06
-        )
-    upwards = np.asarray(taken(card, shutter=make_shutter(1 / 12, travel_time=1.0, direction="up")).image)[
-        ..., 0
-    ]
-    np.testing.assert_allclose(upwards[::-1], rolling, atol=0.06)
+    for direction, sign in (("down", 1.0), ("up", -1.0)):
+        shutter = make_shutter(1 / 12, travel_time=1.0, direction=direction)
+        rolling = np.asarray(taken(card, shutter=shutter).image)[..., 0]
+        for row in (0, 11, 23):
+            late = sign * 12.0 * ((row + 0.5) / CAMERA.height - 0.5)
+            # Observed 0.032, and 0.048 with four seeds: three of 64 rays, of those through the card's edge.
+            np.testing.assert_allclose(
+                rolling[row], swept(8, 14, 12 + late + np.linspace(-0.5, 0.5, 99)), atol=0.06
+            )
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ def bar_before_waves() -> Scene:
 def test_the_error_falls_with_the_rays():
     camera = front_camera()
     lens, scene = wide_lens(camera), bar_before_waves()
-    layers = peel(scene, camera, lens)
+    layers = peel(scene, camera, lens, supersampling=2)
 
     def picture(rays: int, seed: int = 0) -> np.ndarray:
         return np.asarray(render(layers, lens, rays=rays, seed=seed, even=True))

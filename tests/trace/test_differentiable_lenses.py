@@ -25,7 +25,7 @@ from focusjax.lens import (
     seidel,
     vignetted_lens,
 )
-from focusjax.trace import render, render_differentiable
+from focusjax.trace import render
 
 CAMERA = front_camera()
 RADIUS = 8.0 / float(CAMERA.focal_px)
@@ -72,7 +72,7 @@ def both_modes(layers: Layers, lens: AbstractLens) -> tuple[jax.Array, jax.Array
     """Jacobian [h, w, 3, k] by the logarithm of each array, a gradient [k], and its weights."""
 
     def picture(shares: jax.Array) -> jax.Array:
-        return render_differentiable(layers, scaled(lens, shares), rays=RAYS, derivative_rays=RAYS)
+        return render(layers, scaled(lens, shares), even=True, rays=RAYS, derivative_rays=RAYS)
 
     none = jnp.zeros(len(names_of(lens)), dtype=layers.background.dtype)
     weights = jnp.cos(jnp.arange(24 * 32 * 3.0, dtype=none.dtype)).reshape(24, 32, 3)

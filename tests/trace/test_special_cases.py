@@ -33,7 +33,7 @@ def picture_of(strips: list[tuple[float, float, float]]) -> np.ndarray:
     ]
     scene = make_scene(objects, background=constant_background(1.0), unlit=True)
     lens = wide_lens(camera, pixels_per_dioptre=PARALLAX, focus=FOCUS)
-    layers = peel(scene, camera, lens, max_layers=32)
+    layers = peel(scene, camera, lens, supersampling=2, max_layers=32)
     picture = np.asarray(render(layers, lens, rays=64, even=True))[..., 0]
     assert layers.complete
     return picture.mean(axis=0)

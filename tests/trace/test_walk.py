@@ -68,7 +68,7 @@ def slow_hits() -> np.ndarray:
 
 @eqx.filter_jit
 def ranges_of(layers, films):
-    return jax.vmap(lambda film: disparity_range(layers, layers.lens, film))(films)
+    return jax.vmap(lambda film: disparity_range(layers, layers.lens, film, 0.5))(films)
 
 
 @cache
@@ -78,9 +78,9 @@ def ranges() -> tuple[np.ndarray, ...]:
 
 
 @eqx.filter_jit
-def quick_hits(volume, a, b, least, largest, depth):
+def quick_hits(volume, a, b, least, largest):
     def one(a, b, least, largest):
-        return first_hit(volume, LensRay(a, b, jnp.ones(())), least, largest, depth=depth)
+        return first_hit(volume, LensRay(a, b, jnp.ones(())), least, largest)
 
     return jax.vmap(one)(a, b, least, largest)
 
@@ -88,7 +88,7 @@ def quick_hits(volume, a, b, least, largest, depth):
 def quick(least: np.ndarray, largest: np.ndarray) -> np.ndarray:
     layers = varied_layers()
     volume = make_volume(layers.cells, layers.disparity_scale, None)
-    return np.asarray(quick_hits(volume, *rays()[1:], least, largest, layers.count))
+    return np.asarray(quick_hits(volume, *rays()[1:], least, largest))
 
 
 def agreement(hits: np.ndarray) -> np.ndarray:

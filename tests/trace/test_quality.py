@@ -1,4 +1,4 @@
-"""The quality of pictures that were made in any way is told by rays in some of their pixels."""
+"""The quality of pictures that were made in any way is estimated by rays in some of their pixels."""
 
 from functools import cache
 
@@ -8,12 +8,12 @@ from small_scenes import front_camera, varied_layers, varied_scene, wide_lens
 
 from focusjax.layers import peel
 from focusjax.metrics import psnr
-from focusjax.trace import render, render_pinhole, told_by_rays
+from focusjax.trace import estimate_quality, render, render_pinhole
 
 
 @cache
 def larger():
-    """Of more pixels than are told."""
+    """Of more pixels than are sampled."""
     camera = front_camera(144, 108)
     return peel(varied_scene(), camera, wide_lens(camera), supersampling=1)
 
@@ -25,7 +25,7 @@ def truth() -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", ["sharp", "dimmed", "shifted"])
-def test_what_is_told_of_a_picture_is_its_error(kind: str):
+def test_what_is_estimated_of_a_picture_is_its_error(kind: str):
     pictures = {
         "sharp": lambda: np.asarray(render_pinhole(larger())),
         "dimmed": lambda: 0.9 * truth(),
@@ -33,10 +33,10 @@ def test_what_is_told_of_a_picture_is_its_error(kind: str):
     }
     picture = pictures[kind]()
     real = psnr(picture, truth())
-    told = [told_by_rays(larger(), larger().lens, picture, seed=20 * k) for k in range(4)]
+    found = [estimate_quality(larger(), larger().lens, picture, seed=20 * k) for k in range(4)]
     # Observed: 0.25 dB apart at most, and 0.02 to 0.5 dB less to be sure of.
-    np.testing.assert_allclose([each.decibels for each in told], real, atol=1.0)
-    assert all(real - 2.0 < each.at_least < min(real + 0.3, each.decibels) for each in told)
+    np.testing.assert_allclose([each.decibels for each in found], real, atol=1.0)
+    assert all(real - 2.0 < each.at_least < min(real + 0.3, each.decibels) for each in found)
 
 
 def test_few_pixels_that_are_far_too_bright_are_not_missed():
@@ -44,19 +44,19 @@ def test_few_pixels_that_are_far_too_bright_are_not_missed():
     picture.reshape(-1, 3)[[700, 5000, 9001]] = 40.0
     spoilt = np.mean((picture - truth()) ** 2)
     for seed in (0, 20):
-        told = told_by_rays(larger(), larger().lens, picture, seed=seed)
+        found = estimate_quality(larger(), larger().lens, picture, seed=seed)
         # Observed: 0.0001 dB apart.
-        assert told.decibels == pytest.approx(-10 * np.log10(spoilt), abs=0.5)
+        assert found.decibels == pytest.approx(-10 * np.log10(spoilt), abs=0.5)
 
 
-def test_pictures_that_cannot_be_told_are_refused():
+def test_pictures_of_no_use_are_refused():
     layers = varied_layers()
     camera, lens = layers.camera, layers.lens
     with pytest.raises(
         ValueError, match=r"the picture has shape \(2, 2, 3\); expected that of the layers, \("
     ):
-        told_by_rays(layers, lens, np.zeros((2, 2, 3)))
+        estimate_quality(layers, lens, np.zeros((2, 2, 3)))
     with pytest.raises(ValueError, match="values that are not finite; expected linear radiance"):
-        told_by_rays(layers, lens, np.full((camera.height, camera.width, 3), np.nan))
+        estimate_quality(layers, lens, np.full((camera.height, camera.width, 3), np.nan))
     with pytest.raises(ValueError, match="rays is 0; expected a whole number, at least 1"):
-        told_by_rays(layers, lens, np.zeros((camera.height, camera.width, 3)), rays=0)
+        estimate_quality(layers, lens, np.zeros((camera.height, camera.width, 3)), rays=0)

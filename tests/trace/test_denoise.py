@@ -1,27 +1,29 @@
 """Pictures from few rays: what smoothing may not change, and by how much it is better."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.sparse import csr_array
 from small_scenes import WIDTH, front_camera, patch, varied_layers, wide_lens
 
 from focusjax.layers import peel
 from focusjax.lens import ThinLens
 from focusjax.scene import constant_background, make_scene
 from focusjax.trace import render
-from focusjax.trace._blur_classes import blur_classes
+from focusjax.trace._accumulate import PixelSums
+from focusjax.trace._coc_bins import CocBins
+from focusjax.trace._denoise import _kernel, denoised
 from focusjax.trace._focal_zone import FocalZone
-from focusjax.trace._reconstruct import _kernel
-from focusjax.trace._reconstruct import reconstruct as reconstruct_sparse
 
 WIDE, HIGH = 40, 30
 LEAST = (8.0, 2.0, 0.0, 4.0)
 
 
 def reconstruct(sums: np.ndarray, width: int, least: tuple[float, ...], rays: float) -> np.ndarray:
-    """The same of sums [p, k, c] that are kept all."""
-    return reconstruct_sparse(csr_array(sums.reshape(len(sums), -1)), width, least, rays)
+    """`denoised` of sums [p, k, c]."""
+    brought, light = jnp.asarray(sums[..., :3]), jnp.asarray(sums[..., 3:])
+    whole = PixelSums(brought, light, jnp.zeros((len(sums), 3)))
+    return np.asarray(jax.jit(lambda whole: denoised(whole, width, least, rays))(whole))
 
 
 def shares(seed: int = 0) -> np.ndarray:
@@ -106,21 +108,19 @@ def test_pictures_smaller_than_a_kernel():
     np.testing.assert_allclose(found, 0.5, atol=1e-12)
 
 
-def test_classes_are_octaves_of_blur_on_either_side():
-    pixels = 3
-    zone = FocalZone(*(jnp.full(pixels, value) for value in (0.5, 0.4, 10.0)))
-    classes = blur_classes(zone, jnp.full(pixels, 1.0), jnp.zeros(pixels))
-    assert classes.least == (4.0, 2.0, 0.0, 2.0)
-    disparity = jnp.array([[1.0, 0.91, 0.89, 0.71, 0.69, 0.45, 0.21, 0.19, 0.0]])
-    expected = [0, 0, 1, 1, 2, 2, 2, 3, 3]
-    np.testing.assert_array_equal(classes.of(jnp.array([1]), disparity)[0], expected)
+def test_bins_are_octaves_of_blur_on_either_side():
+    zone = FocalZone(*(jnp.full(3, value) for value in (0.5, 0.4, 10.0)))
+    bins = CocBins(zone)
+    assert bins.least == (16.0, 8.0, 4.0, 2.0, 0.0, 2.0, 4.0, 8.0, 16.0)
+    disparity = jnp.array([[2.2, 1.0, 0.91, 0.89, 0.71, 0.69, 0.45, 0.21, 0.19, 0.0]]).T
+    expected = [0, 2, 2, 3, 3, 4, 4, 4, 5, 6]
+    np.testing.assert_array_equal(bins.of(jnp.array([1]), disparity)[:, 0], expected)
 
 
-def test_what_is_not_blurred_is_one_class():
+def test_what_is_not_blurred_is_in_the_focal_zone():
     zone = FocalZone(*(jnp.full(3, value) for value in (0.5, 0.4, 1.0)))
-    classes = blur_classes(zone, jnp.full(3, 1.0), jnp.zeros(3))
-    assert classes.least == (0.0,)
-    np.testing.assert_array_equal(classes.of(jnp.array([1]), jnp.array([[1.0, 0.45, 0.0]])), [[0, 0, 0]])
+    found = CocBins(zone).of(jnp.array([1]), jnp.array([[1.0], [0.45], [0.0]]))
+    np.testing.assert_array_equal(found, np.full((3, 1), 4))
 
 
 def test_few_rays_do_what_many_did():
@@ -142,7 +142,9 @@ def test_a_blurred_edge_keeps_its_place_and_light():
     camera = front_camera()
     wall = patch("wall", camera, (-60, -60, WIDTH / 2, 84), 0.1, 1.0)
     lens = wide_lens(camera)
-    layers = peel(make_scene([wall], background=constant_background(0.0), unlit=True), camera, lens)
+    layers = peel(
+        make_scene([wall], background=constant_background(0.0), unlit=True), camera, lens, supersampling=2
+    )
     many = np.asarray(render(layers, lens, rays=2048, even=True))[..., 0].mean(axis=0)
     few = np.mean([np.asarray(render(layers, lens, rays=16, seed=k))[..., 0] for k in range(8)], axis=(0, 1))
     # Observed: 0.012, and 6e-5 of the light.
@@ -156,7 +158,7 @@ def test_what_is_brighter_than_white_is_left_to_its_rays():
     lamp = patch("lamp", camera, (10, 8, 20, 16), 0.1, 50.0)
     lens = wide_lens(camera)
     scene = make_scene([lamp], background=constant_background(0.3), unlit=True)
-    layers = peel(scene, camera, lens)
+    layers = peel(scene, camera, lens, supersampling=2)
     picture, plain = (np.asarray(render(layers, lens, rays=16, smooth=smooth)) for smooth in (True, False))
     dark = plain.max(axis=2) <= 0.3 + 1e-6
     # Observed: 0.295 and 0.345.

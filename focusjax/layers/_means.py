@@ -1,0 +1,165 @@
+"""Radiances of samples: means over the part of each sample's square that its surface covers.
+
+    L = sum over parts k of |P_k| L(c_k)  /  sum over k of |P_k|,
+
+where part k of the square lies in triangle k of the surface, |P_k| is its share of the square, and c_k its
+centroid (see `_parts`): exact where radiance changes linearly within each triangle. So edges between
+colours inside a surface keep their place, and triangles smaller than a sample their share of the light. A
+square inside one triangle, as all around it are, is looked at in its centre alone.
+"""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Bool, Int
+
+from focusjax._parallel import in_parallel
+from focusjax.geometry import Camera
+from focusjax.layers._attributes import SurfaceSamples
+from focusjax.layers._opacity import NEARER
+from focusjax.layers._parts import Parts, Squares, inside_one, square_parts
+from focusjax.layers._picture import Rasterised
+from focusjax.layers._shading import ShadedSamples, shaded
+from focusjax.scene import Scene
+
+
+@dataclasses.dataclass(frozen=True)
+class Seen:
+    """Samples as the layers have them: those held, and after them the fringe.
+
+    Attributes:
+        cell: grid sample [n], row-major.
+        disparity: 1/m [n].
+        low: least disparity [n] that each spans.
+        high: largest disparity [n].
+        source: sample [n] whose surface it is: itself of the samples held.
+        cut: whether [n] a line cuts it.
+        index: flat index [n] in the layers.
+    """
+
+    cell: np.ndarray
+    disparity: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    source: np.ndarray
+    cut: np.ndarray
+    index: np.ndarray
+
+
+def mean_radiances(
+    scene: Scene,
+    camera: Camera,
+    held: Rasterised,
+    surface: SurfaceSamples,
+    seen: Seen,
+    tolerance: float,
+    *,
+    gloss_apart: bool,
+) -> ShadedSamples:
+    """What the samples `seen` look like; `surface` is at the centres of those held.
+
+    Surfaces are `tolerance` dioptres thick: what lies closer belongs to one. The normals are those at the
+    centres, and of the samples held alone.
+    """
+    number, count = len(surface.face), len(seen.cell)
+    faces = scene.may_be_seen_through()
+    several = np.ones(count, dtype=bool)
+    several[:number] = ~inside_one(held.triangles, held.fragments, held.grid)
+    several[:number] |= _beside_another(held, seen.index[:number])
+    several = np.flatnonzero(several)
+    clear = None if faces is None else faces[surface.face[seen.source]]
+    squares = _squares(seen, tolerance, held.fragments.triangle[seen.source], clear)
+    if held.opacity is not None:
+        put_back = np.where(held.opacity[seen.source] < 1.0, 1.0 / NEARER, 1.0)
+        squares = dataclasses.replace(squares, low=squares.low * put_back, high=squares.high * put_back)
+    parts = square_parts(held.triangles, held.grid, squares.take(several), faces)
+    owner = several[parts.square]
+    total = np.bincount(owner, parts.share, count)
+    centres = np.arange(number) if gloss_apart else np.flatnonzero(total[:number] == 0)
+    look = _shaded_together(
+        scene, camera, held, surface, seen, parts, owner, centres, gloss_apart=gloss_apart
+    )
+    radiance = np.zeros((count, 3), dtype=look.radiance.dtype)
+    radiance[centres] = look.radiance[: len(centres)]
+    there = np.flatnonzero(total)
+    for channel in range(3):
+        sums = np.bincount(owner, parts.share * look.radiance[len(centres) :, channel], count)
+        radiance[there, channel] = sums[there] / total[there]
+    lone = number + np.flatnonzero(total[number:] == 0)
+    radiance[lone] = radiance[seen.source[lone]]
+    return ShadedSamples(radiance, None if look.normal is None else look.normal[:number])
+
+
+def _shaded_together(
+    scene: Scene,
+    camera: Camera,
+    held: Rasterised,
+    surface: SurfaceSamples,
+    seen: Seen,
+    parts: Parts,
+    owner: np.ndarray,
+    centres: np.ndarray,
+    *,
+    gloss_apart: bool,
+) -> ShadedSamples:
+    """The samples `centres` at their centres and, after them, all parts, `owner` being their samples."""
+    per_sample = 1.0 / (float(camera.focal_px) * held.grid.supersampling)
+    width = per_sample / np.concatenate([seen.disparity[centres], seen.disparity[owner]])
+    width[len(centres) :] *= np.sqrt(parts.share)
+    return shaded(
+        scene.shader(camera.position),
+        np.concatenate([surface.face[centres], parts.surface.face]),
+        np.concatenate([surface.barycentric[centres], parts.surface.barycentric]),
+        width,
+        gloss_apart=gloss_apart,
+    )
+
+
+def _squares(seen: Seen, tolerance: float, triangle: np.ndarray, clear: np.ndarray | None) -> Squares:
+    """Of all samples, with the disparities of their surface: without those of others in the same place.
+
+    A sample that no line cuts is all that rays see of its square, so it takes in what is right behind it.
+    """
+    low, high = np.maximum(seen.low - tolerance, 0.0), seen.high + tolerance
+    several = np.flatnonzero(np.bincount(seen.cell)[seen.cell] > 1)
+    several = several[np.lexsort((seen.disparity[several], seen.cell[several]))]
+    farther, nearer = several[:-1], several[1:]
+    same = seen.cell[farther] == seen.cell[nearer]
+    farther, nearer = farther[same], nearer[same]
+    middle = 0.5 * (seen.disparity[farther] + seen.disparity[nearer])
+    high[farther] = np.minimum(high[farther], middle)
+    cut = seen.cut[nearer]
+    nearer, middle = nearer[cut], middle[cut]
+    low[nearer] = np.maximum(low[nearer], middle)
+    return Squares(seen.cell, low, high, triangle, clear)
+
+
+def _beside_another(held: Rasterised, index: Int[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Whether one of the eight samples around each in its layer shows another triangle, or none.
+
+    Of the samples held, at flat `index`. Where all show one, nothing as large as a sample reaches in.
+    """
+    grid = held.grid
+    triangle = held.fragments.triangle
+    ends = np.searchsorted(index, grid.size * np.arange(index.max(initial=0) // grid.size + 2))
+
+    def inside(layer: int) -> Bool[np.ndarray, " k"]:
+        part = slice(ends[layer], ends[layer + 1])
+        there = index[part] - layer * grid.size
+        least = np.full(grid.size, -1, dtype=np.int32)
+        least[there] = triangle[part]
+        least = most = least.reshape(grid.rows, grid.columns)
+        for _ in range(2):
+            # Along rows, then along columns: over squares of three.
+            least, most = (_over_three(least, np.minimum).T, _over_three(most, np.maximum).T)
+        return (least != most).reshape(-1)[there]
+
+    return np.concatenate([np.zeros(0, dtype=bool), *in_parallel(inside, range(len(ends) - 1))])
+
+
+def _over_three(values: Int[np.ndarray, "h w"], op: np.ufunc) -> Int[np.ndarray, "h w"]:
+    """`op` over each number and the ones before and after it in its row."""
+    out = values.copy()
+    op(out[:, 1:], values[:, :-1], out=out[:, 1:])
+    op(out[:, :-1], values[:, 1:], out=out[:, :-1])
+    return out

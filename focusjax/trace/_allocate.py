@@ -1,0 +1,186 @@
+"""Adaptive sample allocation: many rays where what they may meet differs, few where it is all alike.
+
+With n well-spread rays of variance V a pixel's mean has a squared error of about V / n^a, a between 1 (at
+silhouettes) and 2 (where all is smooth). For a given number of rays over the picture the sum of errors is
+least when n is in proportion to V^(1 / (1 + a)); in between lies
+
+    n ~ V^0.4.
+
+V is bounded before any ray is traced, by the variance of what the lens centre sees over the box that holds
+all places the pixel's rays can pass (Lee10 section 3.1 finds the disparities they can meet, the lens tells
+how far they stray there). Means of radiance and of its square over squares of 1, 2, 4, ... pixels answer for
+any box, to a factor of two in its edge. Where the mean is brighter than white, 1, the variance relative to it
+counts, as an eye or a film would have it.
+"""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from focusjax.geometry import filter_radius
+from focusjax.layers import Layers
+from focusjax.lens import AbstractLens
+from focusjax.trace._gloss import radiance_from_centre
+from focusjax.trace._ranges import EDGE, DisparityRanges
+
+FEWEST = 4
+"""Rays of a pixel where nothing differs. All numbers are this times a power of two."""
+_MOST_TIMES_MEAN = 8
+_EXPONENT = 0.4
+_PASSING = 0.8
+"""The share of the aperture from which on the fewest rays are enough; of half of it, so are twice as many."""
+_MOST_DARK = 4
+"""Part of the mean that a pixel gets at most for being dark."""
+_ROUNDS = 24
+_NOTHING = 1e-12
+"""Variance below which pixels are alike."""
+
+
+def counts_for(rays: float) -> tuple[int, ...]:
+    """All numbers of rays that a pixel may get where the mean is `rays`, increasing."""
+    return tuple(FEWEST << k for k in range(int(_MOST_TIMES_MEAN * rays // FEWEST).bit_length()))
+
+
+def most_doublings(rays: float | Array) -> int | Int[Array, ""]:
+    """How often the fewest rays are doubled at most where the mean is `rays`, which may be traced."""
+    if isinstance(rays, Array):
+        return jnp.floor(jnp.log2(_MOST_TIMES_MEAN * rays / FEWEST) + 1e-5).astype(jnp.int32)
+    return len(counts_for(rays)) - 1
+
+
+def allocated(
+    variance: Float[Array, " p"], rays: float | Array, most_rays: float | Array
+) -> Int[Array, " p"]:
+    """Rays for pixels of a given variance: `rays` of them a pixel on the average, which are four or more.
+
+    No pixel gets more than those of `counts_for(most_rays)`.
+    """
+    most = most_doublings(most_rays)
+    octave = _EXPONENT * jnp.log2(jnp.maximum(variance, _NOTHING))
+
+    def counts_at(shift: Float[Array, ""]) -> Int[Array, " p"]:
+        return FEWEST << jnp.clip(jnp.round(octave + shift), 0, most).astype(jnp.int32)
+
+    def halve(_: Array, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        low, high = ends
+        middle = 0.5 * (low + high)
+        many = counts_at(middle).astype(octave.dtype).mean() > rays
+        return jnp.where(many, low, middle), jnp.where(many, middle, high)
+
+    low, high = -octave.max() - 1.0, most - octave.min() + 1.0
+    return counts_at(jax.lax.fori_loop(0, _ROUNDS, halve, (low, high))[0])
+
+
+def allocated_through(
+    variance: Float[Array, " p"], light: Float[Array, " p"], rays: float | Array
+) -> Int[Array, " p"]:
+    """As `allocated`, with so many for each pixel that some get through where `light` is a small share.
+
+    However plain a pixel is, rays that are all cut off tell nothing of it. But where it is nearly dark little
+    is missed, so that it gets a quarter of the mean at most for that.
+    """
+    most = jnp.maximum(most_doublings(rays / (_MOST_DARK * _MOST_TIMES_MEAN)), 0)
+    octave = jnp.ceil(jnp.log2(_PASSING / jnp.maximum(light, 1e-9)))
+    least = jnp.where(light > 0, FEWEST << jnp.clip(octave, 0, most).astype(jnp.int32), FEWEST)
+    beyond = jnp.maximum(least - allocated(variance, rays, rays), 0).astype(variance.dtype).mean()
+    return jnp.maximum(allocated(variance, jnp.maximum(rays - beyond, FEWEST), rays), least)
+
+
+def contrast(
+    layers: Layers, lens: AbstractLens, ranges: DisparityRanges, pixel_filter: str
+) -> Float[Array, " q"]:
+    """Variance of what the lens centre sees, all channels together, over the box of each square's rays."""
+    levels = _levels(_moments(layers))
+    sizes = np.array([level.shape[:2] for level in levels])
+    starts = jnp.asarray(np.cumsum([0, *sizes[:-1].prod(axis=1)]), dtype=jnp.int32)
+    rows, columns = jnp.asarray(sizes.T, dtype=jnp.int32)
+    planes = [jnp.concatenate([level[..., k].reshape(-1) for level in levels]) for k in range(4)]
+
+    def over_box(low: Float[Array, "2"], high: Float[Array, "2"]) -> list[Float[Array, ""]]:
+        """Means by the nine squares around the middle of a box that is one to two of them wide.
+
+        They reach beyond its ends: a lamp that only the rays at the rim of the aperture meet must tell.
+        """
+        level = jnp.floor(jnp.log2(jnp.maximum((high - low).max(), 1.0))).astype(jnp.int32)
+        level = jnp.minimum(level, len(levels) - 1)
+        x, y = 0.5 * (low + high) * jnp.exp2(-level.astype(low.dtype))
+        column, row = jnp.floor(x).astype(jnp.int32), jnp.floor(y).astype(jnp.int32)
+        total = [jnp.zeros_like(x)] * 4
+        for dy, down in enumerate(_spline(y - jnp.floor(y)), start=-1):
+            for dx, across in enumerate(_spline(x - jnp.floor(x)), start=-1):
+                at_x = jnp.clip(column + dx, 0, columns[level] - 1)
+                at_y = jnp.clip(row + dy, 0, rows[level] - 1)
+                place = starts[level] + at_y * columns[level] + at_x
+                found = [plane.at[place].get(mode="promise_in_bounds") for plane in planes]
+                total = [t + across * down * f for t, f in zip(total, found, strict=True)]
+        return total
+
+    red, green, blue, square = jax.vmap(over_box)(*_boxes(layers, lens, ranges, pixel_filter))
+    white = jnp.maximum(jnp.maximum(jnp.maximum(red, green), blue), 1.0)
+    return jnp.maximum(square - red**2 - green**2 - blue**2, 0.0) / white**2
+
+
+def _spline(share: Float[Array, ""]) -> tuple[Float[Array, ""], ...]:
+    """Weights of the quadratic B-spline for the three squares around a place within the middle one."""
+    before, after = 0.5 * (1.0 - share) ** 2, 0.5 * share**2
+    return before, 1.0 - before - after, after
+
+
+def _levels(base: Float[Array, "h w 4"]) -> list[Float[Array, "_ _ 4"]]:
+    """Means over squares of 1, 2, 4, ... pixels; those at the end of an odd side are repeated."""
+    levels = [base]
+    while max(levels[-1].shape[:2]) > 1:
+        last = levels[-1]
+        last = jnp.pad(last, ((0, last.shape[0] % 2), (0, last.shape[1] % 2), (0, 0)), mode="edge")
+        levels.append(0.25 * (last[::2, ::2] + last[1::2, ::2] + last[::2, 1::2] + last[1::2, 1::2]))
+    return levels
+
+
+def _moments(layers: Layers) -> Float[Array, "rows columns 4"]:
+    """`_at_samples`, averaged over the square of samples of each pixel, of the margin as well."""
+    edge, whole = layers.grid.supersampling, _at_samples(layers)
+    apart = [whole[down::edge, across::edge] for down in range(edge) for across in range(edge)]
+    return functools.reduce(jnp.add, apart) / edge**2
+
+
+def _at_samples(layers: Layers) -> Float[Array, "h w 4"]:
+    """Means of what a ray through each sample's centre sees: of the radiance, and of its square.
+
+    It stops at a surface of partial opacity with that chance.
+    """
+    shape, opacity = layers.cells.shape[1:], layers.opacity
+
+    def with_square(radiance: Float[Array, "h w 3"]) -> Float[Array, "h w 4"]:
+        return jnp.concatenate([radiance, (radiance**2).sum(axis=-1, keepdims=True)], axis=-1)
+
+    far = with_square(jnp.broadcast_to(layers.background, (*shape, 3)))
+    if layers.samples.gloss is not None or opacity is not None:
+        radiance = radiance_from_centre(layers)
+        shares = layers.cells > 0 if opacity is None else opacity
+        moments, through = jnp.zeros_like(far), jnp.ones(shape, dtype=far.dtype)
+        for colour, share in zip(radiance, shares, strict=True):
+            moments += (through * share)[..., None] * with_square(colour)
+            through = through * (1 - share)
+        return moments + through[..., None] * far
+    number = layers.places.number(jnp.arange(layers.cells[0].size, dtype=jnp.int32)).reshape(shape)
+    planes = [layers.samples.radiance[:, k][number] for k in range(3)]
+    return jnp.where((layers.cells[0] > 0)[..., None], with_square(jnp.stack(planes, axis=-1)), far)
+
+
+def _boxes(
+    layers: Layers, lens: AbstractLens, ranges: DisparityRanges, pixel_filter: str
+) -> tuple[Float[Array, "q 2"], Float[Array, "q 2"]]:
+    """Corners, in pixels from that of the grid, of boxes around all places that each square's rays pass."""
+    wide = filter_radius(pixel_filter) + 0.5 * (EDGE - 1)
+    margin = layers.grid.margin / layers.grid.supersampling
+
+    def one(film: Float[Array, "2"], least: Array, largest: Array) -> tuple[Array, Array]:
+        ends = [lens.footprint(layers.camera, film, disparity) for disparity in (least, largest)]
+        low = jnp.minimum(*(centre - radius for centre, radius in ends)) - wide
+        high = jnp.maximum(*(centre + radius for centre, radius in ends)) + wide
+        return low + margin, high + margin
+
+    return jax.vmap(one)(ranges.middles(), ranges.least, ranges.largest)

@@ -1,0 +1,188 @@
+"""The picture from a few rays per pixel, each circle-of-confusion bin smoothed as far as its blur allows.
+
+What is blurred over a radius c has no detail much finer than c, but the rays of each pixel have their own
+noise. So the rays of a pixel are kept apart by how blurred what they meet is, and those of one bin are
+averaged with those of pixels around, by weights that leave every quadratic polynomial as it is over a few
+tenths of c. What is in focus is not touched. (Soler et al. 2009 give the bandwidth of a defocused light
+field; Vaidyanathan et al. 2015, Layered Light Field Reconstruction for Defocus Blur, filter by layers.)
+
+Bins go from near to far, k = 0, 1, .... Of a pixel's rays let n_k be the light of those that end in bin k,
+L_k what they bring, and m_k = n_k + n_(k+1) + ... the light that passes all nearer bins. With S_k the
+smoothing of bin k, both the share that it stops and what it brings are ratios,
+
+    a_k = S_k n_k / S_k m_k,        l_k = S_k L_k / S_k m_k,
+
+and the picture per light is composed from front to back,
+
+    I = sum_k T_k l_k,        T_k = (1 - a_0) ... (1 - a_(k-1)).
+
+Without smoothing all of that cancels to sum_k L_k / m_0, the plain mean; how much light there is does not
+matter. A pixel of which no ray passes the nearer bins, although T_k says that some light does, borrows from
+around: tents a few pixels wide count there, with small weights. Radiances are at most 1 here, and so is what
+is made of them; but for that, and for weights below 0 that nothing is made darker than black by, all is
+linear in them.
+
+Where something less blurred cuts off part of the aperture, what is behind it does change faster than its own
+blur says, within the blur of the edge; and the pixels of the border are left to their own rays.
+
+The more rays, the less is smoothed: noise falls as rays^-1 or faster and the bias as a power of the width
+above three, so that widths go as rays^-0.3 and the error of the picture still falls to that of the rays.
+"""
+
+import functools
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from focusjax.trace._accumulate import PixelSums
+
+_WIDTH, _FALL = 1.6, 0.3
+"""Half the width of a kernel is this times rays^-0.3 times the blur's radius, at most that radius."""
+_GAUSSIAN = 1.7
+"""Standard deviations of the weights of the fit in half the width of a kernel."""
+_BORROWED = ((2, 1e-3), (8, 1e-5))
+"""Half the widths of tents in pixels, and what they count where there is no light."""
+_MOST_TIMES = 4.0
+"""What weights below 0 make of next to no light is taken no more often than that."""
+
+
+def denoised(
+    sums: PixelSums, width: int, least: tuple[float, ...], rays: float | Array
+) -> Float[Array, "p 3"]:
+    """Radiance per light in each pixel, up to white; 0 where there is none.
+
+    Args:
+        sums: of all rays of the picture.
+        width: pixels per row.
+        least: least radius of blur in each bin, in pixels.
+        rays: per pixel on the average; where traced, kernels are as long as for the fewest rays.
+    """
+    lights, kinds = sums.light.shape[-1], len(least)
+
+    def as_planes(values: Float[Array, "p k c"]) -> Float[Array, "k c h w"]:
+        # One transposition of a matrix, which is quicker than one of more axes.
+        return values.reshape(len(values), -1).T.reshape(kinds, -1, len(values) // width, width)
+
+    brought, light = as_planes(sums.brought), as_planes(sums.light)
+    passing = [light[-1]]
+    for of_bin in light[-2::-1] if kinds > 1 else ():
+        passing.insert(0, passing[0] + of_bin)
+    picture = jnp.zeros_like(brought[0])
+    arrived = jnp.zeros_like(passing[0])
+    through = passing[0]
+    for number, blur in enumerate(least):
+        kernel = _kernel_for(blur, rays)
+        own = len(kernel) == 1
+        most = math.inf if own else _MOST_TIMES
+
+        def smooth(of_bin: Float[Array, "c h w"], kernel=kernel, own=own) -> Float[Array, "c h w"]:
+            return _borrowing(of_bin, lights) if own else _smoothed(of_bin, kernel)
+
+        def compose(
+            state: tuple[Array, Array, Array], smooth=smooth, most=most, number=number
+        ) -> tuple[Array, Array, Array]:
+            picture, arrived, through = state
+            found = smooth(jnp.concatenate([brought[number], light[number], passing[number]]))
+            stopped, lit = found[3 : 3 + lights], found[3 + lights :]
+            # Of the light that there is: lenses may let pass next to none.
+            through = jnp.where(arrived > 0, through, jnp.maximum(through, lit))
+            # Nothing is brighter than white.
+            added = jnp.minimum(found[:3], stopped)
+            # How much light passes is known twice, by this bin's kernel and by those of nearer ones. No more
+            # is stopped than that, although with weights below 0 it may seem so.
+            least = jnp.maximum(lit, stopped)
+            times = jnp.minimum(jnp.where(least > 0, through / jnp.where(least > 0, least, 1.0), 0.0), most)
+            left = jnp.maximum(through - times * stopped, 0.0)
+            return picture + times * added, arrived + times * stopped, left
+
+        anything = (light[number] > 0).any()
+        state = picture, arrived, through
+        picture, arrived, through = jax.lax.cond(anything, compose, lambda state: state, state)
+    lit = arrived > 0
+    picture = jnp.where(lit, picture / jnp.where(lit, arrived, 1.0), 0.0)
+    return jnp.moveaxis(picture, 0, -1).reshape(-1, 3)
+
+
+def _kernel_for(blur: float, rays: float | Array) -> Float[np.ndarray, " n"] | Float[Array, " n"]:
+    """Weights for what is blurred over a radius in pixels."""
+    if not isinstance(rays, Array):
+        return _kernel(min(_WIDTH * rays**-_FALL, 1.0) * blur)
+    if blur < 1.0:
+        return np.ones(1)
+    # The same fit, in closed form.
+    half_width = jnp.minimum(_WIDTH * rays.astype(jnp.zeros(()).dtype) ** -_FALL, 1.0) * blur
+    reach = math.ceil(blur)
+    x = jnp.arange(-reach, reach + 1, dtype=half_width.dtype)
+    weights = jnp.where(
+        jnp.abs(x) <= jnp.ceil(half_width), jnp.exp(-0.5 * (_GAUSSIAN * x / half_width) ** 2), 0
+    )
+    zeroth, second, fourth = ((weights * x**power).sum() for power in (0, 2, 4))
+    fit = weights * (fourth - second * x**2) / jnp.maximum(zeroth * fourth - second**2, 1e-30)
+    return jnp.where(half_width < 1.0, (x == 0).astype(fit.dtype), fit)
+
+
+def _borrowing(planes: Float[Array, "c h w"], lights: int) -> Float[Array, "c h w"]:
+    """The planes as they are, but for pixels without any light, which have a little of that around."""
+    dark = planes[3 + lights :].sum(axis=0) == 0
+
+    def borrow(planes: Float[Array, "c h w"]) -> Float[Array, "c h w"]:
+        around = [count * _smoothed(planes, _tent(reach)) for reach, count in _BORROWED]
+        return jnp.where(dark[None], functools.reduce(jnp.add, around), planes)
+
+    return jax.lax.cond(dark.any(), borrow, lambda planes: planes, planes)
+
+
+@functools.lru_cache(maxsize=64)
+def _kernel(half_width: float) -> Float[np.ndarray, " n"]:
+    """Weights at whole pixels about 0 that fit a quadratic polynomial, and give its value at 0.
+
+    The fit is weighted by a Gaussian (Savitzky and Golay 1964). One of less than a pixel leaves all as it is.
+    """
+    if half_width < 1.0:
+        return np.ones(1)
+    reach = math.ceil(half_width)
+    x = np.arange(-reach, reach + 1)
+    root = np.exp(-0.25 * (_GAUSSIAN * x / half_width) ** 2)
+    powers = np.stack([np.ones_like(root), x, x**2], axis=1) * root[:, None]
+    return np.linalg.pinv(powers)[0] * root
+
+
+def _tent(reach: int) -> Float[np.ndarray, " n"]:
+    weights = reach + 1.0 - np.abs(np.arange(-reach, reach + 1))
+    return weights / weights.sum()
+
+
+def _smoothed(
+    planes: Float[Array, "c h w"], taps: Float[np.ndarray, " n"] | Float[Array, " n"]
+) -> Float[Array, "c h w"]:
+    """The planes averaged along both axes; what weights below 0 leave below 0 is 0.
+
+    Beyond the picture it goes on mirrored in the points of its border. That leaves ramps as they are, and the
+    border itself to its own rays.
+    """
+    reach = len(taps) // 2
+    around = [(0, 0), (reach, reach), (reach, reach)]
+    planes = jnp.pad(planes, around, mode="reflect", reflect_type="odd")
+
+    def tap(step: int) -> float | Array:
+        return taps[reach + step] if isinstance(taps, Array) else float(taps[reach + step])
+
+    for axis in (0, 1):
+
+        def along(plane: Float[Array, "v w"], axis: int = axis) -> Float[Array, "_ _"]:
+            size = plane.shape[axis] - 2 * reach
+
+            def at(step: int) -> Float[Array, "_ _"]:
+                return jax.lax.slice_in_dim(plane, reach + step, reach + step + size, axis=axis)
+
+            total = tap(0) * at(0)
+            for step in range(1, reach + 1):
+                total += tap(step) * (at(step) + at(-step))
+            return total
+
+        # A loop, as XLA for CPU would work out the first axis anew for each place along the second.
+        planes = jax.lax.map(along, planes)
+    return jnp.maximum(planes, 0.0)

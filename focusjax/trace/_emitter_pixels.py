@@ -1,0 +1,59 @@
+"""Which pixels may see a cluster of emitters: a rectangle of them."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from focusjax.geometry import Camera
+from focusjax.lens import AbstractLens
+
+_ROUNDS = 4
+_MARGIN = 0.04
+"""Of the rectangle's extent: for footprints larger between the film points where they are evaluated."""
+
+
+def pixels_that_see(
+    camera: Camera,
+    lens: AbstractLens,
+    low: Float[Array, "2"],
+    high: Float[Array, "2"],
+    disparities: Float[Array, "2"],
+    wide: float,
+) -> tuple[Int[Array, "2"], Int[Array, "2"]]:
+    """First column and row, and numbers of columns and rows, of the pixels whose rays may pass a box.
+
+    The footprint of a film point p is a disk with the centre c(p) and radius r(p), so that p sees q only if
+    p is within r(p) of q - (c(p) - p). Of a rectangle of film points, starting with the box itself, the
+    footprints of nine points bound the next rectangle; a few rounds suffice, as r changes slowly. None
+    exceeds the lens's reach.
+
+    Args:
+        camera: whose picture it is.
+        lens: whose rays they are.
+        low: left and top of the box in output pixels.
+        high: right and bottom.
+        disparities: the box's least and largest, in 1/m.
+        wide: pixels, along x or y, by which film points lie off their pixel's centre.
+    """
+    shares = jnp.array([(x, y) for y in (0.0, 0.5, 1.0) for x in (0.0, 0.5, 1.0)], dtype=low.dtype)
+    reach = jax.vmap(lambda disparity: lens.reach(camera, disparity))(disparities).max()
+
+    def bounds(film: Float[Array, "2"], disparity: Float[Array, ""]) -> tuple[Array, Array]:
+        centre, radius = lens.footprint(camera, film, disparity)
+        return film - centre - radius, film - centre + radius
+
+    def widen(_: Array, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        first, last = ends
+        films = first[None] + shares * (last - first)[None]
+        over_films = jax.vmap(bounds, in_axes=(0, None))
+        below, above = jax.vmap(over_films, in_axes=(None, 0))(films, disparities)
+        below, above = below.min(axis=(0, 1)), above.max(axis=(0, 1))
+        return jnp.maximum(low + below, low - reach), jnp.minimum(high + above, high + reach)
+
+    first, last = jax.lax.fori_loop(0, _ROUNDS, widen, (low, high))
+    margin = _MARGIN * (last - first) + wide + 0.5
+    size = jnp.array([camera.width, camera.height], dtype=low.dtype)
+    # Pixel k has its centre at k + 0.5.
+    first = jnp.clip(jnp.floor(first - margin), 0, size)
+    last = jnp.clip(jnp.ceil(last + margin), first, size)
+    return first.astype(jnp.int32), (last - first).astype(jnp.int32)

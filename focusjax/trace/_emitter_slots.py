@@ -1,0 +1,199 @@
+"""The samples of clusters of emitters, in slots of static number.
+
+Every cluster has a slot for each sample of its tile, row by row; those of no emitter have no power. Samples
+are drawn by their power: with u uniform and C the sums of power up to each slot, over that of the whole
+cluster, the slot is the first whose C exceeds u.
+"""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, UInt
+
+from focusjax.layers import Layers, interval
+from focusjax.trace._emitter_tiles import TILE, tiles_across
+
+SLOTS = TILE**2
+"""Slots of a cluster."""
+_STEEPEST = 7.0
+"""By which `_cells` scales the normals of lines."""
+
+
+class Slots(eqx.Module):
+    """Samples of k clusters, m = k * SLOTS.
+
+    Attributes:
+        power: red, green and blue, each [m]: excess radiance times opacity and area, in square pixels.
+        upto: C [m].
+        share: probability [m] to be drawn; 0 of those that are no emitters. Fixed, whatever the derivative.
+        disparity: 1/m at the samples' centres [m].
+        slope: change of disparity along x and y, each [m], in 1/m per pixel.
+        word: packed interval and outline [m].
+        layer: layer [k] of each cluster.
+        column: first column [k] of its tile on the grid.
+        row: first row [k].
+    """
+
+    power: tuple[Float[Array, " m"], ...]
+    upto: Float[Array, " m"]
+    share: Float[Array, " m"]
+    disparity: Float[Array, " m"]
+    slope: tuple[Float[Array, " m"], ...]
+    word: UInt[Array, " m"]
+    layer: Int[Array, " k"]
+    column: Int[Array, " k"]
+    row: Int[Array, " k"]
+
+    def columns_and_rows(self) -> tuple[Int[Array, " m"], Int[Array, " m"]]:
+        """Of every slot, on the grid."""
+        inside = jnp.arange(SLOTS, dtype=jnp.int32)
+        column = self.column[:, None] + (inside % TILE)[None]
+        row = self.row[:, None] + (inside // TILE)[None]
+        return column.reshape(-1), row.reshape(-1)
+
+    def middles(self) -> tuple[Float[Array, " k"], Float[Array, " k"], Float[Array, " k"]]:
+        """Mean column, row and disparity of each cluster's light; 0 where there is none."""
+        column, row = self.columns_and_rows()
+        real = self.share.dtype
+
+        def mean(values: Array) -> Array:
+            return (self.share * values).reshape(-1, SLOTS).sum(axis=1)
+
+        return mean(column.astype(real) + 0.5), mean(row.astype(real) + 0.5), mean(self.disparity)
+
+    def only(self, kept: Bool[Array, " m"]) -> "Slots":
+        """Those that are kept; the others lose their power."""
+        power = tuple(jnp.where(kept, plane, 0.0) for plane in self.power)
+        return dataclasses.replace(self, power=power, share=jnp.where(kept, self.share, 0.0))
+
+    def drawn(self, cluster: Int[Array, " n"], u: Float[Array, " n"]) -> tuple[Array, Array]:
+        """Slots [n] of samples of a cluster for uniform `u`, and where between 0 and 1 u lies within them."""
+        low = jnp.zeros_like(cluster)
+        first = cluster * SLOTS
+        width = SLOTS // 2
+        while width:
+            end = self.upto.at[first + low + (width - 1)].get(mode="promise_in_bounds")
+            low, width = low + jnp.where(u >= end, width, 0), width // 2
+        slot = first + low
+        end, share = (plane.at[slot].get(mode="promise_in_bounds") for plane in (self.upto, self.share))
+        within = (u - (end - share)) / jnp.where(share > 0, share, 1.0)
+        return slot, jnp.clip(within, 0.0, 1.0)
+
+
+def slots_of(
+    layers: Layers,
+    radiance: Float[Array, "n 3"],
+    tile: Int[Array, " k"],
+    wanted: Bool[Array, " k"],
+    level: Float[Array, "3"],
+    white: float,
+) -> tuple[Slots, Int[Array, " m"], Bool[Array, " m"]]:
+    """The slots of `wanted` tiles; the number of the sample in each slot, and whether it is an emitter.
+
+    All of `layers` is fixed; `radiance` is that of their samples and may have derivatives.
+    """
+    grid, scale = layers.grid, layers.disparity_scale
+    across, down = tiles_across(layers)
+    layer, place = jnp.divmod(tile, across * down)
+    first_row, first_column = (TILE * axis for axis in jnp.divmod(place, across))
+    inside = jnp.arange(SLOTS, dtype=jnp.int32)
+    column = (first_column[:, None] + (inside % TILE)[None]).reshape(-1)
+    row = (first_row[:, None] + (inside // TILE)[None]).reshape(-1)
+    there = (column < grid.columns) & (row < grid.rows)
+    there &= jnp.repeat(wanted, SLOTS, total_repeat_length=len(there))
+    layer_of = jnp.repeat(layer, SLOTS, total_repeat_length=len(there))
+    index = jnp.where(there, layer_of * grid.size + row * grid.columns + column, 0)
+    word = jnp.where(there, layers.cells.reshape(-1)[index], 0)
+    there &= word > 0
+    number = jnp.where(there, layers.places.number(index), 0)
+    colours = [radiance[:, c].at[number].get(mode="clip") for c in range(3)]
+    seen = [jax.lax.stop_gradient(colour) for colour in colours]
+    member = there & (jnp.maximum(jnp.maximum(seen[0], seen[1]), seen[2]) > white)
+    size = covered_share(word) / grid.supersampling**2
+    if layers.samples.opacity is not None:
+        size = size * layers.samples.opacity.at[number].get(mode="clip")
+    size = jnp.where(member, size, 0.0).astype(radiance.dtype)
+    plain = [jnp.minimum(colour, level[c]) for c, colour in enumerate(seen)]
+    power = tuple(size * (colour - low) for colour, low in zip(colours, plain, strict=True))
+    total = jax.lax.stop_gradient(power[0] + power[1] + power[2]).reshape(-1, SLOTS)
+    whole = total.sum(axis=1, keepdims=True)
+    share = total / jnp.where(whole > 0, whole, 1.0)
+    upto = jnp.cumsum(share, axis=1)
+    # Exactly 1 from the last emitter on.
+    upto = upto / jnp.where(upto[:, -1:] > 0, upto[:, -1:], 1.0)
+    disparity = layers.samples.disparity.at[number].get(mode="clip")
+    low, high = interval(word)
+    length = (high - low + 1).astype(disparity.dtype) * scale
+    slope = _slopes(disparity, length, member)
+    slots = Slots(
+        power,
+        upto.reshape(-1),
+        share.reshape(-1),
+        jnp.where(member, disparity, 0.0),
+        tuple(plane * grid.supersampling for plane in slope),
+        word,
+        layer,
+        first_column,
+        first_row,
+    )
+    return slots, number, member
+
+
+def _slopes(
+    disparity: Float[Array, " m"], length: Float[Array, " m"], member: Bool[Array, " m"]
+) -> tuple[Float[Array, " m"], ...]:
+    """Change of disparity per sample along x and y, by neighbours in the same tile that are close."""
+    value, length, member = (plane.reshape(-1, TILE, TILE) for plane in (disparity, length, member))
+
+    def along(axis: int) -> Float[Array, " m"]:
+        def shifted(plane: Array, by: int) -> Array:
+            return jnp.roll(plane, by, axis=axis)
+
+        line = jnp.arange(TILE).reshape((1, -1, 1) if axis == 1 else (1, 1, -1))
+        sums, count = jnp.zeros_like(value), jnp.zeros_like(value)
+        for by, inside in ((1, line > 0), (-1, line < TILE - 1)):
+            step = (value - shifted(value, by)) * by
+            near = jnp.abs(step) <= length + shifted(length, by)
+            joined = inside & member & shifted(member, by) & near
+            sums, count = sums + jnp.where(joined, step, 0.0), count + joined
+        return jnp.clip(sums / jnp.maximum(count, 1.0), -length, length).reshape(-1)
+
+    return along(2), along(1)
+
+
+def outline(word: UInt[Array, "*n"]) -> tuple[Float[Array, "*n"], Float[Array, "*n"], Float[Array, "*n"]]:
+    """The line that bounds the surface in a sample: it is where x dx + y dy + c >= 0, max(|x|, |y|) = 1.
+
+    Both are 0, and c is positive, where all of the sample is covered.
+    """
+    real = jnp.zeros(()).dtype
+    a, b, c = ((word >> shift & mask).astype(real) for shift, mask in ((9, 15), (5, 15), (0, 31)))
+    return (a - 8.0) / _STEEPEST, (b - 8.0) / _STEEPEST, 0.5 * (c - 16.0) / _STEEPEST
+
+
+def covered_share(word: UInt[Array, "*n"]) -> Float[Array, "*n"]:
+    """Share of a sample's square that its surface covers.
+
+    Distances along a normal (1, t) have a trapezoid for their density; see `line_code` in `_cells`.
+    """
+    x, y, c = outline(word)
+    t = jnp.minimum(jnp.abs(x), jnp.abs(y))
+    away = jnp.abs(c)
+    corner = jnp.maximum(0.5 * (1.0 + t) - away, 0.0)
+    rest = jnp.where(away <= 0.5 * (1.0 - t), 0.5 - away, 0.5 * corner**2 / jnp.where(t > 0, t, 1.0))
+    rest = jnp.maximum(rest, 0.0)
+    return jnp.where((x == 0) & (y == 0), 1.0, jnp.where(c >= 0, 1.0 - rest, rest))
+
+
+def within_outline(
+    word: UInt[Array, "*n"], x: Float[Array, "*n"], y: Float[Array, "*n"]
+) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
+    """Offsets in samples from a sample's centre, -1/2 to 1/2, moved along the normal to its covered side."""
+    a, b, c = outline(word)
+    most = 0.5 * (jnp.abs(a) + jnp.abs(b))
+    distance = a * x + b * y
+    inside = -c + (distance + most) * (most + c) / jnp.where(most > 0, 2.0 * most, 1.0)
+    move = jnp.where(most > 0, inside - distance, 0.0) / jnp.where(most > 0, a**2 + b**2, 1.0)
+    return jnp.clip(x + move * a, -0.5, 0.5), jnp.clip(y + move * b, -0.5, 0.5)

@@ -1,0 +1,182 @@
+"""Emitters: small bright things out of focus, found among the samples of layers.
+
+A lamp of radiance L that the share p of a pixel's rays meets adds p L^2 to their variance. For small p that
+is far more than silhouettes add, and rays that are spread over the aperture need many before some meet it.
+So such samples are given a plain level, about the mean radiance of the others, and what exceeds it, their
+excess, is brought by rays drawn for them (emitter importance sampling; `focusjax.trace._emitter_rays`). A
+picture is linear in the radiance of samples, so both together are the same picture, whatever is split off.
+
+Emitters are drawn in clusters: the bright samples of one layer in a square of its grid. Everything here has a
+static shape: the most valuable clusters are kept, as many as there is room and rays for.
+"""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.core import Tracer
+from jaxtyping import Array, Bool, Float, Int
+
+from focusjax.geometry import filter_radius
+from focusjax.layers import Layers, interval
+from focusjax.lens import AbstractLens
+from focusjax.trace._emitter_aim import one_to_one
+from focusjax.trace._emitter_pixels import pixels_that_see
+from focusjax.trace._emitter_slots import Slots, slots_of
+from focusjax.trace._emitter_tiles import TileSums, share_of_rays, tile_sums
+
+WHITE = 1.0
+_LARGEST_SHARE = 0.125
+"""Of the rays that pass a place: what more of them meet is no small thing."""
+_LEAST_VARIANCE = 0.25
+MOST_CLUSTERS = 1024
+MOST_PAIRS = 2
+"""Clusters that a pixel may see, on the average."""
+_BEYOND = 0.5
+"""Samples beyond a cluster at which rays may pass and yet meet it; see `first_hit`."""
+
+
+class Emitters(eqx.Module):
+    """Clusters of emitters, the most valuable ones first.
+
+    Attributes:
+        slots: their samples.
+        left: first column [k] of pixels that may see each.
+        top: first row [k].
+        across: number of columns [k].
+        before: pairs [k] of a pixel and a cluster it may see, in all clusters before.
+        pairs: all such pairs; 0 if there are no emitters.
+    """
+
+    slots: Slots
+    left: Int[Array, " k"]
+    top: Int[Array, " k"]
+    across: Int[Array, " k"]
+    before: Int[Array, " k"]
+    pairs: Int[Array, ""]
+
+
+def may_emit(layers: Layers) -> bool:
+    """Whether anything is brighter than white; True where that is not known yet, in compiled functions."""
+    radiance = layers.samples.radiance
+    if isinstance(radiance, Tracer):
+        return True
+    # Also where something else is traced.
+    with jax.ensure_compile_time_eval():
+        return bool(radiance.size) and float(radiance.max()) > WHITE
+
+
+def split_emitters(layers: Layers, lens: AbstractLens) -> tuple[Layers, Emitters]:
+    """The layers with a plain level in place of emitters, as `lens` sees them; and the emitters.
+
+    Differentiable by the radiance of samples: what is chosen counts as fixed, and excess radiance changes as
+    the samples' does. Gloss that each ray works out is no part of it.
+    """
+    fixed = jax.lax.stop_gradient(layers)
+    radiance = layers.samples.radiance
+
+    def split(radiance: Float[Array, "n 3"]) -> tuple[Float[Array, "n 3"], Emitters]:
+        return _split(radiance, fixed, lens)
+
+    def nothing(radiance: Float[Array, "n 3"]) -> tuple[Float[Array, "n 3"], Emitters]:
+        _, shapes = jax.eval_shape(split, radiance)
+        return radiance, jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
+
+    bright = (fixed.samples.radiance.max(axis=1) > WHITE).any()
+    left, emitters = jax.lax.cond(bright, split, nothing, radiance)
+    return dataclasses.replace(layers, samples=dataclasses.replace(layers.samples, radiance=left)), emitters
+
+
+def _split(
+    radiance: Float[Array, "n 3"], layers: Layers, lens: AbstractLens
+) -> tuple[Float[Array, "n 3"], Emitters]:
+    lens = jax.lax.stop_gradient(lens)
+    held = jnp.maximum(jnp.bitwise_count(layers.places.held).sum(dtype=jnp.int32), 1)
+    bright = layers.samples.radiance.max(axis=1) > WHITE
+    others = [jnp.where(bright, 0.0, plane).sum() for plane in layers.samples.radiance.T]
+    level = jnp.stack(others) / held.astype(radiance.dtype)
+    sums = tile_sums(layers, bright, level)
+    value = _values(sums, layers, lens)
+    count = min(MOST_CLUSTERS, value.shape[0])
+    best, tile = jax.lax.top_k(value, count)
+    slots, number, member = slots_of(layers, radiance, tile, best >= _LEAST_VARIANCE, level, WHITE)
+    first, extent = _rectangles(slots, member, layers, lens)
+    pairs = _within_budget(extent, slots, layers, lens)
+    kept = jnp.repeat(pairs > 0, member.shape[0] // count, total_repeat_length=member.shape[0])
+    member &= kept
+    slots = slots.only(kept)
+    ends = jnp.cumsum(pairs, dtype=jnp.int32)
+    # Numbers beyond the last sample are dropped.
+    number = jnp.where(member, number, radiance.shape[0])
+    planes = [
+        plane.at[number].set(jnp.minimum(plane, plain).at[number].get(mode="clip"), mode="drop")
+        for plane, plain in zip(radiance.T, level, strict=True)
+    ]
+    return jnp.stack(planes, axis=1), Emitters(
+        slots, first[:, 0], first[:, 1], jnp.maximum(extent[:, 0], 1), ends - pairs, ends[-1]
+    )
+
+
+def _values(sums: TileSums, layers: Layers, lens: AbstractLens) -> Float[Array, " t"]:
+    """Variance of a pixel that sees the bright samples of a tile and its like; 0 if they are not small."""
+    grid = layers.grid
+    count = jnp.maximum(sums.count, 1.0)
+    x, y, disparity = (total / count for total in (sums.x, sums.y, sums.disparity))
+
+    def radius(x: Array, y: Array, disparity: Array) -> Array:
+        place = (jnp.stack([x, y]) - grid.margin) / grid.supersampling
+        return lens.footprint(layers.camera, place, disparity)[1] * grid.supersampling
+
+    most = jnp.maximum(jnp.maximum(sums.excess[0], sums.excess[1]), sums.excess[2])
+    share = share_of_rays(sums, x, y, jax.vmap(radius)(x, y, disparity))
+    # Of light in the colours of the whole tile, as bright as its brightest sample.
+    white = jnp.maximum(share * sums.peak, WHITE)
+    colours = [total / jnp.where(most > 0, most, 1.0) for total in sums.excess]
+    variance = share * (sums.peak / white) ** 2 * (colours[0] ** 2 + colours[1] ** 2 + colours[2] ** 2)
+    return jnp.where((sums.count > 0) & (share < _LARGEST_SHARE), variance, 0.0)
+
+
+def _rectangles(
+    slots: Slots, member: Bool[Array, " m"], layers: Layers, lens: AbstractLens
+) -> tuple[Int[Array, "k 2"], Int[Array, "k 2"]]:
+    """First column and row of the pixels that may see each cluster, and how many there are of them."""
+    grid, count = layers.grid, slots.layer.shape[0]
+    column, row = (axis.astype(slots.disparity.dtype) for axis in slots.columns_and_rows())
+
+    def least(values: Array) -> Array:
+        return jnp.where(member, values, jnp.inf).reshape(count, -1).min(axis=1)
+
+    low = jnp.stack([least(column), least(row)], axis=1) - _BEYOND
+    high = jnp.stack([-least(-column), -least(-row)], axis=1) + 1.0 + _BEYOND
+    near, far = (end.astype(column.dtype) * layers.disparity_scale for end in interval(slots.word))
+    ends = jnp.stack([jnp.maximum(least(near), 0.0), -least(-far)], axis=1)
+    some = member.reshape(count, -1).any(axis=1)
+    # Finite numbers where there is nothing.
+    low, high, ends = (jnp.where(some[:, None], value, 0.0) for value in (low, high, ends))
+    low, high = ((corner - grid.margin) / grid.supersampling for corner in (low, high))
+    wide = filter_radius(layers.pixel_filter)
+
+    def seen(low: Array, high: Array, ends: Array) -> tuple[Array, Array]:
+        return pixels_that_see(layers.camera, lens, low, high, ends, wide)
+
+    first, extent = jax.vmap(seen)(low, high, ends)
+    return first, jnp.where(some[:, None], extent, 0)
+
+
+def _within_budget(
+    extent: Int[Array, "k 2"], slots: Slots, layers: Layers, lens: AbstractLens
+) -> Int[Array, " k"]:
+    """Pairs of each cluster with a pixel; 0 where there is no room for them, or where a caustic is."""
+    camera, grid = layers.camera, layers.grid
+    column, row, disparity = slots.middles()
+
+    def clear(x: Array, y: Array, disparity: Array) -> Array:
+        place = (jnp.stack([x, y]) - grid.margin) / grid.supersampling
+        return one_to_one(camera, lens, place, disparity)
+
+    pairs = jnp.where(jax.vmap(clear)(column, row, disparity), extent.prod(axis=1), 0)
+    most = MOST_PAIRS * camera.width * camera.height
+    # In floating point, where sums do not overflow.
+    room = jnp.cumsum(jnp.minimum(pairs, most + 1).astype(disparity.dtype)) <= most * (1.0 - 2.0**-10)
+    return jnp.where(room, pairs, 0)

@@ -1,0 +1,236 @@
+"""The picture and its derivative: one function of arrays.
+
+The picture is that of `render`'s rays. Its derivative by the lens is that of the converged picture (see
+`focusjax.trace._motion`), estimated by rays of its own: the gradient of a loss multiplies the picture's error
+by the derivative's, and noise must not meet itself in it. The derivative by radiance, in which the picture is
+linear but for what is cut off at black and white, is that of its own rays.
+"""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.sharding import Mesh
+from jaxtyping import Array, Bool, Float, UInt
+
+from focusjax.layers import Layers
+from focusjax.lens import AbstractLens
+from focusjax.trace._accumulate import PixelSums, traced_sums
+from focusjax.trace._allocate import FEWEST, allocated, allocated_through, contrast, counts_for
+from focusjax.trace._coc_bins import CocBins
+from focusjax.trace._denoise import denoised
+from focusjax.trace._emitter_rays import emitter_light
+from focusjax.trace._emitters import Emitters, split_emitters
+from focusjax.trace._flux import Rays, Still, picture_flow
+from focusjax.trace._focal_zone import focal_zone
+from focusjax.trace._groups import RayGroups, even_groups, groups_of
+from focusjax.trace._known_light import KnownLight, evened, known_light
+from focusjax.trace._radiances import traced_scene
+from focusjax.trace._ranges import DisparityRanges, disparity_ranges
+from focusjax.trace._samples import ray_samples
+from focusjax.trace._sobol import stirred
+
+_TOGETHER = 4
+_DERIVATIVE = 1 << 20
+"""Number of the seed's stream for rays of derivatives."""
+_RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
+
+
+@dataclasses.dataclass(frozen=True)
+class RenderSettings:
+    """What a picture is made with, known when its program is compiled.
+
+    Attributes:
+        rays: per pixel on the average.
+        derivative_rays: per border between pixels, rim of the aperture and pixel, for derivatives.
+        even: whether every pixel has as many rays.
+        smooth: whether what is blurred is denoised.
+        pixel_filter: "box", "tent" or "gaussian".
+        emitters: whether anything may be bright enough for rays of its own.
+        mesh: devices that share the picture; None for the default one.
+    """
+
+    rays: int
+    derivative_rays: int
+    even: bool
+    smooth: bool
+    pixel_filter: str
+    emitters: bool
+    mesh: Mesh | None = None
+
+
+@eqx.filter_jit
+def picture(
+    layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], *, settings: RenderSettings
+) -> Float[Array, "h w 3"]:
+    """Linear radiance, for JAX to differentiate by the lens and by the layers' radiance."""
+    fixed = jax.tree.map(jax.lax.stop_gradient, eqx.filter(layers, eqx.is_array))
+    fixed = eqx.combine(fixed, layers)
+    look = layers.samples.radiance, layers.background
+    means = _means(look, lens, fixed, seed, settings=settings)
+    return means.reshape(layers.camera.height, layers.camera.width, 3)
+
+
+@eqx.filter_custom_jvp
+def _means(
+    look: tuple[Array, Array],
+    lens: AbstractLens,
+    layers: Layers,
+    seed: UInt[Array, ""],
+    *,
+    settings: RenderSettings,
+) -> Float[Array, "p 3"]:
+    """The picture, row-major, of layers that look so."""
+    return traced_picture(_looking(layers, look), lens, seed, settings)
+
+
+@_means.def_jvp
+def _means_jvp(
+    primals: Any, tangents: Any, *, settings: RenderSettings
+) -> tuple[Float[Array, "p 3"], Float[Array, "p 3"]]:
+    look, lens, layers, seed = primals
+    look_moves, lens_moves, _, _ = tangents
+    means = _means(look, lens, layers, seed, settings=settings)
+    change = jnp.zeros_like(means)
+    if jax.tree.leaves(look_moves):
+
+        def seen(look: tuple[Array, Array]) -> Float[Array, "p 3"]:
+            return traced_picture(_looking(layers, look), lens, seed, settings)
+
+        change += eqx.filter_jvp(seen, (look,), (look_moves,))[1]
+    if jax.tree.leaves(lens_moves):
+        still = _still(_looking(layers, look), lens, stirred(seed, _DERIVATIVE), settings)
+        flow = eqx.filter_jvp(lambda new: picture_flow(still, new), (lens,), (lens_moves,))[1]
+        change += flow.reshape(-1, 3)
+    return means, change
+
+
+def _looking(layers: Layers, look: tuple[Array, Array]) -> Layers:
+    """The layers with other radiances of samples and background."""
+    samples = dataclasses.replace(layers.samples, radiance=look[0])
+    return dataclasses.replace(layers, samples=samples, background=look[1])
+
+
+def traced_picture(
+    layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings
+) -> Float[Array, "p 3"]:
+    """The picture, row-major."""
+    emitters = None
+    if settings.emitters:
+        layers, emitters = split_emitters(layers, lens)
+    known = known_light(lens, layers.camera)
+    bins = coc_bins(layers, lens) if settings.smooth else CocBins(None)
+    sums = picture_sums(layers, lens, seed, settings, bins, known)
+    means = developed(sums, layers.camera.width, bins, settings.rays, known)
+    return means if emitters is None else means + light_of(emitters, layers, lens, seed, settings)
+
+
+def light_of(
+    emitters: Emitters, layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings
+) -> Float[Array, "p 3"]:
+    """What emitters that were split off `layers` bring to each pixel."""
+    ranges = disparity_ranges(layers, lens, settings.pixel_filter)
+    rays, pixel_filter = settings.rays, settings.pixel_filter
+    scene = traced_scene(layers)
+    return emitter_light(scene, lens, emitters, ranges, seed, rays=rays, pixel_filter=pixel_filter)
+
+
+def picture_sums(
+    layers: Layers,
+    lens: AbstractLens,
+    seed: UInt[Array, ""],
+    settings: RenderSettings,
+    bins: CocBins,
+    known: KnownLight | None,
+    wanted: Bool[Array, " p"] | None = None,
+) -> PixelSums:
+    """The sums of all pixels, or of those that are `wanted` as they are among all; 0 in the others."""
+    camera = layers.camera
+    fixed = jax.lax.stop_gradient(layers)
+    ranges = disparity_ranges(layers, lens, settings.pixel_filter)
+    if settings.even or settings.rays < FEWEST:
+        together = max(k for k in range(1, _TOGETHER + 1) if settings.rays % k == 0)
+        counts = (settings.rays,)
+        if wanted is None:
+            groups = even_groups(camera.width, camera.height, settings.rays, together)
+        else:
+            most = camera.width * camera.height * settings.rays // together
+            chosen = jnp.where(wanted, settings.rays, 0)
+            groups = groups_of(chosen, camera.width, camera.height, together, most=most)
+    else:
+        groups, counts = _adaptive_groups(fixed, lens, ranges, known, settings, wanted)
+    samples = ray_samples(
+        lens,
+        counts,
+        seed,
+        with_chances=layers.samples.opacity is not None,
+        pixel_filter=settings.pixel_filter,
+    )
+    return traced_sums(traced_scene(layers), lens, samples, groups, ranges, bins, settings.mesh)
+
+
+def coc_bins(layers: Layers, lens: AbstractLens) -> CocBins:
+    """The bins of a picture.
+
+    One where rays see highlights and mirrors for themselves: what these show is not blurred as they are.
+    """
+    return CocBins(None if layers.samples.gloss is not None else focal_zone(lens, layers.camera))
+
+
+def _adaptive_groups(
+    layers: Layers,
+    lens: AbstractLens,
+    ranges: DisparityRanges,
+    known: KnownLight | None,
+    settings: RenderSettings,
+    wanted: Bool[Array, " p"] | None,
+) -> tuple[RayGroups, tuple[int, ...]]:
+    """Groups of rays by what differs in each pixel, and the numbers of rays that pixels may have."""
+    camera, rays = layers.camera, settings.rays
+    variance = contrast(layers, lens, ranges, settings.pixel_filter)
+    row, column = jnp.divmod(jnp.arange(camera.width * camera.height, dtype=jnp.int32), camera.width)
+    variance = variance[ranges.square(column, row)]
+    if known is None:
+        count = allocated(variance, rays, rays)
+    else:
+        count = allocated_through(variance, known.share[:, 1], rays)
+    if wanted is not None:
+        count = jnp.where(wanted, count, 0)
+    most = -(-rays * camera.width * camera.height // _TOGETHER)
+    groups = groups_of(count, camera.width, camera.height, _TOGETHER, most=most, nested=FEWEST)
+    return groups, counts_for(rays)
+
+
+def developed(
+    sums: PixelSums, width: int, bins: CocBins, rays: float | Array, known: KnownLight | None
+) -> Float[Array, "p 3"]:
+    """Radiance of each pixel from the sums over its rays, denoised if there are several bins.
+
+    `width` is that of a row of pixels; `rays` may be traced.
+    """
+    light = jnp.broadcast_to(sums.light.sum(axis=1), sums.over.shape)
+    share = light if known is None else known.of(light)
+    over = sums.over if known is None else evened(sums.over, light, known)
+    if len(bins.least) == 1:
+        brought = sums.brought[:, 0]
+        return (brought if known is None else evened(brought, light, known)) + over
+    return denoised(sums, width, bins.least, rays) * share + over
+
+
+def _still(layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings) -> Still:
+    """What derivatives are made of: the scene, and the mean radiance of rays like those through the rim."""
+    camera, scene, number = layers.camera, traced_scene(layers), settings.derivative_rays
+    ranges = disparity_ranges(layers, lens)
+    samples = ray_samples(lens, (number,), seed, with_chances=layers.samples.opacity is not None)
+    together = max(k for k in range(1, _TOGETHER + 1) if number % k == 0)
+    groups = even_groups(camera.width, camera.height, number, together)
+    sums = traced_sums(scene, lens, samples, groups, ranges, CocBins(None))
+    light = jnp.broadcast_to(sums.light[:, 0], sums.over.shape)
+    brought = sums.brought[:, 0] + sums.over
+    radiance = jnp.where(light > 0, brought / jnp.where(light > 0, light, 1.0), 0.0)
+    film = jnp.stack(samples.place, axis=-1).reshape(-1, number, 2)
+    at_once = _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20)
+    least, largest = ranges.of_pixels(camera.width, camera.height)
+    return Still(scene, lens, least, largest, radiance, film, Rays(number, seed, at_once))

@@ -1,0 +1,99 @@
+"""Scrambled Sobol points, made on the device from a traced seed.
+
+A Sobol point is an exclusive or of direction numbers, one for each bit of its index. Nested uniform (Owen)
+scrambling flips each of its bits by a hash of the bits above it: the points stay a (0, m, s)-net, are uniform
+on the average, and those of two seeds are independent. The hash is Laine's and Karras's (2011), with the
+constants of Vegdahl (2021); it works from the lowest bit up, so bits are reversed before and after it.
+"""
+
+import functools
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, UInt
+
+_BITS = 32
+_POLYNOMIALS = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)), (3, 2, (1, 1, 1)))
+"""Degree, inner coefficients and first numbers of dimensions 2 to 5 (Joe and Kuo 2008)."""
+DIMENSIONS = 1 + len(_POLYNOMIALS)
+"""Most dimensions that a point may have."""
+
+
+def sobol_points(
+    index: Int[Array, "*n"], seed: UInt[Array, ""], dimensions: int, *, most: int
+) -> list[Float[Array, "*n"]]:
+    """Coordinates in [0, 1), one array a dimension, of the scrambled Sobol points at `index`.
+
+    Args:
+        index: from 0 to below `most`.
+        seed: chooses the scrambling.
+        dimensions: 1 to 5 (static).
+        most: bound on the indices (static), which says how many bits they have.
+    """
+    directions = _directions()
+    real = jnp.zeros(()).dtype
+    bits = [-((index >> bit) & 1).astype(jnp.uint32) for bit in range(max(most - 1, 1).bit_length())]
+    points = []
+    for dimension in range(dimensions):
+        word = jnp.zeros(index.shape, dtype=jnp.uint32)
+        for bit, mask in enumerate(bits):
+            # Direction numbers in reverse order of bits, as the scrambling takes them.
+            word ^= mask & jnp.uint32(directions[dimension, bit])
+        word = reversed_bits(_scrambled(word, stirred(seed, dimension)))
+        # In 24 bits, so that single precision stays below 1.
+        points.append((word >> 8).astype(real) * 2.0**-24)
+    return points
+
+
+def shuffled(index: Int[Array, "*n"], count: int, seed: UInt[Array, ""]) -> Int[Array, "*n"]:
+    """The numbers from 0 to below `count`, a power of two, in another order, halves and their halves swapped.
+
+    Runs of 2^k numbers that begin at a multiple of it stay together.
+    """
+    bits = count.bit_length() - 1
+    if bits == 0:
+        return index
+    word = reversed_bits(index.astype(jnp.uint32)) >> (_BITS - bits)
+    return (reversed_bits(_scrambled(word, seed)) >> (_BITS - bits)).astype(index.dtype)
+
+
+def stirred(seed: UInt[Array, ""], number: int) -> UInt[Array, ""]:
+    """A seed that looks independent of `seed` for each `number`."""
+    word = seed ^ jnp.uint32((0x9E3779B9 * (number + 1)) & 0xFFFFFFFF)
+    for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):
+        word = (word ^ (word >> shift)) * jnp.uint32(factor)
+    return word ^ (word >> 16)
+
+
+def reversed_bits(word: UInt[Array, "*n"]) -> UInt[Array, "*n"]:
+    """The 32 bits of each word in reverse order."""
+    for shift, mask in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF)):
+        word = ((word >> shift) & jnp.uint32(mask)) | ((word & jnp.uint32(mask)) << shift)
+    return (word >> 16) | (word << 16)
+
+
+def _scrambled(word: UInt[Array, "*n"], seed: UInt[Array, ""]) -> UInt[Array, "*n"]:
+    """Each bit flipped by a hash of the lower ones."""
+    word = word ^ (word * jnp.uint32(0x3D20ADEA))
+    word = (word + seed) * ((seed >> 16) | 1)
+    word ^= word * jnp.uint32(0x05526C56)
+    return word ^ (word * jnp.uint32(0x53A22864))
+
+
+@functools.cache
+def _directions() -> UInt[np.ndarray, "d 32"]:
+    """Direction numbers, each with its bits reversed: the highest of the fraction is the lowest here."""
+    rows = [[1] * _BITS]
+    for degree, inner, first in _POLYNOMIALS:
+        numbers = list(first)
+        for k in range(degree, _BITS):
+            new = numbers[k - degree] ^ (numbers[k - degree] << degree)
+            for j in range(1, degree):
+                if inner >> (degree - 1 - j) & 1:
+                    new ^= numbers[k - j] << j
+            numbers.append(new)
+        rows.append(numbers)
+    # Number k has k + 1 bits, of which the highest is the first of the fraction.
+    return np.array(
+        [[int(f"{m:0{k + 1}b}"[::-1], 2) for k, m in enumerate(row)] for row in rows], dtype=np.uint32
+    )

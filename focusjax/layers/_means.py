@@ -22,6 +22,9 @@ from focusjax.layers._picture import Rasterised
 from focusjax.layers._shading import ShadedSamples, shaded
 from focusjax.scene import Scene
 
+_HIDES = 1.0 - 1e-4
+"""Of a surface's disparity: what is nearer than this may lie in the same place."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Seen:
@@ -63,15 +66,19 @@ def mean_radiances(
     """
     number, count = len(surface.face), len(seen.cell)
     faces = scene.may_be_seen_through()
-    several = np.ones(count, dtype=bool)
-    several[:number] = ~inside_one(held.triangles, held.fragments, held.grid)
-    several[:number] |= _beside_another(held, seen.index[:number])
+    several, inside = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
+    inside[:number] = inside_one(held.triangles, held.fragments, held.grid)
+    several[:number] = ~inside[:number] | _beside_another(held, seen.index[:number])
     several = np.flatnonzero(several)
     clear = None if faces is None else faces[surface.face[seen.source]]
     squares = _squares(seen, tolerance, held.fragments.triangle[seen.source], clear)
     if held.opacity is not None:
         put_back = np.where(held.opacity[seen.source] < 1.0, 1.0 / NEARER, 1.0)
         squares = dataclasses.replace(squares, low=squares.low * put_back, high=squares.high * put_back)
+    # Behind a triangle that covers all of a square nothing counts.
+    steep = 0.5 * (np.abs(surface.slope_x) + np.abs(surface.slope_y))
+    behind = np.where(inside[:number], (seen.disparity[:number] - steep) * _HIDES, 0.0)
+    squares.low[:number] = np.maximum(squares.low[:number], behind)
     parts = square_parts(held.triangles, held.grid, squares.take(several), faces)
     owner = several[parts.square]
     total = np.bincount(owner, parts.share, count)

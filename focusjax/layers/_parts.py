@@ -117,9 +117,10 @@ def _overlapping(
     square: Int[np.ndarray, " p"], points: UInt[np.ndarray, " p"], count: int
 ) -> Int[np.ndarray, " k"]:
     """The pieces of those of `count` squares in which several cover a point, square by square."""
-    together = np.zeros(count, dtype=np.uint32)
-    np.bitwise_or.at(together, square, points)
     covered = np.bincount(square, np.bitwise_count(points), count)
+    unsure = np.flatnonzero((covered <= POINTS)[square])
+    together = np.zeros(count, dtype=np.uint32)
+    np.bitwise_or.at(together, square[unsure], points[unsure])
     several = np.flatnonzero((covered > np.bitwise_count(together))[square])
     return several[np.argsort(square[several], kind="stable")]
 

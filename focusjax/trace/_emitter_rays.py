@@ -96,10 +96,10 @@ def emitter_light(
             row = emitters.top[cluster] + inside // across
             number = jnp.arange(together, dtype=jnp.int32)[:, None] + (group % parts * together)[None]
             # All first rays of groups, then all second ones: sums over groups are sums of columns.
-            column, row, cluster = (jnp.tile(values, together) for values in (column, row, cluster))
+            at_column, at_row, of = (jnp.tile(values, together) for values in (column, row, cluster))
 
             def of_lens(lens: AbstractLens) -> Float[Array, "g 3"]:
-                brought = draw.brought(lens, column, row, cluster, number.reshape(-1), log_each)
+                brought = draw.brought(lens, at_column, at_row, of, number.reshape(-1), log_each)
                 return jnp.stack([colour.reshape(together, -1).sum(axis=0) for colour in brought], axis=1)
 
             share = jnp.exp2(-log_each.astype(sums.dtype))

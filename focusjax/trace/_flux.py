@@ -215,7 +215,7 @@ def _through_rim(still: Still, moved: AbstractLens) -> Float[Array, "p 3"]:
     row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
     number, edge = still.rays.number, still.tile
     # A fifth dimension beside the four of rays within, so that turns and film points spread together.
-    turns = pixel_points(5, edge, number, stirred(still.rays.seed, 3))[..., 4]
+    turns = pixel_points(5, edge, (number,), stirred(still.rays.seed, 3)[None])[4].reshape(-1, number)
     # Where the opening ends, and what flows out of it there.
     edges = [(1.0, rim_flow)] + ([] if lens.opening().hole() is None else [(0.0, hole_flow)])
 
@@ -245,7 +245,8 @@ def _within_opening(still: Still, moved: AbstractLens, evenly: Float[Array, " p"
     camera, lens, edge = still.scene.camera, still.lens, still.tile
     number = max(_WITHIN, still.rays.number // _WITHIN)
     row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
-    points = jnp.maximum(pixel_points(4, edge, number, stirred(still.rays.seed, 4)), LEAST_PLACE)
+    points = jnp.stack(pixel_points(4, edge, (number,), stirred(still.rays.seed, 4)[None]), axis=-1)
+    points = jnp.maximum(points.reshape(edge**2, number, 4), LEAST_PLACE)
 
     def block(pixel: Int[Array, " b"]) -> Float[Array, "b 3"]:
         column, row = pixel % camera.width, pixel // camera.width

@@ -89,8 +89,7 @@ def ray_samples(
     as large as its table may be if not given.
     """
     edge = tile_edge(counts[-1]) if edge is None else min(edge, tile_edge(counts[-1]))
-    levels = [pixel_points(4, edge, count, stirred(seed, k)) for k, count in enumerate(counts)]
-    u, v, x, y = jnp.concatenate(levels, axis=1).reshape(-1, 4).T
+    u, v, x, y = pixel_points(4, edge, counts, jnp.stack([stirred(seed, k) for k in range(len(counts))]))
     pupil = jax.vmap(lens.pupil_point)(jnp.stack([u, v], axis=-1))
     chance = None
     if with_chances:
@@ -106,16 +105,24 @@ def ray_samples(
     )
 
 
-def pixel_points(dimensions: int, edge: int, rays: int, seed: UInt[Array, ""]) -> Float[Array, "t s d"]:
-    """Points of the unit hypercube, some for each pixel of a tile, spread evenly over each and over all.
+def pixel_points(
+    dimensions: int, edge: int, counts: tuple[int, ...], seeds: UInt[Array, " k"]
+) -> list[Float[Array, " n"]]:
+    """Coordinates [t * s] of points of the unit hypercube, some for each pixel of a tile.
+
+    They are spread evenly over each pixel and over all, for pixels with each of the `counts` of them in turn,
+    each number by a seed of its own. All are one program: several would take longer to compile.
 
     Which pixel has which block of the sequence is chosen by the seed, too: scrambling alone leaves what is
     coarse about a block, but for few random bits, so that the noise of two seeds would go together.
     """
-    order = jnp.asarray(z_order(*reversed(np.divmod(np.arange(edge**2), edge))), dtype=jnp.int32)
-    order = shuffled(order, edge**2, stirred(seed, _ORDER))
-    index = order[:, None] * rays + jnp.arange(rays, dtype=jnp.int32)[None]
-    return jnp.stack(sobol_points(index, seed, dimensions, most=edge**2 * rays), axis=-1)
+    order = z_order(*reversed(np.divmod(np.arange(edge**2), edge))).astype(np.int32)
+    order = shuffled(jnp.asarray(order)[:, None], edge**2, stirred(seeds, _ORDER)[None])
+    level = np.repeat(np.arange(len(counts)), counts)
+    number = np.concatenate([np.arange(count, dtype=np.int32) for count in counts])
+    index = order[:, level] * jnp.asarray(counts, dtype=jnp.int32)[level][None] + number[None]
+    points = sobol_points(index, seeds[level][None], dimensions, most=edge**2 * counts[-1])
+    return [coordinate.reshape(-1) for coordinate in points]
 
 
 def pixel_chances(edge: int, rays: int, seed: UInt[Array, ""]) -> UInt[Array, "t s"]:

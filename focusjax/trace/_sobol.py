@@ -20,13 +20,13 @@ DIMENSIONS = 1 + len(_POLYNOMIALS)
 
 
 def sobol_points(
-    index: Int[Array, "*n"], seed: UInt[Array, ""], dimensions: int, *, most: int
-) -> list[Float[Array, "*n"]]:
+    index: Int[Array, "..."], seed: UInt[Array, "..."], dimensions: int, *, most: int
+) -> list[Float[Array, "..."]]:
     """Coordinates in [0, 1), one array a dimension, of the scrambled Sobol points at `index`.
 
     Args:
         index: from 0 to below `most`.
-        seed: chooses the scrambling.
+        seed: chooses the scrambling; one, or one for each of them.
         dimensions: 1 to 5 (static).
         most: bound on the indices (static), which says how many bits they have.
     """
@@ -45,7 +45,7 @@ def sobol_points(
     return points
 
 
-def shuffled(index: Int[Array, "*n"], count: int, seed: UInt[Array, ""]) -> Int[Array, "*n"]:
+def shuffled(index: Int[Array, "..."], count: int, seed: UInt[Array, "..."]) -> Int[Array, "..."]:
     """The numbers from 0 to below `count`, a power of two, in another order, halves and their halves swapped.
 
     Runs of 2^k numbers that begin at a multiple of it stay together.
@@ -57,7 +57,7 @@ def shuffled(index: Int[Array, "*n"], count: int, seed: UInt[Array, ""]) -> Int[
     return (reversed_bits(_scrambled(word, seed)) >> (_BITS - bits)).astype(index.dtype)
 
 
-def stirred(seed: UInt[Array, ""], number: int) -> UInt[Array, ""]:
+def stirred(seed: UInt[Array, "*n"], number: int) -> UInt[Array, "*n"]:
     """A seed that looks independent of `seed` for each `number`."""
     word = seed ^ jnp.uint32((0x9E3779B9 * (number + 1)) & 0xFFFFFFFF)
     for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):
@@ -72,7 +72,7 @@ def reversed_bits(word: UInt[Array, "*n"]) -> UInt[Array, "*n"]:
     return (word >> 16) | (word << 16)
 
 
-def _scrambled(word: UInt[Array, "*n"], seed: UInt[Array, ""]) -> UInt[Array, "*n"]:
+def _scrambled(word: UInt[Array, "..."], seed: UInt[Array, "..."]) -> UInt[Array, "..."]:
     """Each bit flipped by a hash of the lower ones."""
     word = word ^ (word * jnp.uint32(0x3D20ADEA))
     word = (word + seed) * ((seed >> 16) | 1)

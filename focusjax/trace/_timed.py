@@ -60,7 +60,7 @@ def timed_samples(
     Their moments are one in each of as many equal parts of [0, 1) as a pixel has rays.
     """
     edge = tile_edge(rays)
-    points = pixel_points(5, edge, rays, seed)
+    points = jnp.stack(pixel_points(5, edge, (rays,), seed[None]), axis=-1).reshape(edge**2, rays, 5)
     order = jnp.argsort(points[..., _TIME], axis=1)
     points = jnp.take_along_axis(points, order[..., None], axis=1)
     number = jnp.arange(rays, dtype=points.dtype)

@@ -1,7 +1,7 @@
 """Shading normals of meshes that bring none: smooth across shallow edges, split at sharp ones."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 _PAIRS_AT_ONCE = 2_000_000
 
@@ -42,25 +42,33 @@ def smooth_normals(
     # Where all faces lie within half the angle of the mean, each pair is within the whole angle,
     # and the mean is the answer. Only the other places need a look at pairs of faces.
     limit = np.cos(np.deg2rad(smooth_angle))
-    real = own.any(axis=1)
+    real = _directed(normals)[owner]
     closeness = np.where(real, np.einsum("ij,ij->i", own, result), 1.0)
     least = np.ones(len(sums))
     np.minimum.at(least, place, closeness)
     creased = np.flatnonzero((least < np.cos(np.deg2rad(smooth_angle / 2)))[place] & real)
     result[creased] = _creased(place, weighted, own, creased, limit)
 
-    missing = ~result.any(axis=1)
+    missing = np.flatnonzero(~_directed(result))
     result[missing] = own[missing]
     # A triangle without area has no direction at all; up is as good as any and finite.
-    result[~result.any(axis=1)] = (0.0, 1.0, 0.0)
+    result[missing[~_directed(own[missing])]] = (0.0, 1.0, 0.0)
     return result.reshape(-1, 3, 3)
+
+
+def _directed(rows: Float[np.ndarray, "*n 3"]) -> Bool[np.ndarray, "*n"]:
+    """Whether rows are not all zeros: column by column, which is ten times as quick as row by row."""
+    return (rows[..., 0] != 0) | (rows[..., 1] != 0) | (rows[..., 2] != 0)
 
 
 def unit_rows(rows: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """Rows scaled to length 1; rows of zeros or of values that are not finite become zero."""
-    finite = np.where(np.isfinite(rows).all(axis=1, keepdims=True), rows, 0.0)
-    length = np.linalg.norm(finite, axis=1, keepdims=True)
-    return finite / np.where(length == 0.0, 1.0, length)
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.sqrt(np.einsum("ij,ij->i", rows, rows))
+    usual = np.isfinite(length) & (length > 0.0)
+    if not usual.all():
+        rows = np.where(usual[:, None], rows, 0.0)
+    return rows / np.where(usual, length, 1.0)[:, None]
 
 
 def _places(vertices: Float[np.ndarray, "v 3"]) -> Int[np.ndarray, "v"]:
@@ -75,7 +83,7 @@ def _corner_angles(corners: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray, "t 
     ahead = np.stack([unit_rows(corners[:, (i + 1) % 3] - corners[:, i]) for i in range(3)], axis=1)
     behind = -np.roll(ahead, 1, axis=1)
     angles = np.arccos(np.clip(np.einsum("tij,tij->ti", ahead, behind), -1.0, 1.0))
-    return np.where(ahead.any(axis=2) & behind.any(axis=2), angles, 0.0)
+    return np.where(_directed(ahead) & _directed(behind), angles, 0.0)
 
 
 def _creased(

@@ -246,14 +246,16 @@ def _place(
     vertices = part.vertices @ linear.T + world_from_object[:3, 3]
     # A mirrored triangle runs clockwise; exchanging two corners turns its outside out again.
     faces = part.faces[:, ::-1] if np.linalg.det(linear) < 0 else part.faces
-    given = np.zeros_like(vertices)
+    normals, there = None, np.zeros(len(vertices), dtype=bool)
     if part.normals is not None and keep_normals:
-        given = unit_rows(unit_rows(part.normals) @ np.linalg.inv(linear))
-    if given[faces].any(axis=2).all():
-        source, normals = np.arange(len(vertices)), given
+        normals = unit_rows(unit_rows(part.normals) @ np.linalg.inv(linear))
+        there = normals.any(axis=1)
+    if normals is not None and there[faces].all():
+        source = np.arange(len(vertices))
     else:
         corners = smooth_normals(vertices, faces, smooth_angle)
-        corners = np.where(given[faces].any(axis=2, keepdims=True), given[faces], corners)
+        if normals is not None:
+            corners = np.where(there[faces][..., None], normals[faces], corners)
         source, faces, normals = _split(faces, corners, len(vertices))
     uv = np.zeros((len(part.vertices), 2)) if part.uv is None else part.uv
     colours = np.ones((len(part.vertices), 3)) if part.colours is None else part.colours

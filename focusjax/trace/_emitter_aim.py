@@ -18,6 +18,8 @@ from focusjax.geometry import Camera, LensRay
 from focusjax.lens import AbstractLens
 
 _STEPS = 4
+_STAYS = 1e-4
+"""Aperture radii below which a step changes nothing."""
 _FARTHEST = 1.02
 """Aperture radii from the middle that the search stays within: beside any aperture, but little."""
 _TURNS = 8
@@ -42,6 +44,10 @@ class Aim(eqx.Module):
     off: Float[Array, "*n"]
 
 
+_State = tuple[Array, Array, Array, Aim, Array]
+"""Number of the step, the aperture point, the last one whose ray passes, what was found, whether it moved."""
+
+
 def aim_at(
     camera: Camera,
     lens: AbstractLens,
@@ -52,9 +58,13 @@ def aim_at(
     """The ray of `film_point` that passes `place`, in output pixels, at `disparity` in 1/m."""
     nothing = jnp.zeros_like(film_point)
 
-    def advance(_: Array, state: tuple[Array, Array, Aim]) -> tuple[Array, Array, Aim]:
-        """The next aperture point, and what is found at this one."""
-        pupil, passing = state[:2]
+    def unfinished(state: _State) -> Array:
+        step, *_, moves = state
+        return moves & (step <= _STEPS)
+
+    def advance(state: _State) -> _State:
+        """The next aperture point, what is found at this one, and whether they differ."""
+        step, pupil, passing, _, _ = state
         ray, slope = _ray_and_slope(camera, lens, film_point, pupil, disparity)
         off = place - ray.at(disparity)
         after = pupil + _solved(slope, off)
@@ -62,19 +72,16 @@ def aim_at(
         lit = ray.weight > 0
         after = jnp.where(lit, after, 0.5 * (pupil + passing))
         square = after @ after
-        shorter = _FARTHEST / jnp.sqrt(jnp.maximum(square, _FARTHEST**2))
-        after = after * shorter
-        return (
-            after,
-            jnp.where(lit, pupil, passing),
-            Aim(pupil, ray, jnp.abs(_determinant(slope)), jnp.abs(off).max()),
-        )
+        after = after * (_FARTHEST / jnp.sqrt(jnp.maximum(square, _FARTHEST**2)))
+        found = Aim(pupil, ray, jnp.abs(_determinant(slope)), jnp.abs(off).max())
+        moves = jnp.abs(after - pupil).max() > _STAYS
+        return step + 1, after, jnp.where(lit, pupil, passing), found, moves
 
     # In a loop, so that the lens is compiled once.
     zero = nothing[0]
     start = Aim(nothing, LensRay(nothing, nothing, zero), zero, zero)
-    _, _, found = jax.lax.fori_loop(0, _STEPS + 1, advance, (nothing, nothing, start))
-    return found
+    state = jnp.int32(0), nothing, nothing, start, jnp.bool_(True)
+    return jax.lax.while_loop(unfinished, advance, state)[3]
 
 
 def one_to_one(

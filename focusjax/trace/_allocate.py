@@ -35,6 +35,8 @@ _PASSING = 0.8
 _MOST_DARK = 4
 """Part of the mean that a pixel gets at most for being dark."""
 _ROUNDS = 24
+_TAKEN_IN = 0.5
+"""Pixels along the edge of a denoiser's kernel, over the radius of what is blurred."""
 _NOTHING = 1e-12
 """Variance below which pixels are alike."""
 
@@ -90,9 +92,18 @@ def allocated_through(
 
 
 def contrast(
-    layers: Layers, lens: AbstractLens, ranges: DisparityRanges, pixel_filter: str
+    layers: Layers,
+    lens: AbstractLens,
+    ranges: DisparityRanges,
+    pixel_filter: str,
+    *,
+    smooth: bool = False,
 ) -> Float[Array, " q"]:
-    """Variance of what the lens centre sees, all channels together, over the box of each square's rays."""
+    """Variance of what the lens centre sees, all channels together, over the box of each square's rays.
+
+    If denoising will `smooth` it, that of the mean over as many pixels as its kernels take in where all is
+    blurred over r pixels or more: V / (1 + (c r)^2).
+    """
     levels = _levels(_moments(layers))
     sizes = np.array([level.shape[:2] for level in levels])
     starts = jnp.asarray(np.cumsum([0, *sizes[:-1].prod(axis=1)]), dtype=jnp.int32)
@@ -118,9 +129,11 @@ def contrast(
                 total = [t + across * down * f for t, f in zip(total, found, strict=True)]
         return total
 
-    red, green, blue, square = jax.vmap(over_box)(*_boxes(layers, lens, ranges, pixel_filter))
+    low, high, blur = _boxes(layers, lens, ranges, pixel_filter)
+    red, green, blue, square = jax.vmap(over_box)(low, high)
     white = jnp.maximum(jnp.maximum(jnp.maximum(red, green), blue), 1.0)
-    return jnp.maximum(square - red**2 - green**2 - blue**2, 0.0) / white**2
+    variance = jnp.maximum(square - red**2 - green**2 - blue**2, 0.0) / white**2
+    return variance / (1.0 + (_TAKEN_IN * blur) ** 2) if smooth else variance
 
 
 def _spline(share: Float[Array, ""]) -> tuple[Float[Array, ""], ...]:
@@ -172,15 +185,19 @@ def _at_samples(layers: Layers) -> Float[Array, "h w 4"]:
 
 def _boxes(
     layers: Layers, lens: AbstractLens, ranges: DisparityRanges, pixel_filter: str
-) -> tuple[Float[Array, "q 2"], Float[Array, "q 2"]]:
-    """Corners, in pixels from that of the grid, of boxes around all places that each square's rays pass."""
+) -> tuple[Float[Array, "q 2"], Float[Array, "q 2"], Float[Array, " q"]]:
+    """Corners, in pixels from that of the grid, of boxes around all places that each square's rays pass.
+
+    And the least radius of blur there, as far as the ends and the middle of what is there tell.
+    """
     wide = filter_radius(pixel_filter) + 0.5 * (EDGE - 1)
     margin = layers.grid.margin / layers.grid.supersampling
 
-    def one(film: Float[Array, "2"], least: Array, largest: Array) -> tuple[Array, Array]:
+    def one(film: Float[Array, "2"], least: Array, largest: Array) -> tuple[Array, Array, Array]:
         ends = [lens.footprint(layers.camera, film, disparity) for disparity in (least, largest)]
         low = jnp.minimum(*(centre - radius for centre, radius in ends)) - wide
         high = jnp.maximum(*(centre + radius for centre, radius in ends)) + wide
-        return low + margin, high + margin
+        _, between = lens.footprint(layers.camera, film, 0.5 * (least + largest))
+        return low + margin, high + margin, jnp.minimum(between, jnp.minimum(*(end[1] for end in ends)))
 
     return jax.vmap(one)(ranges.middles(), ranges.least, ranges.largest)

@@ -189,7 +189,7 @@ def _adaptive_groups(
 ) -> tuple[RayGroups, tuple[int, ...]]:
     """Groups of rays by what differs in each pixel, and the numbers of rays that pixels may have."""
     camera, rays = layers.camera, settings.rays
-    variance = contrast(layers, lens, ranges, settings.pixel_filter)
+    variance = contrast(layers, lens, ranges, settings.pixel_filter, smooth=settings.smooth)
     row, column = jnp.divmod(jnp.arange(camera.width * camera.height, dtype=jnp.int32), camera.width)
     variance = variance[ranges.square(column, row)]
     if known is None:

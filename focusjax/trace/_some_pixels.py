@@ -79,7 +79,8 @@ def prepared(layers: Layers, lens: AbstractLens, *, settings: RenderSettings) ->
         layers, emitters = split_emitters(layers, lens)
     ranges = disparity_ranges(layers, lens, pixel_filter)
     row, column = jnp.divmod(jnp.arange(camera.width * camera.height, dtype=jnp.int32), camera.width)
-    variance = contrast(layers, lens, ranges, pixel_filter)[ranges.square(column, row)]
+    variance = contrast(layers, lens, ranges, pixel_filter, smooth=settings.smooth)
+    variance = variance[ranges.square(column, row)]
     bins = coc_bins(layers, lens) if settings.smooth else CocBins(None)
     return Prepared(layers, emitters, ranges, variance, known_light(lens, camera), bins)
 

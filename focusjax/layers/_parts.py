@@ -23,7 +23,7 @@ from focusjax.layers._raster import Fragments
 from focusjax.layers._touching import OFFSETS, POINTS, touching
 
 _AT_ONCE = 1 << 16
-_PIECES_AT_ONCE = 1 << 14
+_PIECES_AT_ONCE, _MOST_IN_SQUARE = 1 << 14, 1 << 10
 _FIRST, _ROUNDING = np.float32(1.0 + 4e-6), np.float32(1e-6)
 """By which a square's own triangle is nearer than others in the same place, and others may differ by."""
 
@@ -139,7 +139,7 @@ def _where_nearest(
     def run(part: slice) -> np.ndarray:
         number = np.cumsum(np.diff(square[part], prepend=square[part.start]) > 0, dtype=np.int32)
         columns = points[part], *(values[part] for values in plane), number
-        length = padded_length(part.stop - part.start)
+        length = max(_PIECES_AT_ONCE, padded_length(part.stop - part.start))
         rows = (pad_rows(a, length) for a in (*columns, own[part]))
         return np.asarray(_nearest(*rows))[: part.stop - part.start]
 
@@ -172,7 +172,8 @@ def _nearest(
 
 def _whole_squares(square: Int[np.ndarray, " p"]) -> list[slice]:
     """Pieces in runs of some thousand; those of one square are in one of them."""
-    ends = np.arange(_PIECES_AT_ONCE, len(square), _PIECES_AT_ONCE)
+    step = _PIECES_AT_ONCE - _MOST_IN_SQUARE
+    ends = np.arange(step, len(square), step)
     ends = np.searchsorted(square, square[ends]) if len(ends) else ends
     ends = np.unique(np.concatenate([[0], ends, [len(square)]]))
     return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]

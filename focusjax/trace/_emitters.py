@@ -31,7 +31,7 @@ _LARGEST_SHARE = 0.125
 """Of the rays that pass a place: what more of them meet is no small thing."""
 _LEAST_VARIANCE = 0.25
 MOST_CLUSTERS = 1024
-MOST_PAIRS = 2
+MOST_PAIRS = 6
 """Clusters that a pixel may see, on the average."""
 _BEYOND = 0.5
 """Samples beyond a cluster at which rays may pass and yet meet it; see `first_hit`."""

@@ -67,8 +67,13 @@ class ScreenTriangles:
         across, down = column + 0.5, row + 0.5
         return tuple(a - across for a in x), tuple(a - down for a in y), w
 
-    def span(self, axis: int, part: slice, *, quarters: bool = False) -> tuple[np.ndarray, np.ndarray]:
-        """Least and largest x (0) or y (1) [t] over the corners of some triangles, in samples or quarters."""
+    def span(
+        self, axis: int, part: slice | np.ndarray, *, quarters: bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest x (0), y (1) or disparity (2) [t] over the corners of some triangles.
+
+        Places are in samples or, of x and y, in `quarters`.
+        """
         values = self.quarters[axis] if quarters else self.points[:, axis]
         first, second, third = (np.take(values, corner[part]) for corner in self.faces.T)
         return (

@@ -66,9 +66,9 @@ def mean_radiances(
     """
     number, count = len(surface.face), len(seen.cell)
     faces = scene.may_be_seen_through()
-    several, inside = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
-    inside[:number] = inside_one(held.triangles, held.fragments, held.grid)
-    several[:number] = ~inside[:number] | _beside_another(held, seen.index[:number])
+    inside = inside_one(held.triangles, held.fragments, held.grid)
+    several = np.ones(count, dtype=bool)
+    several[:number] = ~inside | _beside_another(held, seen.index[:number])
     several = np.flatnonzero(several)
     clear = None if faces is None else faces[surface.face[seen.source]]
     squares = _squares(seen, tolerance, held.fragments.triangle[seen.source], clear)
@@ -77,8 +77,9 @@ def mean_radiances(
         squares = dataclasses.replace(squares, low=squares.low * put_back, high=squares.high * put_back)
     # Behind a triangle that covers all of a square nothing counts.
     steep = 0.5 * (np.abs(surface.slope_x) + np.abs(surface.slope_y))
-    behind = np.where(inside[:number], (seen.disparity[:number] - steep) * _HIDES, 0.0)
-    squares.low[:number] = np.maximum(squares.low[:number], behind)
+    behind = np.zeros_like(squares.low)
+    behind[:number] = np.where(inside, (seen.disparity[:number] - steep) * _HIDES, 0.0)
+    squares = dataclasses.replace(squares, low=np.maximum(squares.low, behind))
     parts = square_parts(held.triangles, held.grid, squares.take(several), faces)
     owner = several[parts.square]
     total = np.bincount(owner, parts.share, count)

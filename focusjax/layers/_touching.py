@@ -142,9 +142,7 @@ def _not_behind(
     boxes: Boxes, triangles: ScreenTriangles, grid: Grid, farthest: Sequence[Float[np.ndarray, " samples"]]
 ) -> list[Boxes]:
     """The small boxes whose triangles are not behind all squares in them, and the large ones, in portions."""
-    corners = (np.take(corner, boxes.triangle) for corner in triangles.faces.T)
-    first, second, third = (np.take(triangles.points[:, 2], corner) for corner in corners)
-    nearest = np.maximum(np.maximum(first, second), third).astype(np.float32)
+    nearest = triangles.span(2, boxes.triangle)[1].astype(np.float32)
     edge = np.maximum(boxes.width, boxes.height)
     place = boxes.row * np.int32(grid.columns) + boxes.column
     kept = edge > _WIDEST

@@ -42,21 +42,21 @@ def smooth_normals(
     # Where all faces lie within half the angle of the mean, each pair is within the whole angle,
     # and the mean is the answer. Only the other places need a look at pairs of faces.
     limit = np.cos(np.deg2rad(smooth_angle))
-    real = _directed(normals)[owner]
+    real = directed(normals)[owner]
     closeness = np.where(real, np.einsum("ij,ij->i", own, result), 1.0)
     least = np.ones(len(sums))
     np.minimum.at(least, place, closeness)
     creased = np.flatnonzero((least < np.cos(np.deg2rad(smooth_angle / 2)))[place] & real)
     result[creased] = _creased(place, weighted, own, creased, limit)
 
-    missing = np.flatnonzero(~_directed(result))
+    missing = np.flatnonzero(~directed(result))
     result[missing] = own[missing]
     # A triangle without area has no direction at all; up is as good as any and finite.
-    result[missing[~_directed(own[missing])]] = (0.0, 1.0, 0.0)
+    result[missing[~directed(own[missing])]] = (0.0, 1.0, 0.0)
     return result.reshape(-1, 3, 3)
 
 
-def _directed(rows: Float[np.ndarray, "*n 3"]) -> Bool[np.ndarray, "*n"]:
+def directed(rows: Float[np.ndarray, "*n 3"]) -> Bool[np.ndarray, "*n"]:
     """Whether rows are not all zeros: column by column, which is ten times as quick as row by row."""
     return (rows[..., 0] != 0) | (rows[..., 1] != 0) | (rows[..., 2] != 0)
 
@@ -83,7 +83,7 @@ def _corner_angles(corners: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray, "t 
     ahead = np.stack([unit_rows(corners[:, (i + 1) % 3] - corners[:, i]) for i in range(3)], axis=1)
     behind = -np.roll(ahead, 1, axis=1)
     angles = np.arccos(np.clip(np.einsum("tij,tij->ti", ahead, behind), -1.0, 1.0))
-    return np.where(_directed(ahead) & _directed(behind), angles, 0.0)
+    return np.where(directed(ahead) & directed(behind), angles, 0.0)
 
 
 def _creased(

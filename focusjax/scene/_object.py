@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 from focusjax._arguments import real_number, real_numbers
 from focusjax.scene._images import decode_srgb, fill_hidden
 from focusjax.scene._material import Material, opacity_of, shininess_of, triple
-from focusjax.scene._normals import smooth_normals, unit_rows
+from focusjax.scene._normals import directed, smooth_normals, unit_rows
 from focusjax.scene._part import Part, check_part, check_placed
 from focusjax.scene._placement import placement
 
@@ -246,16 +246,16 @@ def _place(
     vertices = part.vertices @ linear.T + world_from_object[:3, 3]
     # A mirrored triangle runs clockwise; exchanging two corners turns its outside out again.
     faces = part.faces[:, ::-1] if np.linalg.det(linear) < 0 else part.faces
-    normals, there = None, np.zeros(len(vertices), dtype=bool)
+    given = None
     if part.normals is not None and keep_normals:
-        normals = unit_rows(unit_rows(part.normals) @ np.linalg.inv(linear))
-        there = normals.any(axis=1)
-    if normals is not None and there[faces].all():
-        source = np.arange(len(vertices))
+        given = unit_rows(unit_rows(part.normals) @ np.linalg.inv(linear))
+    there = None if given is None else directed(given)[faces]
+    if given is not None and there is not None and there.all():
+        source, normals = np.arange(len(vertices)), given
     else:
         corners = smooth_normals(vertices, faces, smooth_angle)
-        if normals is not None:
-            corners = np.where(there[faces][..., None], normals[faces], corners)
+        if given is not None and there is not None:
+            corners = np.where(there[..., None], given[faces], corners)
         source, faces, normals = _split(faces, corners, len(vertices))
     uv = np.zeros((len(part.vertices), 2)) if part.uv is None else part.uv
     colours = np.ones((len(part.vertices), 3)) if part.colours is None else part.colours

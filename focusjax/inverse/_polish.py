@@ -18,12 +18,14 @@ from focusjax.inverse._levels import Problem
 from focusjax.inverse._sight import served_share
 from focusjax.trace import check_reach, render
 
-_SMALL = 4.0
+_SMALL = 2.0
 """Squares of standard errors, per setting, that a step may be and be the last: it is nearly right."""
 _MORE = 4
 """Times the rays, for slopes that exact pictures are compared with."""
 _FAR = 0.5
 """Of the length of secants, beyond which they are taken anew."""
+_LEAST = 0.25
+"""Share of a step that is taken at least."""
 _CERTAIN = 1e-5
 """Least eigenvalue of products of slopes of unit length that tells something."""
 _APART = (32, 48)
@@ -75,7 +77,7 @@ def polished(
     sloped = problem if exact is None else problem.of_rays(_MORE * problem.rays)
     width = problem.variables.secants(settings, problem.layers.camera)
     (slopes, square), at = _slopes(sloped, settings, width), settings
-    steps = 0
+    steps, share, last = 0, 1.0, np.zeros(len(columns))
     while True:
         steps += 1
         if (np.abs(settings - at)[columns] > _FAR * width[columns]).any():
@@ -85,8 +87,12 @@ def polished(
         step = -inverse_of(square) @ np.einsum("hwck,hwc->k", slopes, weight * residual)
         noise = float((weight * residual**2).sum()) / max(int((weight > 0).sum()), 1)
         converged = float(step @ square @ step) <= _SMALL * len(columns) * noise
+        # A step back says that the last one went too far.
+        if float(step @ square @ last) < 0:
+            share = max(share / 2, _LEAST)
+        last = step
         before = settings
-        settings = problem.variables.within(_moved(settings, columns, step, width), problem.layers)
+        settings = problem.variables.within(_moved(settings, columns, share*step, width), problem.layers)
         residual += slopes @ (settings - before)[columns]
         if converged or steps >= most_steps:
             break

@@ -281,7 +281,7 @@ def _set_up_jax() -> None:
     ):
         return
     jax.config.update("jax_compilation_cache_dir", str(_caches() / "compiled"))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
 def _caches() -> Path:

@@ -126,7 +126,7 @@ def mitsuba_casts(scene: Scene, layers: Layers, repeats: int) -> tuple[float, li
     def cast_all() -> list[float]:
         seconds, directions = [], all_directions
         depth = dr.zeros(mi.Float, len(x.ravel()))
-        for _ in range(layers.count):
+        for _ in range(layers.filled):
             ray = mi.Ray3f(eye + directions * depth, directions)
             dr.eval(ray)
             dr.sync_thread()
@@ -172,7 +172,7 @@ def run_case(options: argparse.Namespace) -> dict[str, object]:
         "seconds": warm,
         "compile": max(0.0, totals[0] - warm),
         **{stage: statistics.median(run[stage] for run in runs[1:]) for stage in STAGES},
-        "layers": layers.count,
+        "layers": layers.filled,
         "complete": layers.complete,
         "kept": layers.samples_kept,
         "samples": layers.grid.size,

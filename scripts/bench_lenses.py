@@ -156,7 +156,7 @@ def measure(options: argparse.Namespace) -> dict[str, dict[str, object]]:
         start = time.perf_counter()
         layers[name] = peel(scene, camera, lens, supersampling=1)
         jax.block_until_ready(layers[name].cells)
-        results[name] = {"peel with compiling": time.perf_counter() - start, "layers": layers[name].count}
+        results[name] = {"peel with compiling": time.perf_counter() - start, "layers": layers[name].filled}
     seconds, of_cores, pictures = {name: [] for name in lenses}, {name: [] for name in lenses}, {}
     for _ in range(options.repeats + 1):
         for name, (lens, _) in lenses.items():

@@ -114,7 +114,7 @@ def measure(options: argparse.Namespace) -> dict[str, object]:
         "width": options.width,
         "height": options.height,
         "supersampling": options.supersampling,
-        "layers": layers.count,
+        "layers": layers.filled,
         "layers complete": layers.complete,
         "margin": layers.grid.margin / options.supersampling,
         "load": load,

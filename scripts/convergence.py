@@ -88,12 +88,12 @@ def against_layers(case: SpecialCase, truth: np.ndarray, options: argparse.Names
         layers = peel(
             case.scene, case.camera, case.lens, supersampling=options.supersampling, max_layers=most
         )
-        if layers.count < most:
+        if layers.filled < most:
             break
         picture = np.asarray(
             render(layers, case.lens, rays=max(options.rays), smooth=False), dtype=np.float64
         )
-        rows.append({"layers": layers.count, "error": rms(picture - truth), "complete": layers.complete})
+        rows.append({"layers": layers.filled, "error": rms(picture - truth), "complete": layers.complete})
     return rows
 
 

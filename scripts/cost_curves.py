@@ -89,7 +89,7 @@ def point(scene: Scene, camera: Camera, lens: ThinLens, repeats: int, rays: int 
         "peel s": seconds_of(lambda: peel(scene, camera, lens, supersampling=1), repeats),
         "render s": seconds_of(lambda: render(layers, lens, rays=rays), repeats),
         "PSNR": estimate_quality(layers, lens, picture, rays=rays).decibels,
-        "layers": layers.count,
+        "layers": layers.filled,
     }
 
 
@@ -134,7 +134,7 @@ def by_layers(
         "peel s": seconds_of(lambda: peel(scene, camera, lens, supersampling=1, max_layers=count), repeats),
         "render s": seconds_of(lambda: render(layers, lens, rays=64), repeats),
         "PSNR": min(psnr(picture, most), 99.0),
-        "layers": layers.count,
+        "layers": layers.filled,
     }
 
 

@@ -126,7 +126,7 @@ def study(name: str, scene: Scene, camera: Camera, lens: ThinLens, aperture: flo
         rows.append(
             {
                 "way": way,
-                "layers": layers.count,
+                "layers": layers.filled,
                 "complete": layers.complete,
                 "samples": layers.samples_kept,
                 "psnr": psnr(picture, reference),

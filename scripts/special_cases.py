@@ -82,7 +82,7 @@ def study(case: SpecialCase, options: argparse.Namespace) -> tuple[dict, dict[st
         "size": [camera.width, camera.height],
         "rays": options.rays,
         "surfaces behind one another": len(umbra_saving(scene, camera, lens, supersampling=1).plain),
-        "layers": layers.count,
+        "layers": layers.filled,
         "complete": layers.complete,
         "blur px": blurs,
         "psnr": {name: psnr(shown(pictures[name]), shown(truth)) for name in METHODS},

@@ -92,7 +92,7 @@ def polished(
             share = max(share / 2, _LEAST)
         last = step
         before = settings
-        settings = problem.variables.within(_moved(settings, columns, share*step, width), problem.layers)
+        settings = problem.variables.within(_moved(settings, columns, share * step, width), problem.layers)
         residual += slopes @ (settings - before)[columns]
         if converged or steps >= most_steps:
             break

@@ -217,7 +217,7 @@ def _post_processed(
 def _facts(layers: Layers) -> dict[str, Any]:
     """What a `Picture` tells of the layers that it is made of."""
     return {
-        "layer_count": max(1, int((layers.cells > 0).any(axis=(1, 2)).sum())),
+        "layer_count": layers.filled,
         "samples_kept": layers.samples_kept,
         "layer_bytes": layers.nbytes,
         "margin": layers.grid.margin / layers.grid.supersampling,

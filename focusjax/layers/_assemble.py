@@ -11,6 +11,7 @@ from jaxtyping import Array
 from focusjax._freed import return_freed
 from focusjax.geometry import Camera
 from focusjax.layers._attributes import SurfaceSamples, surface_samples
+from focusjax.layers._blocks import padded_length
 from focusjax.layers._cells import WHOLE, in_steps, pack_cells
 from focusjax.layers._extent import Extent
 from focusjax.layers._gloss import GlossSamples
@@ -70,7 +71,9 @@ def assemble(
         shading = pool.submit(
             mean_radiances, scene, camera, held, surface, seen, tolerance, gloss_apart=apart
         )
-        count = max(outline.layers, 1 if like is None else min(like.count, max_layers))
+        # Few shapes: an empty layer changes nothing.
+        count = min(padded_length(outline.layers), max_layers)
+        count = max(count, 1 if like is None else min(like.count, max_layers))
         least, most, scale = in_steps(outline.low, outline.high)
         words = pack_cells(least, most, outline.line)
         places, number = make_places(count * grid.size, outline.index)
@@ -88,6 +91,7 @@ def assemble(
         cells=on_device(cells),
         places=places,
         samples=Samples(
+            index=slots.stored(*np.split(outline.index.astype(np.int32), [len(disparity)])),
             disparity=slots.stored(disparity, outline.disparity),
             radiance=slots.stored(look.radiance[: len(face)], look.radiance[len(face) :]),
             triangle=slots.stored_where_held(face, -1),
@@ -159,8 +163,8 @@ def _gloss_samples(
 
 
 def _room(count: int) -> int:
-    """Places for `count` samples and up to an eighth more: a number that few different counts have."""
-    step = max(_LEAST_ROOM, 1 << max(count.bit_length() - 4, 0))
+    """Places for `count` samples and up to half as many more: a number that few different counts have."""
+    step = max(_LEAST_ROOM, 1 << max(count.bit_length() - 2, 0))
     return -(-max(count, 1) // step) * step
 
 

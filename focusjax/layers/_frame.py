@@ -20,7 +20,10 @@ from focusjax.scene import ConstantBackground, Scene
 _MOST_SAMPLES = 1 << 27
 _BORDER = 2.0
 """Samples beyond the farthest ray: half a sample of rounding, one for bilinear, and some to spare."""
-_MARGIN_STEP = 8
+_MARGIN_STEP = 32
+"""Pixels between margins, so that a lens that moves a little keeps the shapes that programs are compiled for;
+narrower ones are powers of two from 8 on."""
+_LEAST_MARGIN = 8
 
 
 def frame(
@@ -59,10 +62,8 @@ def frame(
             widest = max(widest, float(reach(np.zeros(1))[0]))
         # One empty ring more, so that a ray outside the grid is told of nothing.
         needed = int(np.ceil(widest)) + 1
-        # Whole pixels, so that blocks of the range pyramid line up with them, and coarse steps, so
-        # that a small change of the lens keeps the shapes that are already compiled.
-        step = _MARGIN_STEP * supersampling
-        margin = max(least_margin, -(-needed // step) * step)
+        # Whole pixels, so that blocks of the range pyramid line up with them.
+        margin = max(least_margin, supersampling * _coarse(-(-needed // supersampling)))
     grid = Grid(camera.width, camera.height, supersampling, margin)
     if grid.size > _MOST_SAMPLES:
         raise ValueError(
@@ -78,6 +79,13 @@ def frame(
         triangles = triangles.take(np.flatnonzero(kept))
     triangles.points[:, :2] += margin
     return triangles, grid
+
+
+def _coarse(pixels: int) -> int:
+    """The least of the margins in use that is as wide."""
+    if pixels > _MARGIN_STEP:
+        return -(-pixels // _MARGIN_STEP) * _MARGIN_STEP
+    return max(_LEAST_MARGIN, padded_length(pixels))
 
 
 def _near(near: object) -> float:

@@ -20,6 +20,7 @@ class Samples(eqx.Module):
     Zeros follow the last one, so that programs compiled for one number of samples serve for others.
 
     Attributes:
+        index: flat index [n] in `Layers.cells`.
         disparity: 1/m [n].
         radiance: linear radiance [n, 3], without what `gloss` adds.
         triangle: the scene's face [n] at the sample's centre; -1 where none is there (and after the last).
@@ -30,6 +31,7 @@ class Samples(eqx.Module):
             they are in `radiance` already, as seen from the lens centre.
     """
 
+    index: Int[Array, " n"]
     disparity: Float[Array, " n"]
     radiance: Float[Array, "n 3"]
     triangle: Int[Array, " n"]
@@ -78,8 +80,13 @@ class Layers(eqx.Module):
 
     @property
     def count(self) -> int:
-        """Number of layers."""
+        """Number of layers, the empty ones included that make it one of a few numbers."""
         return self.cells.shape[0]
+
+    @property
+    def filled(self) -> int:
+        """Number of layers that hold anything; one at least."""
+        return max(1, int((self.cells > 0).any(axis=(1, 2)).sum()))
 
     @property
     def extent(self) -> Extent:

@@ -28,8 +28,7 @@ def radiance_slopes(layers: Layers) -> tuple[Float[Array, "n 3"], Float[Array, "
     """
     radiance, columns = layers.samples.radiance, layers.grid.columns
     size = columns * layers.grid.rows
-    links = layers.samples.links
-    index = jnp.flatnonzero(layers.cells.reshape(-1), size=len(links), fill_value=0).astype(jnp.int32)
+    links, index = layers.samples.links, layers.samples.index
 
     def neighbour(number: int) -> tuple[Bool[Array, " n"], Int[Array, " n"]]:
         dx, dy = NEIGHBOURS[number]

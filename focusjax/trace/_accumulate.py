@@ -9,7 +9,7 @@ from jax.sharding import Mesh
 from jaxtyping import Array, Float, Int
 
 from focusjax.geometry import Camera
-from focusjax.lens import AbstractLens, in_colour
+from focusjax.lens import AbstractLens
 from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._devices import summed_over
 from focusjax.trace._groups import RayGroups
@@ -18,23 +18,28 @@ from focusjax.trace._ranges import DisparityRanges
 from focusjax.trace._samples import RaySamples, Starts
 
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
-_ROWS = 4096
-"""Groups whose rows are made at a time."""
 
 
 class PixelSums(eqx.Module):
     """Means over the rays of each pixel, row-major.
 
     Attributes:
-        brought: weight times radiance up to white, 1, in each bin [p, k, 3].
-        light: weight in each bin [p, k, 1], or [p, k, 3] where it differs from colour to colour.
+        binned: of the rays in each bin, weight times radiance up to white, 1, and after it the weight, once
+            or for each colour where it differs: [k, p, 4] or [k, p, 6].
         over: weight times what is brighter than white [p, 3]. It is never smoothed: a kernel that is off by
             1 % of a lamp is off by much beside it.
     """
 
-    brought: Float[Array, "p k 3"]
-    light: Float[Array, "p k l"]
+    binned: Float[Array, "k p c"]
     over: Float[Array, "p 3"]
+
+    def brought(self) -> Float[Array, "p 3"]:
+        """Weight times radiance up to white, of all bins."""
+        return self.binned[..., :3].sum(axis=0)
+
+    def light(self) -> Float[Array, "p 3"]:
+        """Weight of all bins."""
+        return jnp.broadcast_to(self.binned[..., 3:].sum(axis=0), self.over.shape)
 
 
 def traced_sums(
@@ -87,13 +92,12 @@ def summed(
     mesh: Mesh | None = None,
 ) -> PixelSums:
     """Sums over what the rays of each group have `seen`, a function of some groups and of a lens."""
-    kinds, in_each = len(bins.least), bool(lens.channels())
+    kinds, channels = len(bins.least), lens.channels()
     at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // groups.together)
     length = groups.pixel.shape[0]
     devices = 1 if mesh is None else mesh.size
     chunks = -(-length // (at_once * devices)) * devices
-    # Whole blocks of rows, so that what fills up the last chunk adds little.
-    size = -(-length // (chunks * _ROWS)) * _ROWS
+    size = -(-length // chunks)
 
     def padded(column: Array, fill: int) -> Array:
         return jnp.pad(column, (0, chunks * size - length), constant_values=fill).reshape(chunks, size)
@@ -103,73 +107,54 @@ def summed(
         for column, fill in ((groups.pixel, pixels), (groups.first, 0), (groups.part, 0), (groups.share, 0))
     ]
 
-    def rows(some: RayGroups) -> Float[Array, "g c"]:
-        def of_lens(lens: AbstractLens) -> Float[Array, "g r c"]:
-            return _rows(seen(some, lens), some, bins, in_each=in_each)
-
-        return (in_colour(of_lens, lens) if in_each else of_lens(lens)).reshape(size, -1)
-
-    def add(sums: Float[Array, "p c"], work: tuple[Array, ...]) -> tuple[Float[Array, "p c"], None]:
+    def add(sums: _Running, work: tuple[Array, ...]) -> tuple[_Running, None]:
         number, *chunk = work
 
-        def traced(sums: Float[Array, "p c"]) -> Float[Array, "p c"]:
+        def traced(sums: _Running) -> _Running:
             some = RayGroups(*chunk, used=jnp.int32(size), together=groups.together)
-            return sums.at[some.pixel].add(rows(some), mode="drop")
+            if not channels:
+                return _with(sums, seen(some, lens), some, bins, None)
+            for channel in channels:
+                sums = _with(sums, seen(some, channel.lens), some, bins, channel.colour)
+            return sums
 
         return jax.lax.cond(
             number * size < groups.used, jax.checkpoint(traced), lambda sums: sums, sums
         ), None
 
-    nothing = jnp.zeros((pixels, _row_length(kinds, in_each)), dtype=jnp.zeros(()).dtype)
-    sums = summed_over(add, nothing, (jnp.arange(chunks, dtype=jnp.int32), *columns), mesh)
-    return _apart(sums, kinds, in_each)
+    real = jnp.zeros(()).dtype
+    nothing = jnp.zeros((kinds * pixels, 6 if channels else 4), real), jnp.zeros((pixels, 3), real)
+    binned, over = summed_over(add, nothing, (jnp.arange(chunks, dtype=jnp.int32), *columns), mesh)
+    return PixelSums(binned.reshape(kinds, pixels, -1), over)
 
 
-def _row_length(kinds: int, in_each: bool) -> int:
-    return 6 * kinds + 3 if in_each else 4 * kinds + 3
+_Running = tuple[Float[Array, "r c"], Float[Array, "p 3"]]
+"""The arrays of `PixelSums`, all bins in one long column of rows."""
 
 
-def _rows(found: Seen, some: RayGroups, bins: CocBins, *, in_each: bool) -> Float[Array, "g r c"]:
-    """What `PixelSums` holds of each group, in one row; the three colours along the last axis if `in_each`.
+def _with(
+    sums: _Running, found: Seen, some: RayGroups, bins: CocBins, colour: tuple[float, ...] | None
+) -> _Running:
+    """The sums with what rays of some groups have found, times the share of their `colour` in each channel."""
+    binned, over = sums
+    pixels, together = len(over), some.together
+    weight, disparity, *radiance = (
+        a.reshape(together, -1) for a in (found.weight, found.disparity, *found.radiance)
+    )
+    weight = weight * some.share[None]
+    weights = [weight] if colour is None else [weight * share for share in colour]
+    red, green, blue = (
+        (share, light) for share, light in zip(weights * (3 // len(weights)), radiance, strict=True)
+    )
+    told = [share * jnp.minimum(light, 1.0) for share, light in (red, green, blue)] + weights
+    row = bins.of(some.pixel, disparity) * pixels + some.pixel[None]
+    row = jnp.where(some.pixel[None] < pixels, row, len(binned)).reshape(-1)
+    row, told, radiance = jax.lax.optimization_barrier((row, jnp.stack(told, axis=-1), radiance))
+    binned = binned.at[row].add(told.reshape(len(row), -1), mode="drop")
 
-    In a loop over some rows at a time, as XLA for CPU would otherwise look up what rays have seen anew for
-    each number of a row.
-    """
-    kinds, together = len(bins.least), some.together
+    def bright(over: Float[Array, "p 3"]) -> Float[Array, "p 3"]:
+        excess = [share * jnp.maximum(light - 1.0, 0.0) for share, light in (red, green, blue)]
+        return over.at[some.pixel].add(jnp.stack([e.sum(axis=0) for e in excess], axis=-1), mode="drop")
 
-    def block(values: tuple[Array, ...]) -> Float[Array, "r c b"]:
-        pixel, share, weight, disparity, *colours = values
-        bin_, weight = bins.of(pixel, disparity), weight * share[None]
-        told = jnp.stack([*(weight * jnp.minimum(colour, 1.0) for colour in colours), weight])
-        over = jnp.stack([(weight * jnp.maximum(colour - 1.0, 0.0)).sum(axis=0) for colour in colours])
-        nearest, farthest = bin_.min(), bin_.max()
-
-        def of_kind(kind: Int[Array, ""]) -> Float[Array, "c b"]:
-            # Most blocks have rays of few bins.
-            return jax.lax.cond(
-                (kind >= nearest) & (kind <= farthest),
-                lambda: jnp.where((bin_ == kind)[None], told, 0.0).sum(axis=1),
-                lambda: jnp.zeros((4, _ROWS), dtype=told.dtype),
-            )
-
-        # A loop, so that bins are worked out once.
-        apart = jax.lax.map(of_kind, jnp.arange(kinds, dtype=jnp.int32))
-        if in_each:
-            light = jnp.broadcast_to(apart[:, 3:], (kinds, 3, _ROWS))
-            return jnp.concatenate([apart[:, :3], light, over[None]])
-        return jnp.concatenate([apart.reshape(-1, _ROWS), over])[:, None]
-
-    def in_blocks(column: Array) -> Array:
-        return jnp.moveaxis(column.reshape(*column.shape[:-1], -1, _ROWS), -2, 0)
-
-    per_ray = [a.reshape(together, -1) for a in (found.weight, found.disparity, *found.radiance)]
-    made = jax.lax.map(block, tuple(in_blocks(a) for a in (some.pixel, some.share, *per_ray)))
-    return jnp.moveaxis(made, -1, 1).reshape(-1, *made.shape[1:3])
-
-
-def _apart(sums: Float[Array, "p c"], kinds: int, in_each: bool) -> PixelSums:
-    if in_each:
-        rows = sums.reshape(len(sums), 2 * kinds + 1, 3)
-        return PixelSums(rows[:, :kinds], rows[:, kinds:-1], rows[:, -1])
-    planes = sums[:, :-3].reshape(len(sums), kinds, 4)
-    return PixelSums(planes[..., :3], planes[..., 3:], sums[:, -3:])
+    brightest = jnp.maximum(jnp.maximum(*radiance[:2]), radiance[2]).max()
+    return binned, jax.lax.cond(brightest > 1.0, bright, lambda over: over, over)

@@ -54,14 +54,18 @@ def most_doublings(rays: float | Array) -> int | Int[Array, ""]:
 
 
 def allocated(
-    variance: Float[Array, " p"], rays: float | Array, most_rays: float | Array
+    variance: Float[Array, " p"],
+    rays: float | Array,
+    most_rays: float | Array,
+    pixels: Int[Array, " p"] | None = None,
 ) -> Int[Array, " p"]:
     """Rays for pixels of a given variance: `rays` of them a pixel on the average, which are four or more.
 
-    No pixel gets more than those of `counts_for(most_rays)`.
+    No pixel gets more than those of `counts_for(most_rays)`. Each value may stand for several `pixels`.
     """
     most = most_doublings(most_rays)
     octave = _EXPONENT * jnp.log2(jnp.maximum(variance, _NOTHING))
+    stands = jnp.ones_like(octave) if pixels is None else pixels.astype(octave.dtype)
 
     def counts_at(shift: Float[Array, ""]) -> Int[Array, " p"]:
         return FEWEST << jnp.clip(jnp.round(octave + shift), 0, most).astype(jnp.int32)
@@ -69,7 +73,7 @@ def allocated(
     def halve(_: Array, ends: tuple[Array, Array]) -> tuple[Array, Array]:
         low, high = ends
         middle = 0.5 * (low + high)
-        many = counts_at(middle).astype(octave.dtype).mean() > rays
+        many = (stands * counts_at(middle)).sum() > rays * stands.sum()
         return jnp.where(many, low, middle), jnp.where(many, middle, high)
 
     low, high = -octave.max() - 1.0, most - octave.min() + 1.0

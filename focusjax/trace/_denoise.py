@@ -60,17 +60,17 @@ def denoised(
         least: least radius of blur in each bin, in pixels.
         rays: per pixel on the average; where traced, kernels are as long as for the fewest rays.
     """
-    lights, kinds = sums.light.shape[-1], len(least)
+    kinds, pixels, numbers = sums.binned.shape
+    lights = numbers - 3
 
-    def as_planes(values: Float[Array, "p k c"]) -> Float[Array, "k c h w"]:
-        # One transposition of a matrix, which is quicker than one of more axes.
-        return values.reshape(len(values), -1).T.reshape(kinds, -1, len(values) // width, width)
+    def as_planes(values: Float[Array, "p c"]) -> Float[Array, "c h w"]:
+        return values.T.reshape(-1, pixels // width, width)
 
-    brought, light = as_planes(sums.brought), as_planes(sums.light)
+    light = [as_planes(of_bin) for of_bin in sums.binned[..., 3:]]
     passing = [light[-1]]
-    for of_bin in light[-2::-1] if kinds > 1 else ():
+    for of_bin in light[-2::-1]:
         passing.insert(0, passing[0] + of_bin)
-    picture = jnp.zeros_like(brought[0])
+    picture = jnp.zeros((3, pixels // width, width), dtype=sums.binned.dtype)
     arrived = jnp.zeros_like(passing[0])
     through = passing[0]
     for number, blur in enumerate(least):
@@ -85,7 +85,7 @@ def denoised(
             state: tuple[Array, Array, Array], smooth=smooth, most=most, number=number
         ) -> tuple[Array, Array, Array]:
             picture, arrived, through = state
-            found = smooth(jnp.concatenate([brought[number], light[number], passing[number]]))
+            found = smooth(jnp.concatenate([as_planes(sums.binned[number]), passing[number]]))
             stopped, lit = found[3 : 3 + lights], found[3 + lights :]
             # Of the light that there is: lenses may let pass next to none.
             through = jnp.where(arrived > 0, through, jnp.maximum(through, lit))

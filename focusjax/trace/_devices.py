@@ -63,16 +63,16 @@ def replicated(tree: T, mesh: Mesh) -> T:
 
 
 def summed_over(
-    add: Callable[[Array, tuple[Array, ...]], tuple[Array, None]],
-    nothing: Array,
+    add: Callable[[T, tuple[Array, ...]], tuple[T, None]],
+    nothing: T,
     work: tuple[Array, ...],
     mesh: Mesh | None,
-) -> Array:
+) -> T:
     """The sum that `add` makes from `nothing` of all parts of `work`.
 
     Args:
         add: from a sum and a part, the sum with what the part adds, and None.
-        nothing: zeros.
+        nothing: zeros, a tree of arrays.
         work: parts along the first axis, a multiple of the number of devices.
         mesh: of the devices; None for the default one.
     """
@@ -81,7 +81,7 @@ def summed_over(
     # Parts that follow one another cost about the same, so they go to different devices.
     order = np.arange(len(work[0])).reshape(-1, mesh.size).T.ravel()
 
-    def of_device(*part: Array) -> Array:
+    def of_device(*part: Array) -> T:
         return jax.lax.scan(add, nothing, part)[0]
 
     spread = tuple(column[jnp.asarray(order)] for column in work)
@@ -89,8 +89,9 @@ def summed_over(
     # What the function refers to becomes an argument, of which each device has its copy.
     made = jax.make_jaxpr(of_device)(*part)
 
-    def shared(constants: list[Array], *part: Array) -> Array:
-        return jax.lax.psum(eval_jaxpr(made.jaxpr, constants, *part)[0], _AXIS)
+    def shared(constants: list[Array], *part: Array) -> T:
+        leaves = jax.lax.psum(eval_jaxpr(made.jaxpr, constants, *part), _AXIS)
+        return jax.tree.unflatten(jax.tree.structure(nothing), leaves)
 
     return jax.shard_map(
         shared,

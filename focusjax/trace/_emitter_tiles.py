@@ -5,10 +5,9 @@ import math
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.lax import population_count
 from jaxtyping import Array, Bool, Float, Int
 
-from focusjax.layers import Layers, Places
+from focusjax.layers import Layers
 from focusjax.trace._prefix import compacted
 
 TILE = 16
@@ -60,7 +59,7 @@ def tile_sums(layers: Layers, bright: Bool[Array, " n"], level: Float[Array, "3"
     def part(k: Int[Array, ""], sums: list[Array]) -> list[Array]:
         number = jax.lax.dynamic_slice(lanes, (k * _PART,), (_PART,))
         there = k * _PART + jnp.arange(_PART, dtype=jnp.int32) < count
-        layer, place = jnp.divmod(index_of(layers.places, number), grid.size)
+        layer, place = jnp.divmod(layers.samples.index.at[number].get(mode="clip"), grid.size)
         row, column = jnp.divmod(place, grid.columns)
         tile = jnp.where(there, (layer * down + row // TILE) * across + column // TILE, tiles)
         block = jnp.where(there, row // _BLOCK * columns + column // _BLOCK, rows * columns)
@@ -113,18 +112,3 @@ def share_of_rays(
     )
     near = near / jnp.where(sums.peak > 0, sums.peak, 1.0)
     return jnp.maximum(near, 1.0) / jnp.maximum(math.pi * radius**2, 1e-9)
-
-
-def index_of(places: Places, number: Int[Array, " n"]) -> Int[Array, " n"]:
-    """Flat indices of the samples with a `number` in compact arrays: the inverse of `Places.number`."""
-    word = jnp.searchsorted(places.before, number, side="right").astype(jnp.int32) - 1
-    held = places.held.at[word].get(mode="clip")
-    rank = number - places.before.at[word].get(mode="clip")
-    # The bit with so many set ones below it, by halves.
-    bit = jnp.zeros_like(number)
-    for width in (16, 8, 4, 2, 1):
-        low = held >> bit.astype(jnp.uint32) & jnp.uint32((1 << width) - 1)
-        below = population_count(low).astype(jnp.int32)
-        beyond = rank >= below
-        bit, rank = bit + jnp.where(beyond, width, 0), rank - jnp.where(beyond, below, 0)
-    return 32 * word + bit

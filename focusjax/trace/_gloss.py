@@ -94,8 +94,6 @@ def radiance_from_centre(layers: Layers) -> Float[Array, "l h w 3"]:
         return layers.radiance
     columns, rows = layers.grid.columns, layers.grid.rows
     disparity = layers.samples.disparity
-    # Where each sample lies on the grid.
-    index = jnp.flatnonzero(layers.cells.reshape(-1), size=len(disparity), fill_value=0)
 
     def one(sample: tuple[Array, Array, Array]) -> Float[Array, "3"]:
         number, index, disparity = sample
@@ -107,5 +105,6 @@ def radiance_from_centre(layers: Layers) -> Float[Array, "l h w 3"]:
 
     numbers = jnp.arange(len(disparity), dtype=jnp.int32)
     # Some at a time, to hold little at once.
-    gloss = jax.lax.map(one, (numbers, index, disparity), batch_size=_AT_ONCE)
+    samples = numbers, layers.samples.index, disparity
+    gloss = jax.lax.map(one, samples, batch_size=_AT_ONCE)
     return spread(layers, layers.samples.radiance + gloss, 0.0)

@@ -191,11 +191,11 @@ def _adaptive_groups(
     camera, rays = layers.camera, settings.rays
     variance = contrast(layers, lens, ranges, settings.pixel_filter, smooth=settings.smooth)
     row, column = jnp.divmod(jnp.arange(camera.width * camera.height, dtype=jnp.int32), camera.width)
-    variance = variance[ranges.square(column, row)]
+    square = ranges.square(column, row)
     if known is None:
-        count = allocated(variance, rays, rays)
+        count = allocated(variance, rays, rays, ranges.pixels(camera.width, camera.height))[square]
     else:
-        count = allocated_through(variance, known.share[:, 1], rays)
+        count = allocated_through(variance[square], known.share[:, 1], rays)
     if wanted is not None:
         count = jnp.where(wanted, count, 0)
     most = -(-rays * camera.width * camera.height // _TOGETHER)
@@ -210,11 +210,11 @@ def developed(
 
     `width` is that of a row of pixels; `rays` may be traced.
     """
-    light = jnp.broadcast_to(sums.light.sum(axis=1), sums.over.shape)
+    light = sums.light()
     share = light if known is None else known.of(light)
     over = sums.over if known is None else evened(sums.over, light, known)
     if len(bins.least) == 1:
-        brought = sums.brought[:, 0]
+        brought = sums.brought()
         return (brought if known is None else evened(brought, light, known)) + over
     return denoised(sums, width, bins.least, rays) * share + over
 
@@ -227,8 +227,7 @@ def _still(layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: 
     together = max(k for k in range(1, _TOGETHER + 1) if number % k == 0)
     groups = even_groups(camera.width, camera.height, number, together)
     sums = traced_sums(scene, lens, samples, groups, ranges, CocBins(None))
-    light = jnp.broadcast_to(sums.light[:, 0], sums.over.shape)
-    brought = sums.brought[:, 0] + sums.over
+    light, brought = sums.light(), sums.brought() + sums.over
     radiance = jnp.where(light > 0, brought / jnp.where(light > 0, light, 1.0), 0.0)
     film = jnp.stack(samples.place, axis=-1).reshape(-1, number, 2)
     at_once = _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20)

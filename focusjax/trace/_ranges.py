@@ -50,6 +50,15 @@ class DisparityRanges(eqx.Module):
         row, column = jnp.divmod(jnp.arange(self.least.shape[0], dtype=jnp.int32), self.across)
         return (jnp.stack([column, row], axis=-1).astype(self.least.dtype) + 0.5) * EDGE
 
+    def pixels(self, width: int, height: int) -> Int[Array, " q"]:
+        """How many pixels of the picture lie in each square."""
+        across, down = (
+            jnp.minimum(jnp.arange(0, size, EDGE, dtype=jnp.int32) + EDGE, size)
+            - jnp.arange(0, size, EDGE, dtype=jnp.int32)
+            for size in (width, height)
+        )
+        return (down[:, None] * across[None]).reshape(-1)
+
     def of_pixels(self, width: int, height: int) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
         """Least and largest disparity of each pixel, row-major."""
         row, column = jnp.divmod(jnp.arange(width * height, dtype=jnp.int32), width)

@@ -152,18 +152,19 @@ def some_pixels(
             return seen_along(scene, lens, jax.tree.map(jnp.ravel, starts), least, largest, depth.max())
 
         sums = summed(seen, lens, groups, bins, len(pixels))
-        plain = PixelSums(
-            sums.brought.sum(axis=1, keepdims=True), sums.light.sum(axis=1, keepdims=True), sums.over
-        )
+        plain = PixelSums(sums.binned.sum(axis=0, keepdims=True), sums.over)
         raw = developed(plain, width, CocBins(None), rays, known)
         if not inside:
             return raw, raw[:0]
 
-        def denoised_window(values: tuple[PixelSums, KnownLight | None]) -> Float[Array, "_ 3"]:
-            return developed(values[0], windows.width, ready.bins, rays, values[1])
+        def denoised_window(values: tuple[Array, Array, KnownLight | None]) -> Float[Array, "_ 3"]:
+            binned, over, light = values
+            sums = PixelSums(jnp.moveaxis(binned, 0, 1), over)
+            return developed(sums, windows.width, ready.bins, rays, light)
 
         each = jax.tree.map(
-            lambda plane: plane[:inside].reshape(windows.count, -1, *plane.shape[1:]), (sums, known)
+            lambda plane: plane[:inside].reshape(windows.count, -1, *plane.shape[1:]),
+            (jnp.moveaxis(sums.binned, 1, 0), sums.over, known),
         )
         return raw, jax.lax.map(denoised_window, each).reshape(-1, 3)
 

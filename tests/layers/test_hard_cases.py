@@ -49,7 +49,7 @@ def test_degenerate_triangles_change_nothing():
     spoilt = extended(plain, line, np.array([(0, 1, 2), (0, 3, 0), (1, 1, 1)]))
     layers, picture = picture_of([spoilt])
     expected_layers, expected = picture_of([plain])
-    assert layers.count == expected_layers.count
+    assert layers.filled == expected_layers.filled
     np.testing.assert_array_equal(picture, expected)
 
 
@@ -71,7 +71,7 @@ def test_duplicate_triangles_change_nothing():
     twice = extended(plain, plain.vertices, np.concatenate([SQUARE, SQUARE[:, ::-1]]))
     layers, picture = picture_of([twice])
     expected_layers, expected = picture_of([plain])
-    assert layers.count == expected_layers.count
+    assert layers.filled == expected_layers.filled
     np.testing.assert_allclose(picture, expected, atol=1e-6)
 
 
@@ -138,7 +138,7 @@ def test_a_ground_plane_of_ten_kilometres():
     lens = ThinLens(jnp.array(0.2), jnp.array(0.03))
     scene = make_scene([ground], unlit=True, background=constant_background(SKY))
     layers = peel(scene, camera, lens)
-    assert layers.count <= 2
+    assert layers.filled <= 2
     assert layers.grid.margin <= 32
     below = np.arange(25, 48)
     expected = (below + 0.5 - 24) / float(camera.focal_px) / 1.6

@@ -93,7 +93,7 @@ def test_layers_are_in_order_and_packed_from_the_front():
     layers = varied_slabs(8)
     held, centre = np.asarray(layers.cells) > 0, np.asarray(layers.triangle) >= 0
     disparity = np.asarray(layers.disparity)
-    assert layers.count <= 8
+    assert layers.filled <= 8
     assert not (held[1:] & ~held[:-1]).any()
     assert not (centre[1:] & ~centre[:-1]).any()
     assert (disparity[1:] < disparity[:-1] * (1 - 5e-6))[centre[1:]].all()
@@ -142,7 +142,7 @@ def test_what_the_umbra_hides_takes_no_place():
 def test_a_pinhole_sees_one_layer(how: dict):
     camera = front_camera()
     layers = decompose(varied_scene(), camera, ThinLens(jnp.array(0.5), jnp.array(0.0)), **how)
-    assert layers.count == 1
+    assert layers.filled == 1
     assert layers.complete
 
 

@@ -21,8 +21,7 @@ LEAST = (8.0, 2.0, 0.0, 4.0)
 
 def reconstruct(sums: np.ndarray, width: int, least: tuple[float, ...], rays: float) -> np.ndarray:
     """`denoised` of sums [p, k, c]."""
-    brought, light = jnp.asarray(sums[..., :3]), jnp.asarray(sums[..., 3:])
-    whole = PixelSums(brought, light, jnp.zeros((len(sums), 3)))
+    whole = PixelSums(jnp.moveaxis(jnp.asarray(sums), 1, 0), jnp.zeros((len(sums), 3)))
     return np.asarray(jax.jit(lambda whole: denoised(whole, width, least, rays))(whole))
 
 

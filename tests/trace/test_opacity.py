@@ -57,7 +57,7 @@ def test_stacks_of_panes(stack):
     layers = layers_of([pane(camera, EVERYWHERE, w, colour, share) for w, colour, share in stack])
     expected = over(*((colour, share) for _, colour, share in stack))
     assert layers.complete
-    assert layers.count == len(stack) + 1
+    assert layers.filled == len(stack) + 1
     np.testing.assert_allclose(
         render_pinhole(layers), np.broadcast_to(expected, (HEIGHT, WIDTH, 3)), atol=1e-6
     )

@@ -139,7 +139,6 @@ def test_blocks_do_not_change_the_picture(pixels: int, monkeypatch: pytest.Monke
     """Not even when they do not divide the picture."""
     whole = varied_picture()
     monkeypatch.setattr(_accumulate, "_RAYS_AT_ONCE", {jax.default_backend(): 4 * pixels})
-    monkeypatch.setattr(_accumulate, "_ROWS", 32)
     picture._cached.clear_cache()
     # Observed: 2e-16.
     np.testing.assert_allclose(varied_picture(), whole, rtol=1e-12)

@@ -182,9 +182,10 @@ def _whole_squares(square: Int[np.ndarray, " p"]) -> list[slice]:
 @jax.jit
 def _centroids(points: UInt[Array, " p"]) -> tuple[Float[Array, "p 2"], Float[Array, " p"]]:
     """Offset of the mean of each piece's points from the sample's centre, and their share of all."""
-    real = jnp.float32
-    there = ((points[:, None] >> jnp.arange(POINTS, dtype=jnp.uint32)[None]) & 1).astype(real)
-    number = there.sum(axis=1)
-    offsets = jnp.asarray(OFFSETS, dtype=real)
-    sums = jnp.stack([(there * offsets[None, :, k]).sum(axis=1) for k in (0, 1)], axis=1)
-    return sums / jnp.maximum(number, 1.0)[:, None], number / POINTS
+    number = jax.lax.population_count(points).astype(jnp.float32)
+    # Point by point, as XLA for CPU is slow at short sums.
+    sums = [jnp.zeros(points.shape, dtype=jnp.float32)] * 2
+    for bit, offset in enumerate(OFFSETS):
+        there = (points >> bit & 1).astype(jnp.float32)
+        sums = [total + float(part) * there for total, part in zip(sums, offset, strict=True)]
+    return jnp.stack(sums, axis=1) / jnp.maximum(number, 1.0)[:, None], number / POINTS

@@ -180,17 +180,20 @@ def _covered(
     there = there + slope_x * x + slope_y * y
     within = jnp.clip(there, least, most)
     counts = (within >= low) & (within <= high)
-    offsets = jnp.asarray(OFFSETS, dtype=jnp.float32)
-    inside, centre = jnp.broadcast_to(counts[:, None], (len(box), POINTS)), counts
-    for across, along, offset in (sides[k : k + 3] for k in (0, 3, 6)):
-        distance = offset + across * x + along * y
-        centre &= distance >= -_SLACK
-        inside &= (
-            across[:, None] * offsets[None, :, 0] + along[:, None] * offsets[None, :, 1] + distance[:, None]
-            >= -_SLACK
-        )
-    bits = inside.astype(jnp.uint32) << jnp.arange(POINTS, dtype=jnp.uint32)[None]
-    return bits.sum(axis=1, dtype=jnp.uint32), centre, there, slope_x, slope_y
+    edges = [
+        (across, along, offset + across * x + along * y)
+        for across, along, offset in (sides[k : k + 3] for k in (0, 3, 6))
+    ]
+
+    def inside(right: float, below: float) -> Bool[Array, " n"]:
+        first, second, third = (right * across + below * along + middle for across, along, middle in edges)
+        return counts & (jnp.minimum(jnp.minimum(first, second), third) >= -_SLACK)
+
+    # Point by point, so that each step is about many squares: XLA for CPU is slow at short sums.
+    bits = jnp.zeros(box.shape, dtype=jnp.uint32)
+    for number, (right_of, below_of) in enumerate(OFFSETS):
+        bits |= inside(float(right_of), float(below_of)).astype(jnp.uint32) << number
+    return bits, inside(0.0, 0.0), there, slope_x, slope_y
 
 
 def _extremes(values: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -135,7 +135,7 @@ _Running = tuple[Float[Array, "r c"], Float[Array, "p 3"]]
 def _with(
     sums: _Running, found: Seen, some: RayGroups, bins: CocBins, colour: tuple[float, ...] | None
 ) -> _Running:
-    """The sums with what rays of some groups have found, times the share of their `colour` in each channel."""
+    """The sums with what rays of some groups have found, in the shares of their `colour`."""
     binned, over = sums
     pixels, together = len(over), some.together
     weight, disparity, *radiance = (

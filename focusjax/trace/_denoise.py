@@ -60,8 +60,7 @@ def denoised(
         least: least radius of blur in each bin, in pixels.
         rays: per pixel on the average; where traced, kernels are as long as for the fewest rays.
     """
-    kinds, pixels, numbers = sums.binned.shape
-    lights = numbers - 3
+    pixels, lights = sums.binned.shape[1], sums.binned.shape[2] - 3
 
     def as_planes(values: Float[Array, "p c"]) -> Float[Array, "c h w"]:
         return values.T.reshape(-1, pixels // width, width)

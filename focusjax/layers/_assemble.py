@@ -29,6 +29,8 @@ from focusjax.lens import AbstractLens
 from focusjax.scene import Gloss, Scene
 
 _LEAST_ROOM = 1 << 10
+_LAYERS_STEP = 4
+"""Layers between counts; smaller ones are powers of two."""
 
 
 def assemble(
@@ -71,8 +73,7 @@ def assemble(
         shading = pool.submit(
             mean_radiances, scene, camera, held, surface, seen, tolerance, gloss_apart=apart
         )
-        # Few shapes: an empty layer changes nothing.
-        count = min(padded_length(outline.layers), max_layers)
+        count = min(_layers(outline.layers), max_layers)
         count = max(count, 1 if like is None else min(like.count, max_layers))
         least, most, scale = in_steps(outline.low, outline.high)
         words = pack_cells(least, most, outline.line)
@@ -160,6 +161,11 @@ def _gloss_samples(
         return None
     material = scene.face_material[face].astype(np.min_scalar_type(len(scene.materials) - 1))
     return GlossSamples(slots.stored(look.normal), slots.stored(material), gloss)
+
+
+def _layers(count: int) -> int:
+    """As many layers or a few more, which few different counts have: an empty one changes nothing."""
+    return padded_length(count) if count <= _LAYERS_STEP else -(-count // _LAYERS_STEP) * _LAYERS_STEP
 
 
 def _room(count: int) -> int:

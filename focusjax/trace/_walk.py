@@ -10,7 +10,7 @@ from focusjax.layers import BELOW_MOST, covered, interval
 
 _OPAQUE = 255
 _LAYERS_PER_WORD = 4
-_UNROLLED = 8
+_UNROLLED = 16
 """Layers that every step looks at without a loop."""
 _NEXT = 0x4FBD1FED
 """M, for which 8 to 1024 evenly spaced c fill the square of (c, M c) evenly, and that of (c, M^2 c)."""

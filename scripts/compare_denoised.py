@@ -17,6 +17,7 @@ the rows that are derived from these:
     d  seconds of each further ray per pixel, and of each further sample of Mitsuba.
     e  peeling at the default supersampling, against Mitsuba's 16 samples.
     f  the error that one layer sample per pixel stops at: supersampling 1, 128 rays.
+    g  as b, for each of 32 lenses that one peel serves: a lens that moves compiles nothing and takes as long.
 
 Run it on a quiet machine, with DRJIT_LIBLLVM_PATH set where the loader does not find LLVM.
 
@@ -53,6 +54,7 @@ from focusjax.trace import render
 
 DEFAULT_SUPERSAMPLING = int(inspect.signature(peel).parameters["supersampling"].default)
 FLOOR_RAYS = 128
+LENSES = 32
 TARGET = ("mitsuba+oidn", 16)
 """Whose error the derived rows are at."""
 
@@ -190,7 +192,7 @@ def compare(name: str, options: argparse.Namespace) -> dict[str, Any]:
             "not finite": reference.dropped,
         },
         "layers": {
-            number: {"count": each.count, "complete": each.complete} for number, each in layers.items()
+            number: {"count": each.filled, "complete": each.complete} for number, each in layers.items()
         },
         "set-up seconds": {" ".join(str(part) for part in key if part): set_up[key] for key in set_up},
         "rows": rows,
@@ -244,6 +246,7 @@ def derived(
             "times as quick": plain["seconds"] / peeling,
         },
         "f": {"dB": floor},
+        "g": row(default, peeling / LENSES, there),
     }
 
 
@@ -263,6 +266,7 @@ LABELS = {
     "d": "each further ray, sample per pixel",
     "e": "peeling, Mitsuba 16 samples",
     "f": "one layer sample per pixel, 128 rays",
+    "g": "a picture of 32 lenses that one peel serves",
 }
 
 

@@ -59,7 +59,7 @@ def compare(path: Path, options: argparse.Namespace) -> dict[str, object]:
     return {
         "scene": path.stem,
         "triangles": len(scene.faces),
-        "layers": layers.count,
+        "layers": layers.filled,
         "complete": layers.complete,
         "widest blur px": widest,
         "psnr": psnr(ours, reference),

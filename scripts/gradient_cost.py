@@ -93,11 +93,11 @@ def main() -> None:
         before = peak_gib()
         gradient = back(layers, lens, options.rays[0]).block_until_ready()
         print(
-            f"{case.name}, {options.size}, {options.rays[0]} rays, {layers.count} layers: peak"
+            f"{case.name}, {options.size}, {options.rays[0]} rays, {layers.filled} layers: peak"
             f" {before:.2f} GiB with the layers, {peak_gib():.2f} GiB after a gradient {np.asarray(gradient)}"
         )
         return
-    table = Table(title=f"{case.name}, {options.size}, {layers.count} layers: processor time in pictures")
+    table = Table(title=f"{case.name}, {options.size}, {layers.filled} layers: processor time in pictures")
     for heading in ("rays", "picture s", "jvp", "vjp"):
         table.add_column(heading, justify="right")
     for rays in options.rays:

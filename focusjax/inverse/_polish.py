@@ -3,7 +3,8 @@
 A derivative at a point is as noisy as its rays are few, pixel by pixel. Secants over a part of a pixel of
 blur, by the same rays at both ends, have much less noise. What is left would make steps too short, as squares
 of it add to the squares of slopes, so that slopes are taken twice, by different rays, J and K: the step
-solves (J' W K + K' W J) / 2 d = -(J + K)' W r / 2, in which no noise meets itself.
+solves (J' W K + K' W J) / 2 d = -(J + K)' W r / 2, in which no noise meets itself. Where steps are too
+long nevertheless, each turns back from the one before: then half as much is taken, and more again afterwards.
 """
 
 import dataclasses
@@ -25,7 +26,7 @@ _MORE = 4
 _FAR = 0.5
 """Of the length of secants, beyond which they are taken anew."""
 _LEAST = 0.25
-"""Share of a step that is taken at least."""
+"""The least share of a step that is taken."""
 _CERTAIN = 1e-5
 """Least eigenvalue of products of slopes of unit length that tells something."""
 _APART = (32, 48)
@@ -88,12 +89,12 @@ def polished(
         noise = float((weight * residual**2).sum()) / max(int((weight > 0).sum()), 1)
         converged = float(step @ square @ step) <= _SMALL * len(columns) * noise
         # A step back says that the last one went too far.
-        if float(step @ square @ last) < 0:
-            share = max(share / 2, _LEAST)
-        last = step
+        turned = float(step @ square @ last) < 0
+        share = 1.0 if converged else max(share / 2, _LEAST) if turned else min(2 * share, 1.0)
         before = settings
         settings = problem.variables.within(_moved(settings, columns, share * step, width), problem.layers)
-        residual += slopes @ (settings - before)[columns]
+        last = (settings - before)[columns]
+        residual += slopes @ last
         if converged or steps >= most_steps:
             break
     if exact is None:

@@ -30,7 +30,7 @@ from focusjax.scene import Gloss, Scene
 
 _LEAST_ROOM = 1 << 10
 _LAYERS_STEP = 4
-"""Layers between counts; smaller ones are powers of two."""
+"""Numbers of layers above this are multiples of it; smaller ones are powers of two."""
 
 
 def assemble(
@@ -164,12 +164,12 @@ def _gloss_samples(
 
 
 def _layers(count: int) -> int:
-    """As many layers or a few more, which few different counts have: an empty one changes nothing."""
+    """`count`, or a few more, so that few different numbers occur; an empty layer changes nothing."""
     return padded_length(count) if count <= _LAYERS_STEP else -(-count // _LAYERS_STEP) * _LAYERS_STEP
 
 
 def _room(count: int) -> int:
-    """Places for `count` samples and up to half as many more: a number that few different counts have."""
+    """Places for `count` samples and up to half as many more, so that few different numbers occur."""
     step = max(_LEAST_ROOM, 1 << max(count.bit_length() - 2, 0))
     return -(-max(count, 1) // step) * step
 

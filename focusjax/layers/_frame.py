@@ -21,8 +21,8 @@ _MOST_SAMPLES = 1 << 27
 _BORDER = 2.0
 """Samples beyond the farthest ray: half a sample of rounding, one for bilinear, and some to spare."""
 _MARGIN_STEP = 32
-"""Pixels between margins, so that a lens that moves a little keeps the shapes that programs are compiled for;
-narrower ones are powers of two from 8 on."""
+"""Margins above this are multiples of it, in pixels; narrower ones are powers of two. So a lens that moves a
+little keeps the shapes that programs are compiled for."""
 _LEAST_MARGIN = 8
 
 
@@ -63,7 +63,10 @@ def frame(
         # One empty ring more, so that a ray outside the grid is told of nothing.
         needed = int(np.ceil(widest)) + 1
         # Whole pixels, so that blocks of the range pyramid line up with them.
-        margin = max(least_margin, supersampling * _coarse(-(-needed // supersampling)))
+        pixels = -(-needed // supersampling)
+        coarse = Grid(camera.width, camera.height, supersampling, supersampling * _coarse(pixels))
+        pixels = _coarse(pixels) if coarse.size <= _MOST_SAMPLES else pixels
+        margin = max(least_margin, supersampling * pixels)
     grid = Grid(camera.width, camera.height, supersampling, margin)
     if grid.size > _MOST_SAMPLES:
         raise ValueError(
@@ -82,7 +85,7 @@ def frame(
 
 
 def _coarse(pixels: int) -> int:
-    """The least of the margins in use that is as wide."""
+    """The least of the margins in use that is at least as wide."""
     if pixels > _MARGIN_STEP:
         return -(-pixels // _MARGIN_STEP) * _MARGIN_STEP
     return max(_LEAST_MARGIN, padded_length(pixels))

@@ -80,7 +80,7 @@ class Layers(eqx.Module):
 
     @property
     def count(self) -> int:
-        """Number of layers, the empty ones included that make it one of a few numbers."""
+        """Number of layers, with the empty ones that are added so that few different numbers occur."""
         return self.cells.shape[0]
 
     @property

@@ -183,7 +183,7 @@ def _whole_squares(square: Int[np.ndarray, " p"]) -> list[slice]:
 def _centroids(points: UInt[Array, " p"]) -> tuple[Float[Array, "p 2"], Float[Array, " p"]]:
     """Offset of the mean of each piece's points from the sample's centre, and their share of all."""
     number = jax.lax.population_count(points).astype(jnp.float32)
-    # Point by point, as XLA for CPU is slow at short sums.
+    # Point by point: each step is one long loop over pieces.
     sums = [jnp.zeros(points.shape, dtype=jnp.float32)] * 2
     for bit, offset in enumerate(OFFSETS):
         there = (points >> bit & 1).astype(jnp.float32)

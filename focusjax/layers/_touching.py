@@ -185,14 +185,15 @@ def _covered(
         for across, along, offset in (sides[k : k + 3] for k in (0, 3, 6))
     ]
 
-    def inside(right: float, below: float) -> Bool[Array, " n"]:
-        first, second, third = (right * across + below * along + middle for across, along, middle in edges)
+    def inside(x_off: float, y_off: float) -> Bool[Array, " n"]:
+        """Whether squares are covered at an offset from their centres."""
+        first, second, third = (x_off * across + y_off * along + middle for across, along, middle in edges)
         return counts & (jnp.minimum(jnp.minimum(first, second), third) >= -_SLACK)
 
-    # Point by point, so that each step is about many squares: XLA for CPU is slow at short sums.
+    # Point by point: each step is one long loop over squares. XLA for CPU is slow at short sums.
     bits = jnp.zeros(box.shape, dtype=jnp.uint32)
-    for number, (right_of, below_of) in enumerate(OFFSETS):
-        bits |= inside(float(right_of), float(below_of)).astype(jnp.uint32) << number
+    for number, (x_off, y_off) in enumerate(OFFSETS):
+        bits |= inside(float(x_off), float(y_off)).astype(jnp.uint32) << number
     return bits, inside(0.0, 0.0), there, slope_x, slope_y
 
 

@@ -246,15 +246,15 @@ def _place(
     vertices = part.vertices @ linear.T + world_from_object[:3, 3]
     # A mirrored triangle runs clockwise; exchanging two corners turns its outside out again.
     faces = part.faces[:, ::-1] if np.linalg.det(linear) < 0 else part.faces
-    given = None
+    given = np.zeros_like(vertices)
     if part.normals is not None and keep_normals:
         given = unit_rows(unit_rows(part.normals) @ np.linalg.inv(linear))
-    there = None if given is None else directed(given)[faces]
-    if given is not None and there is not None and there.all():
+    there = directed(given)[faces]
+    if there.all():
         source, normals = np.arange(len(vertices)), given
     else:
         corners = smooth_normals(vertices, faces, smooth_angle)
-        if given is not None and there is not None:
+        if there.any():
             corners = np.where(there[..., None], given[faces], corners)
         source, faces, normals = _split(faces, corners, len(vertices))
     uv = np.zeros((len(part.vertices), 2)) if part.uv is None else part.uv

@@ -21,11 +21,11 @@ _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
 
 
 class PixelSums(eqx.Module):
-    """Means over the rays of each pixel, row-major.
+    """Means over the rays of each pixel, by bin; pixels are row-major.
 
     Attributes:
-        binned: of the rays in each bin, weight times radiance up to white, 1, and after it the weight, once
-            or for each colour where it differs: [k, p, 4] or [k, p, 6].
+        binned: for each bin, the weight times radiance up to white, 1, of its rays; then their weight, once
+            [k, p, 4], or for each colour where that differs [k, p, 6].
         over: weight times what is brighter than white [p, 3]. It is never smoothed: a kernel that is off by
             1 % of a lamp is off by much beside it.
     """
@@ -142,19 +142,25 @@ def _with(
         a.reshape(together, -1) for a in (found.weight, found.disparity, *found.radiance)
     )
     weight = weight * some.share[None]
-    weights = [weight] if colour is None else [weight * share for share in colour]
-    red, green, blue = (
-        (share, light) for share, light in zip(weights * (3 // len(weights)), radiance, strict=True)
-    )
-    told = [share * jnp.minimum(light, 1.0) for share, light in (red, green, blue)] + weights
+    # So that XLA for CPU works out what rays have seen once, and not for each number of a row.
+    weight, *radiance = jax.lax.optimization_barrier((weight, *radiance))
+    none = jnp.zeros_like(weight)
+    shares = (1.0,) if colour is None else colour
+    weights = [weight * share if share else none for share in shares]
+    # Light of a colour that is left out counts for nothing, whatever it is.
+    seen = [
+        light if share else none for share, light in zip(shares * (3 // len(shares)), radiance, strict=True)
+    ]
+    lights = list(zip(weights * (3 // len(weights)), seen, strict=True))
+    told = [share * jnp.minimum(light, 1.0) for share, light in lights] + weights
     row = bins.of(some.pixel, disparity) * pixels + some.pixel[None]
     row = jnp.where(some.pixel[None] < pixels, row, len(binned)).reshape(-1)
-    row, told, radiance = jax.lax.optimization_barrier((row, jnp.stack(told, axis=-1), radiance))
-    binned = binned.at[row].add(told.reshape(len(row), -1), mode="drop")
+    binned = binned.at[row].add(jnp.stack(told, axis=-1).reshape(len(row), -1), mode="drop")
 
     def bright(over: Float[Array, "p 3"]) -> Float[Array, "p 3"]:
-        excess = [share * jnp.maximum(light - 1.0, 0.0) for share, light in (red, green, blue)]
-        return over.at[some.pixel].add(jnp.stack([e.sum(axis=0) for e in excess], axis=-1), mode="drop")
+        excess = [(share * jnp.maximum(light - 1.0, 0.0)).sum(axis=0) for share, light in lights]
+        return over.at[some.pixel].add(jnp.stack(excess, axis=-1), mode="drop")
 
-    brightest = jnp.maximum(jnp.maximum(*radiance[:2]), radiance[2]).max()
-    return binned, jax.lax.cond(brightest > 1.0, bright, lambda over: over, over)
+    # At white itself each of the two has half of the derivative; what is no number must not get lost.
+    below = jnp.maximum(jnp.maximum(seen[0], seen[1]), seen[2]).max() < 1.0
+    return binned, jax.lax.cond(below, lambda over: over, bright, over)

@@ -61,7 +61,8 @@ def allocated(
 ) -> Int[Array, " p"]:
     """Rays for pixels of a given variance: `rays` of them a pixel on the average, which are four or more.
 
-    No pixel gets more than those of `counts_for(most_rays)`. Each value may stand for several `pixels`.
+    No pixel gets more than those of `counts_for(most_rays)`. `pixels` says how many pixels each
+    variance stands for; one if not given.
     """
     most = most_doublings(most_rays)
     octave = _EXPONENT * jnp.log2(jnp.maximum(variance, _NOTHING))

@@ -34,6 +34,6 @@ def test_layers_with_room_hold_the_same():
     np.testing.assert_array_equal(roomy.cells[: layers.count], layers.cells)
     assert not np.any(roomy.cells[layers.count :])
     kept = layers.extent.room
-    for name in ("disparity", "radiance", "triangle", "links"):
+    for name in ("disparity", "radiance", "triangle", "links", "index"):
         mine, theirs = (np.asarray(getattr(each.samples, name)) for each in (roomy, layers))
         np.testing.assert_array_equal(mine[:kept], theirs)

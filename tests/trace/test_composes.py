@@ -97,6 +97,19 @@ def test_radiance_has_a_gradient_in_the_delivered_picture():
     )
 
 
+def test_white_is_no_exception_to_the_gradient_by_radiance():
+    """White, 1, is where what is denoised and what is brighter part."""
+    layers = varied_layers()
+    radiance = jnp.ones_like(layers.samples.radiance), jnp.ones_like(layers.background)
+
+    def mean(brightness: jax.Array) -> jax.Array:
+        look = tuple(brightness * part for part in radiance)
+        white = eqx.tree_at(lambda a: (a.samples.radiance, a.background), layers, look)
+        return render(white, layers.lens, rays=RAYS, even=True, smooth=False).mean()
+
+    assert jax.jvp(mean, (jnp.ones(()),), (jnp.ones(()),))[1] == pytest.approx(1.0, rel=1e-12)
+
+
 def test_another_lens_and_seed_compile_nothing():
     plain(0.4)
     with compilations() as compiled:

@@ -11,7 +11,7 @@ from jaxtyping import Array
 from focusjax._freed import return_freed
 from focusjax.geometry import Camera
 from focusjax.layers._attributes import SurfaceSamples, surface_samples
-from focusjax.layers._blocks import padded_length
+from focusjax.layers._blocks import coarse_number
 from focusjax.layers._cells import WHOLE, in_steps, pack_cells
 from focusjax.layers._extent import Extent
 from focusjax.layers._gloss import GlossSamples
@@ -73,7 +73,8 @@ def assemble(
         shading = pool.submit(
             mean_radiances, scene, camera, held, surface, seen, tolerance, gloss_apart=apart
         )
-        count = min(_layers(outline.layers), max_layers)
+        # A few more than needed, so that few different numbers occur; an empty layer changes nothing.
+        count = min(coarse_number(outline.layers, _LAYERS_STEP), max_layers)
         count = max(count, 1 if like is None else min(like.count, max_layers))
         least, most, scale = in_steps(outline.low, outline.high)
         words = pack_cells(least, most, outline.line)
@@ -161,11 +162,6 @@ def _gloss_samples(
         return None
     material = scene.face_material[face].astype(np.min_scalar_type(len(scene.materials) - 1))
     return GlossSamples(slots.stored(look.normal), slots.stored(material), gloss)
-
-
-def _layers(count: int) -> int:
-    """`count`, or a few more, so that few different numbers occur; an empty layer changes nothing."""
-    return padded_length(count) if count <= _LAYERS_STEP else -(-count // _LAYERS_STEP) * _LAYERS_STEP
 
 
 def _room(count: int) -> int:

@@ -14,6 +14,11 @@ def padded_length(count: int) -> int:
     return 1 << max(count - 1, 0).bit_length()
 
 
+def coarse_number(count: int, step: int) -> int:
+    """The next power of two up to `step`, the next multiple of it beyond: few numbers, none far above."""
+    return padded_length(count) if count <= step else -(-count // step) * step
+
+
 def pad_rows(array: np.ndarray, length: int) -> np.ndarray:
     """`array` with rows of zeros added up to `length`, to keep compiled shapes few."""
     if len(array) == length:

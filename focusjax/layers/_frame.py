@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from focusjax._arguments import real_number, require_kind
 from focusjax.geometry import Camera, filter_radius
-from focusjax.layers._blocks import pad_rows, padded_length
+from focusjax.layers._blocks import coarse_number, pad_rows, padded_length
 from focusjax.layers._clip import ScreenTriangles, clip_to_near
 from focusjax.layers._grid import Grid, homogeneous_image
 from focusjax.layers._margin import leaving, needed_margin, reachable
@@ -64,9 +64,10 @@ def frame(
         needed = int(np.ceil(widest)) + 1
         # Whole pixels, so that blocks of the range pyramid line up with them.
         pixels = -(-needed // supersampling)
-        coarse = Grid(camera.width, camera.height, supersampling, supersampling * _coarse(pixels))
-        pixels = _coarse(pixels) if coarse.size <= _MOST_SAMPLES else pixels
-        margin = max(least_margin, supersampling * pixels)
+        exact = supersampling * pixels
+        wide = supersampling * max(_LEAST_MARGIN, coarse_number(pixels, _MARGIN_STEP))
+        fits = Grid(camera.width, camera.height, supersampling, wide).size <= _MOST_SAMPLES
+        margin = max(least_margin, wide if fits else exact)
     grid = Grid(camera.width, camera.height, supersampling, margin)
     if grid.size > _MOST_SAMPLES:
         raise ValueError(
@@ -82,13 +83,6 @@ def frame(
         triangles = triangles.take(np.flatnonzero(kept))
     triangles.points[:, :2] += margin
     return triangles, grid
-
-
-def _coarse(pixels: int) -> int:
-    """The least of the margins in use that is at least as wide."""
-    if pixels > _MARGIN_STEP:
-        return -(-pixels // _MARGIN_STEP) * _MARGIN_STEP
-    return max(_LEAST_MARGIN, padded_length(pixels))
 
 
 def _near(near: object) -> float:

@@ -53,9 +53,7 @@ class DisparityRanges(eqx.Module):
     def pixels(self, width: int, height: int) -> Int[Array, " q"]:
         """How many pixels of the picture lie in each square."""
         across, down = (
-            jnp.minimum(jnp.arange(0, size, EDGE, dtype=jnp.int32) + EDGE, size)
-            - jnp.arange(0, size, EDGE, dtype=jnp.int32)
-            for size in (width, height)
+            jnp.minimum(size - jnp.arange(0, size, EDGE, dtype=jnp.int32), EDGE) for size in (width, height)
         )
         return (down[:, None] * across[None]).reshape(-1)
 

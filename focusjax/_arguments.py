@@ -6,6 +6,7 @@ from typing import Any, NoReturn, SupportsFloat
 
 import jax
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Float
 
 from focusjax._words import kind_of
@@ -91,9 +92,24 @@ def real_number(value: Any, what: str, expected: str) -> float:
     """
     if type(value) in (float, int):
         return float(value)
+    if isinstance(value, Tracer):
+        raise ValueError(f"{what} is traced by JAX, but has to be known; expected {expected}")
     if not isinstance(value, SupportsFloat) or np.ndim(value) or not _real(value):  # pyright: ignore[reportArgumentType]  # any number has 0 axes
         _refuse(value, what, expected)
     return float(value)
+
+
+def number_or_traced(value: Any, what: str, expected: str) -> Any:
+    """A real number as `real_number` makes it, or one that a JAX transformation traces, as it is.
+
+    Raises:
+        ValueError: as `real_number`; an array with axes.
+    """
+    if not isinstance(value, Tracer):
+        return real_number(value, what, expected)
+    if value.shape or not _real(value):
+        _refuse(value, what, expected)
+    return value
 
 
 def real_numbers(value: Any, what: str, expected: str) -> Float[np.ndarray, "..."]:
@@ -102,6 +118,8 @@ def real_numbers(value: Any, what: str, expected: str) -> Float[np.ndarray, "...
     Raises:
         ValueError: rows of several lengths, or what `real_number` refuses.
     """
+    if isinstance(value, Tracer):
+        raise ValueError(f"{what} are traced by JAX, but have to be known; expected {expected}")
     try:
         array = np.asarray(value)
         if array.dtype == object:

@@ -24,7 +24,7 @@ class Stopwatch:
         self._on_stage = on_stage
 
     @contextlib.contextmanager
-    def stage(self, name: str, *, compile_apart: bool = True) -> Iterator[None]:
+    def stage(self, name: str) -> Iterator[None]:
         """Count the block's time under `name`; stages do not nest, and each happens once."""
         if self._on_stage is not None:
             self._on_stage(name)
@@ -42,7 +42,7 @@ class Stopwatch:
         finally:
             elapsed = time.perf_counter() - start
             jax.monitoring.unregister_event_duration_listener(note)
-            compiling = min(_together(spans), elapsed) if compile_apart else 0.0
+            compiling = min(_together(spans), elapsed)
             self.compile_seconds[name] = compiling
             self.seconds[name] = elapsed - compiling
 

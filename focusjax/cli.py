@@ -29,7 +29,6 @@ _STAGES = {
     "locate": "Finding focus points",
     "locate_again": "Finding depths",
     "solve": "Solving",
-    "solve_first": "Solving",
     "peel": "Peeling layers",
     "plan": "Planning rays",
     "render": "Tracing rays",

@@ -79,7 +79,7 @@ def test_the_report_in_numbers(finished):
     assert report["picture"]["layers_mib"] * 2**20 > 8 * report["picture"]["layer_samples"]
     assert report["picture"]["rays_per_pixel"] == 4
     assert report["config"]["solve"]["max_focus_distance_m"] == "inf"
-    stages = {"load", "locate", "solve_first", "solve", "peel", "render", "pinhole", "compile"}
+    stages = {"load", "locate", "solve", "peel", "render", "pinhole", "compile"}
     assert set(report["seconds"]) == stages
     assert {"python", "focusjax", "jax", "equinox"} <= set(report["versions"])
 

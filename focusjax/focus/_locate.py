@@ -1,17 +1,30 @@
 """From wishes about places in the scene to rows of image positions, disparities and targets."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Integer
+from jax.core import Tracer
+from jaxtyping import Array, Float, Int, Integer
 
 from focusjax._arguments import ArgumentError, about, real_number, real_numbers, require_kind
 from focusjax._words import did_you_mean, kind_of, shown
-from focusjax.focus._framing import ends, frames, with_framing
-from focusjax.focus._image_points import AT_LEAST, AT_MOST, EQUAL, SAME, ImagePoints
+from focusjax.focus._framing import Row, ends, frames, framing_rows
+from focusjax.focus._image_points import AT_LEAST, AT_MOST, BLUR, EQUAL, SAME, ImagePoints
 from focusjax.focus._places import BEHIND, OUTSIDE, Finder, Place
-from focusjax.focus._points import AtLeast, AtMost, Blur, FocusPoint, SameBlur, Wish
+from focusjax.focus._points import (
+    AtInfinity,
+    AtLeast,
+    AtMost,
+    AtPoint,
+    Blur,
+    FocusPoint,
+    SameBlur,
+    Sharp,
+    Wish,
+)
 from focusjax.focus._units import pixels
 from focusjax.geometry import Camera
 
@@ -37,6 +50,10 @@ def locate(
     that is hidden the weight fades to 0, for points and triangles softly (`visibility`). `notes` says
     which wishes that happened to. Without a disparity map nothing is taken to be hidden. Wishes for where
     a place is shown count outside the frame and hidden, too, since they are to change that.
+
+    Under `jax.jit` and `jax.grad` the numbers of wishes may be traced: diameters, margins, places in the
+    picture, weights, tolerances, and the positions and directions of points that count in any case
+    (`even_outside` and `even_hidden`). What shows has to be known: camera, scene and disparity map.
 
     Args:
         points: the wishes, at least one.
@@ -72,37 +89,75 @@ def locate(
     finder = Finder(camera, vertices, faces, objects or {}, _checked_map(disparity_map, camera))
     places = []
     for index, (point, name) in enumerate(zip(points, names, strict=True)):
-        with about(f"points.{index}.where"):
+        # What is known is worked out now, also inside functions that JAX compiles.
+        with about(f"points.{index}.where"), jax.ensure_compile_time_eval():
             places.append(_place(finder, point, name))
-    targets, relations, signed = zip(*(_meaning(point.wish, camera) for point in points), strict=True)
     counts = np.array([len(place.rows) for place in places])
+    meanings = [_meaning(point.wish, camera) for point in points]
+    targets, relations, signed, quantities = zip(*(row for rows in meanings for row in rows), strict=True)
+    meaning = _meaning_of_rows(counts, meanings)
+    tolerances = [pixels(point.tolerance, camera) for point in points]
     shares = np.array([_share(point, place) for point, place in zip(points, places, strict=True)])
-    rows = np.concatenate([place.rows for place in places])
+    rows = _joined([place.rows for place in places])
     wish = np.repeat(np.arange(len(points)), counts)
     others = [_other(points[index].wish, index, names, places) for index in range(len(points))]
     shares = shares * [1.0 if other is None or other.trouble != BEHIND else 0.0 for other in others]
-    weight = np.array([float(point.weight) for point in points]) * shares
     if not may_be_idle:
-        _check_some_count(points, names, places, weight)
-    nearness = rows[:, 2] / max(rows[:, 2].max(), np.finfo(float).tiny)
+        _check_some_count(points, names, places, shares)
+    # A wish about blur shares its weight among its points; of one about the frame every row has all of it.
+    part = np.where([len(each) > 1 for each in meanings], 1.0, 1.0 / counts)
+    weight = _column([point.weight for point in points], wish) * (shares * part)[wish]
+    if favour_near:
+        weight = weight * (1.0 + favour_near * _nearness(rows[:, 2]))
     reference = _references(places, others)
-    found = ImagePoints(
+    return ImagePoints(
         xy=jnp.asarray(rows[:, :2], dtype=float),
         disparity=jnp.asarray(rows[:, 2], dtype=float),
-        target=jnp.asarray(np.array(targets)[wish], dtype=float),
-        signed=jnp.asarray(np.array(signed)[wish]),
-        weight=jnp.asarray((weight / counts)[wish] * (1.0 + favour_near * nearness), dtype=float),
-        tolerance=jnp.asarray(
-            np.array([pixels(point.tolerance, camera) for point in points])[wish], dtype=float
-        ),
+        target=jnp.asarray(_column(targets, meaning), dtype=float),
+        signed=jnp.asarray(np.array(signed)[meaning]),
+        weight=jnp.asarray(weight, dtype=float),
+        tolerance=jnp.asarray(_column(tolerances, wish), dtype=float),
         wish=jnp.asarray(wish),
         names=names,
-        relation=jnp.asarray(np.array(relations)[wish]) if any(relations) else None,
+        relation=jnp.asarray(np.array(relations)[meaning]) if any(relations) or any(quantities) else None,
         reference=None if reference is None else jnp.asarray(reference, dtype=float),
         notes=tuple(_note(place, share) for place, share in zip(places, shares, strict=True)),
+        quantity=jnp.asarray(np.array(quantities)[meaning]) if any(quantities) else None,
         partners=tuple(point.wish.other if isinstance(point.wish, SameBlur) else "" for point in points),
     )
-    return with_framing(found, [point.wish for point in points], camera)
+
+
+def _meaning_of_rows(counts: Int[np.ndarray, "m"], meanings: Sequence[Sequence[Row]]) -> Int[np.ndarray, "n"]:
+    """For every row which of all wishes' meanings it has: of a wish with one, all of its rows the same."""
+    first, found = 0, []
+    for count, rows in zip(counts, meanings, strict=True):
+        found.append(first + (np.zeros(count, dtype=int) if len(rows) == 1 else np.arange(len(rows))))
+        first += len(rows)
+    return np.concatenate(found)
+
+
+def _column(
+    numbers: Sequence[Any], index: Int[np.ndarray, "n"]
+) -> Float[np.ndarray, "n"] | Float[Array, "n"]:
+    """The numbers of rows, of which some may be traced; by numpy if none is, which compiles nothing."""
+    if any(isinstance(each, Tracer) for each in numbers):
+        return jnp.stack([jnp.asarray(each, dtype=float) for each in numbers])[index]
+    return np.array([float(each) for each in numbers])[index]
+
+
+def _joined(
+    parts: Sequence[Float[np.ndarray, "_ 3"] | Float[Array, "_ 3"]],
+) -> Float[np.ndarray, "n 3"] | Float[Array, "n 3"]:
+    traced = any(isinstance(each, Tracer) for each in parts)
+    return jnp.concatenate(parts) if traced else np.concatenate(parts)
+
+
+def _nearness(disparity: Float[np.ndarray, "n"] | Float[Array, "n"]) -> Any:
+    """Disparities over the largest of them."""
+    if isinstance(disparity, Tracer):
+        largest = disparity.max()
+        return jnp.where(largest > 0, disparity / jnp.where(largest > 0, largest, 1.0), 0.0)
+    return disparity / max(disparity.max(), np.finfo(float).tiny)
 
 
 def _check_wishes(points: object, camera: object) -> None:
@@ -122,6 +177,17 @@ def _check_wishes(points: object, camera: object) -> None:
                 f"points.{index}",
             )
     require_kind(camera, Camera, usage, "`look_at` and `make_camera` make one", "camera")
+    require_known(camera, usage)
+
+
+def require_known(camera: object, usage: str) -> None:
+    """Refuse a camera that a JAX transformation traces; `usage` is the call with its arguments in order."""
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(camera)):
+        raise ArgumentError(
+            f"camera of {usage} is traced by JAX, so that nobody knows what shows; locate the"
+            " wishes before, and trace the points that are found",
+            "camera",
+        )
 
 
 def _names(points: Sequence[FocusPoint]) -> tuple[str, ...]:
@@ -142,24 +208,41 @@ def _names(points: Sequence[FocusPoint]) -> tuple[str, ...]:
 def _place(finder: Finder, point: FocusPoint, name: str) -> Place:
     """Where a wish is; of one about the frame, the ends of what is to be shown."""
     label = f"focus point {name!r}"
+    if isinstance(point.where, AtPoint | AtInfinity) and finder.traced(point.where):
+        if not (point.even_outside and point.even_hidden):
+            raise ValueError(
+                f"{label} has a place that is traced by JAX, so that nobody knows whether it is to be"
+                " seen; let it count even_outside and even_hidden, or locate it before"
+            )
+        place = finder.unseen(point.where)
+        return (
+            Place(jnp.tile(place.rows, (len(framing_rows(point.wish, finder.camera)), 1)))
+            if frames(point.wish)
+            else place
+        )
     if frames(point.wish):
         return ends(finder.extent(point.where, label), point.wish)
     return finder.find(point.where, label)
 
 
-def _meaning(wish: Wish, camera: Camera) -> tuple[float, int, bool]:
-    """Target in pixels, relation, and whether the side of the focus matters."""
+def _meaning(wish: Wish, camera: Camera) -> list[Row]:
+    """Target in pixels, relation, whether the side of the focus matters, and quantity.
+
+    One for all rows of a wish about blur, one for each row of a wish about places.
+    """
     match wish:
         case Blur(diameter, signed):
-            return pixels(diameter, camera), EQUAL, signed
+            return [(pixels(diameter, camera), EQUAL, signed, BLUR)]
         case AtMost(diameter):
-            return pixels(diameter, camera), AT_MOST, False
+            return [(pixels(diameter, camera), AT_MOST, False, BLUR)]
         case AtLeast(diameter):
-            return pixels(diameter, camera), AT_LEAST, False
+            return [(pixels(diameter, camera), AT_LEAST, False, BLUR)]
         case SameBlur(_, same_side):
-            return 0.0, SAME, same_side
+            return [(0.0, SAME, same_side, BLUR)]
+        case Sharp():
+            return [(0.0, EQUAL, True, BLUR)]
         case _:
-            return 0.0, EQUAL, True
+            return framing_rows(wish, camera)
 
 
 def _share(point: FocusPoint, place: Place) -> float:
@@ -200,28 +283,32 @@ def _other(wish: Wish, index: int, names: tuple[str, ...], places: Sequence[Plac
     return places[found[0]]
 
 
-def _references(places: Sequence[Place], others: Sequence[Place | None]) -> Float[np.ndarray, "n 3"] | None:
+def _references(
+    places: Sequence[Place], others: Sequence[Place | None]
+) -> Float[np.ndarray, "n 3"] | Float[Array, "n 3"] | None:
     """For every row the middle of the place whose blur it is to have; its own where it is to have none's.
 
     None when no wish refers to another point.
     """
     if all(other is None for other in others):
         return None
-    rows = [
-        place.rows if other is None else np.tile(other.rows.mean(axis=0), (len(place.rows), 1))
-        for place, other in zip(places, others, strict=True)
-    ]
-    return np.concatenate(rows)
+    return _joined(
+        [
+            place.rows if other is None else other.rows.mean(axis=0)[None].repeat(len(place.rows), axis=0)
+            for place, other in zip(places, others, strict=True)
+        ]
+    )
 
 
 def _check_some_count(
-    points: Sequence[FocusPoint], names: tuple[str, ...], places: Sequence[Place], weight: np.ndarray
+    points: Sequence[FocusPoint], names: tuple[str, ...], places: Sequence[Place], shares: np.ndarray
 ) -> None:
     """Refuses wishes that all have no say, in the words of the first that would have one."""
-    if weight.max() > 0:
+    wanted = np.array([1.0 if isinstance(each.weight, Tracer) else float(each.weight) for each in points])
+    if (wanted * shares).max() > 0:
         return
-    for index, (point, name, place) in enumerate(zip(points, names, places, strict=True)):
-        if place.trouble and float(point.weight) > 0:
+    for index, (name, place) in enumerate(zip(names, places, strict=True)):
+        if place.trouble and wanted[index] > 0:
             many = "" if len(points) == 1 else ", and no other focus point counts"
             remedy = {
                 BEHIND: "move it, or turn the camera",

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float, Integer
 
 from focusjax._arguments import real_numbers
@@ -43,7 +44,7 @@ class Place:
         shown: share of it that is to be seen.
     """
 
-    rows: Float[np.ndarray, "n 3"]
+    rows: Float[np.ndarray, "n 3"] | Float[Array, "n 3"]
     trouble: str = ""
     shown: float = 1.0
 
@@ -94,6 +95,25 @@ class Finder:
             case _:
                 found = self.find(where, label)
                 return found if found.trouble == BEHIND else Place(found.rows)
+
+    def traced(self, where: AtPoint | AtInfinity) -> bool:
+        """Whether a place is only known when a compiled function runs."""
+        given = where.position if isinstance(where, AtPoint) else where.direction
+        return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(given))
+
+    def unseen(self, where: AtPoint | AtInfinity) -> Place:
+        """The place of a point that is traced; whether it is to be seen is not looked at."""
+        given = where.position if isinstance(where, AtPoint) else where.direction
+        point = jnp.asarray(given, dtype=float)
+        if point.shape != (3,):
+            raise ValueError(f"the place has {list(point.shape)} numbers; expected three")
+        if isinstance(where, AtPoint):
+            xy, disparity = self.camera.project(point)
+            return Place(jnp.append(xy, disparity)[None])
+        # A point in that direction is shown where its end is.
+        ahead = self.camera.world_from_camera[:3, 3] + point / jnp.linalg.norm(point)
+        xy, _ = self.camera.project(ahead)
+        return Place(jnp.append(xy, jnp.zeros((), xy.dtype))[None])
 
     def _pixel(self, xy: Float[np.ndarray, "2"], label: str) -> Place:
         if self.disparity_map is None:

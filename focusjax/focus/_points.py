@@ -1,4 +1,9 @@
-"""What a person asks for: a place in the scene, and how sharp or blurred it should be."""
+"""What a person asks for: a place in the scene, and how sharp or blurred it should be.
+
+Diameters, margins, places in the picture, weights and tolerances may be traced by `jax.jit` and `jax.grad`,
+so that a solve can be differentiated by them; so may world positions and directions of points that count in
+any case (see `locate`). What is traced is checked when the compiled solve runs.
+"""
 
 import dataclasses
 import math
@@ -6,9 +11,10 @@ from collections.abc import Sequence
 from typing import Any, SupportsFloat, SupportsIndex, TypeAlias, get_args
 
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Bool
 
-from focusjax._arguments import real_number, require_switches
+from focusjax._arguments import number_or_traced, real_number, require_switches
 from focusjax._counts import require_counts
 from focusjax._words import kind_of
 from focusjax.focus._units import Diameter, amount
@@ -218,7 +224,9 @@ class ShownAt:
     y: SupportsFloat
 
     def __post_init__(self) -> None:
-        if not all(math.isfinite(each) for each in _pixels(self.x, self.y, "the place to be shown at")):
+        for each, axis in ((self.x, "x"), (self.y, "y")):
+            number_or_traced(each, f"{axis} of the place to be shown at", "a number of pixels")
+        if not all(isinstance(each, Tracer) or math.isfinite(each) for each in (self.x, self.y)):
             raise ValueError(f"the place to be shown at is ({self.x}, {self.y}); expected finite pixels")
 
 
@@ -233,7 +241,8 @@ class InFrame:
     margin: Diameter = 0.0
 
     def __post_init__(self) -> None:
-        if not 0 <= amount(self.margin) < math.inf:
+        margin = amount(self.margin)
+        if not isinstance(margin, Tracer) and not 0 <= margin < math.inf:
             raise ValueError(
                 f"the frame's margin is {self.margin}; expected zero or a positive finite number"
             )
@@ -281,9 +290,9 @@ class FocusPoint:
             raise ValueError(
                 f"{label} is a depth range, which is nowhere in the picture; give it another wish"
             )
-        weight = real_number(self.weight, f"the weight of {label}", "zero or a positive finite number")
+        weight = number_or_traced(self.weight, f"the weight of {label}", "zero or a positive finite number")
         for what, value in (("weight", weight), ("tolerance", amount(self.tolerance))):
-            if not 0 <= value < math.inf:
+            if not isinstance(value, Tracer) and not 0 <= value < math.inf:
                 raise ValueError(f"{label} has {what} {value}; expected zero or a positive finite number")
 
 
@@ -307,6 +316,8 @@ def _check_samples(samples: int, what: str) -> None:
 
 def _check_diameter(what: str, diameter: Diameter, *, negative: bool = False) -> None:
     value = amount(diameter)
+    if isinstance(value, Tracer):
+        return
     unit = "" if not isinstance(diameter, SupportsFloat) else " px"
     if not math.isfinite(value):
         raise ValueError(f"{what} is {value}{unit}; expected a finite diameter")

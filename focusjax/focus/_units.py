@@ -1,9 +1,9 @@
 """Diameters of blur in the units people think in: pixels, millimetres of film, shares of the picture."""
 
 import dataclasses
-from typing import SupportsFloat, TypeAlias
+from typing import Any, SupportsFloat, TypeAlias
 
-from focusjax._arguments import real_number
+from focusjax._arguments import number_or_traced
 from focusjax.geometry import Camera
 
 
@@ -33,8 +33,8 @@ Diameter: TypeAlias = SupportsFloat | OnSensor | OfHeight
 """Output pixels when a plain number."""
 
 
-def amount(diameter: Diameter) -> float:
-    """The number in `diameter`, in its own unit.
+def amount(diameter: Diameter) -> Any:
+    """The number in `diameter`, in its own unit: a float, or as it is where a JAX transformation traces it.
 
     Raises:
         ValueError: no number.
@@ -45,11 +45,11 @@ def amount(diameter: Diameter) -> float:
         case given:
             pass
     expected = "a number of pixels, such as 8.0, or OnSensor(millimetres) or OfHeight(fraction)"
-    return real_number(given, "a diameter", expected)
+    return number_or_traced(given, "a diameter", expected)
 
 
-def pixels(diameter: Diameter, camera: Camera) -> float:
-    """`diameter` in output pixels of `camera`.
+def pixels(diameter: Diameter, camera: Camera) -> Any:
+    """`diameter` in output pixels of `camera`; see `amount` for its type.
 
     Example:
         >>> import jax.numpy as jnp
@@ -58,8 +58,9 @@ def pixels(diameter: Diameter, camera: Camera) -> float:
         >>> round(pixels(OnSensor(0.2), camera), 6), pixels(OfHeight(0.01), camera)
         (2.0, 2.4)
     """
+    number = amount(diameter)
     if isinstance(diameter, OnSensor):
-        return float(diameter.millimetres) / 1000 / float(camera.sensor_width) * camera.width
+        return number / 1000 / float(camera.sensor_width) * camera.width
     if isinstance(diameter, OfHeight):
-        return float(diameter.fraction) * camera.height
-    return float(diameter)
+        return number * camera.height
+    return number

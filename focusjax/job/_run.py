@@ -30,6 +30,7 @@ from focusjax.focus import (
     SurfaceSolution,
     locate,
 )
+from focusjax.focus._locate import require_known
 from focusjax.geometry import Camera
 from focusjax.job._exposed import ExposedLens, ExposedSolution
 from focusjax.job._glass import ThroughGlass, left_to_quality, through_glass
@@ -155,7 +156,7 @@ def run(
         if set(config.solve.free) & {"shift", "rise"}:
             # The frame has moved, and with it what is inside.
             points = _find(config, wishes, scene, camera, disparity)
-            again = solved_lens(config, options, points, camera, lens, light, watch, ("solve_again",))
+            again = solved_lens(config, options, points, camera, lens, light, watch, "solve_again")
             solution, exposed = again[0], again[1] or exposed
             lens, points, camera = solution.lens, solution.points, solution.camera
     glass = None
@@ -233,8 +234,8 @@ def find_points(
         disparity: what `disparity_map` gives for them, when it is at hand already.
         favour_near: how much more near wishes count (see `locate`).
 
-    This looks at the scene once, by numpy, and is not to be traced by JAX; what it finds can be, and
-    `solve` is differentiable in it.
+    The numbers of wishes may be traced by `jax.jit` and `jax.grad` (see `locate`), and `solve` is
+    differentiable in what is found; scene and camera have to be known.
 
     Raises:
         ArgumentError: as `locate`; a scene that is none.
@@ -242,13 +243,17 @@ def find_points(
     usage = "find_points(wishes, scene, camera)"
     require_kind(scene, Scene, usage, "`make_scene` makes one", "scene")
     require_kind(camera, Camera, usage, "`look_at` and `make_camera` make one", "camera")
+    if disparity is None:
+        require_known(camera, usage)
+        with jax.ensure_compile_time_eval():
+            disparity = disparity_map(scene, camera)
     return locate(
         wishes,
         camera,
         vertices=scene.vertices,
         faces=scene.faces,
         objects=scene.objects,
-        disparity_map=disparity_map(scene, camera) if disparity is None else disparity,
+        disparity_map=disparity,
         favour_near=favour_near,
     )
 

@@ -23,22 +23,17 @@ def solved_lens(
     lens: ThinLens | TiltShiftLens,
     grey: float | None,
     watch: Stopwatch,
-    stages: tuple[str, ...] = ("solve_first", "solve"),
+    stage: str = "solve",
 ) -> tuple[Solution, ExposedSolution | None]:
-    """Solve as often as there are stages: the second time shows what a solve costs once it is compiled.
-
-    With a metered `grey` the light is asked, too, and what that says comes second.
-    """
-    assert stages
-    for stage in stages:
-        with watch.stage(stage, compile_apart=False), refusals_located(config):
-            exposed = None
-            if grey is None:
-                solution = solve(points, camera, lens, **options)
-            else:
-                exposed = weighed_solution(config, options, points, camera, lens, grey)
-                solution = exposed.solution
-            jax.block_until_ready(eqx.filter(solution.lens, eqx.is_array))
+    """The solution; with a metered `grey` the light is asked, too, and what that says comes second."""
+    with watch.stage(stage), refusals_located(config):
+        exposed = None
+        if grey is None:
+            solution = solve(points, camera, lens, **options)
+        else:
+            exposed = weighed_solution(config, options, points, camera, lens, grey)
+            solution = exposed.solution
+        jax.block_until_ready(eqx.filter(solution.lens, eqx.is_array))
     return solution, exposed
 
 
@@ -53,8 +48,7 @@ def solved_surface(
     """As `solved_lens`, for the control values of a focal surface."""
     assert config.lens.focal_surface is not None
     smoothness = config.lens.focal_surface.smoothness
-    for stage in ("solve_first", "solve"):
-        with watch.stage(stage, compile_apart=False), refusals_located(config):
-            solution = solve_focal_surface(points, camera, surface, lens, smoothness=smoothness)
-            jax.block_until_ready(solution.cost)
+    with watch.stage("solve"), refusals_located(config):
+        solution = solve_focal_surface(points, camera, surface, lens, smoothness=smoothness)
+        jax.block_until_ready(solution.cost)
     return solution

@@ -21,8 +21,7 @@ _STAGES = {
     "meter": "meter the sharp view",
     "locate": "find the focus points",
     "locate_again": "depths through the solved lens",
-    "solve_first": "solve, first time (with its compile)",
-    "solve": "solve, once compiled",
+    "solve": "solve",
     "solve_again": "solve in the moved frame",
     "glass": "focus and fit the real lens",
     "peel": "peel layers",
@@ -32,7 +31,7 @@ _STAGES = {
     "examine": "examine the picture",
     "pinhole": "sharp view",
     "develop": "expose and develop",
-    "compile": "compile the other stages",
+    "compile": "compile",
 }
 
 

@@ -12,7 +12,7 @@ from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._devices import summed_over
-from focusjax.trace._groups import RayGroups
+from focusjax.trace._groups import RayGroups, SomeGroups
 from focusjax.trace._radiances import Seen, TracedScene, seen_along
 from focusjax.trace._ranges import DisparityRanges
 from focusjax.trace._samples import RaySamples, Starts
@@ -53,12 +53,12 @@ def traced_sums(
 ) -> PixelSums:
     """The sums of the pixels whose rays are in `groups`; 0 in the others.
 
-    Groups are traced some at a time, in memory that does not grow with their number; of a list that is not
-    used to its end, only what is used. Devices of `mesh` share them.
+    Groups are traced some at a time, in memory that does not grow with their number. Devices of `mesh` share
+    them.
     """
     camera = scene.camera
 
-    def seen(some: RayGroups, lens: AbstractLens) -> Seen:
+    def seen(some: SomeGroups, lens: AbstractLens) -> Seen:
         column, row, _, starts = starts_of(some, samples, camera)
         least, largest, depth = ranges.at(column, row)
         least, largest = (jnp.tile(end, some.together) for end in (least, largest))
@@ -68,7 +68,7 @@ def traced_sums(
 
 
 def starts_of(
-    some: RayGroups, samples: RaySamples, camera: Camera
+    some: SomeGroups, samples: RaySamples, camera: Camera
 ) -> tuple[Int[Array, " g"], Int[Array, " g"], Int[Array, "s g"], Starts]:
     """Column and row of each group's pixel, the numbers of its rays, and where they start, [s * g].
 
@@ -84,7 +84,7 @@ def starts_of(
 
 
 def summed(
-    seen: Callable[[RayGroups, AbstractLens], Seen],
+    seen: Callable[[SomeGroups, AbstractLens], Seen],
     lens: AbstractLens,
     groups: RayGroups,
     bins: CocBins,
@@ -94,37 +94,26 @@ def summed(
     """Sums over what the rays of each group have `seen`, a function of some groups and of a lens."""
     kinds, channels = len(bins.least), lens.channels()
     at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // groups.together)
-    length = groups.pixel.shape[0]
     devices = 1 if mesh is None else mesh.size
-    chunks = -(-length // (at_once * devices)) * devices
-    size = -(-length // chunks)
+    chunks = -(-groups.length // (at_once * devices)) * devices
+    size = -(-groups.length // chunks)
 
-    def padded(column: Array, fill: int) -> Array:
-        return jnp.pad(column, (0, chunks * size - length), constant_values=fill).reshape(chunks, size)
-
-    columns = [
-        padded(column, fill)
-        for column, fill in ((groups.pixel, pixels), (groups.first, 0), (groups.part, 0), (groups.share, 0))
-    ]
-
-    def add(sums: _Running, work: tuple[Array, ...]) -> tuple[_Running, None]:
-        number, *chunk = work
+    def add(sums: _Running, work: tuple[Array]) -> tuple[_Running, None]:
+        (begin,) = work
 
         def traced(sums: _Running) -> _Running:
-            some = RayGroups(*chunk, used=jnp.int32(size), together=groups.together)
+            some = groups.some(begin, size)
             if not channels:
                 return _with(sums, seen(some, lens), some, bins, None)
             for channel in channels:
                 sums = _with(sums, seen(some, channel.lens), some, bins, channel.colour)
             return sums
 
-        return jax.lax.cond(
-            number * size < groups.used, jax.checkpoint(traced), lambda sums: sums, sums
-        ), None
+        return jax.lax.cond(begin < groups.used, jax.checkpoint(traced), lambda sums: sums, sums), None
 
     real = jnp.zeros(()).dtype
     nothing = jnp.zeros((kinds * pixels, 6 if channels else 4), real), jnp.zeros((pixels, 3), real)
-    binned, over = summed_over(add, nothing, (jnp.arange(chunks, dtype=jnp.int32), *columns), mesh)
+    binned, over = summed_over(add, nothing, (size * jnp.arange(chunks, dtype=jnp.int32),), mesh)
     return PixelSums(binned.reshape(kinds, pixels, -1), over)
 
 
@@ -133,7 +122,7 @@ _Running = tuple[Float[Array, "r c"], Float[Array, "p 3"]]
 
 
 def _with(
-    sums: _Running, found: Seen, some: RayGroups, bins: CocBins, colour: tuple[float, ...] | None
+    sums: _Running, found: Seen, some: SomeGroups, bins: CocBins, colour: tuple[float, ...] | None
 ) -> _Running:
     """The sums with what rays of some groups have found, in the shares of their `colour`."""
     binned, over = sums

@@ -163,25 +163,27 @@ def _smoothed(
     border itself to its own rays.
     """
     reach = len(taps) // 2
-    around = [(0, 0), (reach, reach), (reach, reach)]
-    planes = jnp.pad(planes, around, mode="reflect", reflect_type="odd")
 
     def tap(step: int) -> float | Array:
         return taps[reach + step] if isinstance(taps, Array) else float(taps[reach + step])
 
-    for axis in (0, 1):
+    def along(plane: Float[Array, "v w"], axis: int) -> Float[Array, "v w"]:
+        size = plane.shape[axis]
+        around = [(reach, reach) if each == axis else (0, 0) for each in (0, 1)]
+        plane = jnp.pad(plane, around, mode="reflect", reflect_type="odd")
 
-        def along(plane: Float[Array, "v w"], axis: int = axis) -> Float[Array, "_ _"]:
-            size = plane.shape[axis] - 2 * reach
+        def at(step: int) -> Float[Array, "v w"]:
+            return jax.lax.slice_in_dim(plane, reach + step, reach + step + size, axis=axis)
 
-            def at(step: int) -> Float[Array, "_ _"]:
-                return jax.lax.slice_in_dim(plane, reach + step, reach + step + size, axis=axis)
+        total = tap(0) * at(0)
+        for step in range(1, reach + 1):
+            total += tap(step) * (at(step) + at(-step))
+        return total
 
-            total = tap(0) * at(0)
-            for step in range(1, reach + 1):
-                total += tap(step) * (at(step) + at(-step))
-            return total
+    def both(plane: Float[Array, "v w"]) -> Float[Array, "v w"]:
+        # XLA for CPU would work out the first axis anew for each place along the second.
+        down = jax.lax.optimization_barrier(along(plane, 0))
+        return jnp.maximum(along(down, 1), 0.0)
 
-        # A loop, as XLA for CPU would work out the first axis anew for each place along the second.
-        planes = jax.lax.map(along, planes)
-    return jnp.maximum(planes, 0.0)
+    # One plane at a time, for the memory.
+    return jax.lax.map(both, planes)

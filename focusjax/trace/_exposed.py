@@ -16,7 +16,7 @@ from focusjax.trace._accumulate import PixelSums, starts_of, summed
 from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._emitters import Emitters, split_emitters
 from focusjax.trace._focal_zone import focal_zone
-from focusjax.trace._groups import RayGroups
+from focusjax.trace._groups import SomeGroups
 from focusjax.trace._known_light import known_light
 from focusjax.trace._moving import MovingLayers, seen_in_motion
 from focusjax.trace._picture import RenderSettings, developed, light_of, picture_sums
@@ -176,7 +176,7 @@ def _span_sums(
     """The sums over the rays of one span, of pixels that are `changing`; 0 in the others."""
     camera, samples, shares = moving.camera, moving.samples, moving.shares
 
-    def seen(some: RayGroups, lens: AbstractLens) -> Seen:
+    def seen(some: SomeGroups, lens: AbstractLens) -> Seen:
         _, row, number, starts = starts_of(some, samples, camera)
         assert starts.moment is not None
         moment = starts.moment.reshape(number.shape)

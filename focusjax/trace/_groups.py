@@ -1,49 +1,80 @@
-"""Which rays are traced: groups of a few rays of one pixel, as flat lists.
+"""Which rays are traced: groups of a few rays of one pixel, one after the other.
 
-Lists are in the order of small square tiles of the picture, so that rays that follow one another read few
+They are in the order of small square tiles of the picture, so that rays that follow one another read few
 places of the layers.
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from focusjax.trace._prefix import prefix_sums
+from focusjax.trace._prefix import compacted, prefix_sums
 
 _TILE = 16
 """Edge in pixels."""
 
 
-class RayGroups(eqx.Module):
-    """Groups of `together` rays.
+class SomeGroups(eqx.Module):
+    """Groups of `together` rays that are traced at a time.
 
     Attributes:
         pixel: row-major number [g] of each group's pixel; as many as there are pixels where it is unused.
         first: number [g] of its first ray in the table of samples.
-        part: how many groups of its pixel come before it [g].
         share: one over the number of its pixel's rays [g].
-        used: how many groups there are.
         together: rays of a group (static).
     """
 
     pixel: Int[Array, " g"]
     first: Int[Array, " g"]
-    part: Int[Array, " g"]
     share: Float[Array, " g"]
-    used: Int[Array, ""]
     together: int = eqx.field(static=True)
+
+
+class RayGroups(eqx.Module):
+    """All groups of a picture: what they are of each pixel that has any, tile by tile.
+
+    A list of the groups themselves would take as much memory as the picture has rays.
+
+    Attributes:
+        pixel: row-major number [n] of each pixel that has rays, tile by tile.
+        before: how many groups come before its own [n]; `length` after the last.
+        first: number [n] of its first ray in the table of samples.
+        share: one over the number of its rays [n].
+        used: how many groups there are.
+        length: the most there may be (static).
+        pixels: how many pixels the picture has (static).
+        together: rays of a group (static).
+    """
+
+    pixel: Int[Array, " n"]
+    before: Int[Array, " n"]
+    first: Int[Array, " n"]
+    share: Float[Array, " n"]
+    used: Int[Array, ""]
+    length: int = eqx.field(static=True)
+    pixels: int = eqx.field(static=True)
+    together: int = eqx.field(static=True)
+
+    def some(self, begin: Int[Array, ""], count: int) -> SomeGroups:
+        """So many groups from number `begin` on."""
+        number = begin + jnp.arange(count, dtype=jnp.int32)
+        place = jnp.searchsorted(self.before, begin, side="right").astype(jnp.int32) - 1
+        ahead = jnp.arange(count, dtype=jnp.int32)
+        # Every pixel has a group, so that no more than `count` of them begin here.
+        starts = self.before.at[place + ahead].get(mode="fill", fill_value=self.length)
+        marks = jnp.zeros(count, dtype=jnp.int32).at[jnp.maximum(starts - begin, 0)].max(ahead, mode="drop")
+        place = place + running_max(marks)
+        first = self.first[place] + self.together * (number - self.before[place])
+        pixel = jnp.where(number < self.used, self.pixel[place], self.pixels)
+        return SomeGroups(pixel, first, self.share[place], self.together)
 
 
 def even_groups(width: int, height: int, rays: int, together: int) -> RayGroups:
     """Groups of a picture in which every pixel has as many rays, a multiple of `together`."""
-    per_pixel = rays // together
-    length = tiled_length(width, height)
-    place = jnp.arange(length * per_pixel, dtype=jnp.int32)
-    part = place % per_pixel
-    pixel = tiled_pixels(width, height)
-    pixel = jnp.repeat(pixel, per_pixel, total_repeat_length=length * per_pixel)
-    share = jnp.full(pixel.shape, 1.0 / rays, dtype=jnp.zeros(()).dtype)
-    return RayGroups(pixel, together * part, part, share, jnp.int32(len(place)), together)
+    # XLA would work out at length, while it compiles, what follows from known numbers.
+    count = jax.lax.optimization_barrier(jnp.full(width * height, rays, dtype=jnp.int32))
+    return groups_of(count, width, height, together, most=width * height * (rays // together))
 
 
 def groups_of(
@@ -56,28 +87,24 @@ def groups_of(
         width: pixels per row.
         height: rows.
         together: rays of a group.
-        most: length of the list (static); groups beyond are left out.
+        most: how many groups there may be (static); groups beyond are left out.
         nested: where the table of samples holds those of all smaller numbers of rays, `nested` times a power
             of two, before those of a pixel's own: the smallest number. 0 where it holds but one number.
     """
     pixel = tiled_pixels(width, height)
     count = rays.at[pixel].get(mode="fill", fill_value=0)
-    parts = count // together
-    before, used = prefix_sums(parts)
-    # The position in the tiled order of each group's pixel: marks where pixels begin, summed up.
-    start = jnp.where(parts > 0, before, most)
-    marks = (
-        jnp.zeros(most, dtype=jnp.int32).at[start].max(jnp.arange(len(pixel), dtype=jnp.int32), mode="drop")
-    )
-    place = running_max(marks)
-    number = jnp.arange(most, dtype=jnp.int32)
-    part = number - before[place]
-    own = count[place]
-    first = together * part + (jnp.maximum(own - nested, 0) if nested else 0)
-    share = 1.0 / jnp.maximum(own, 1).astype(jnp.zeros(()).dtype)
-    unused = width * height
+    kept, total = compacted(count >= together)
+    pixel, count = pixel[kept], jnp.where(jnp.arange(len(kept)) < total, count[kept], 0)
+    before, used = prefix_sums(count // together)
     return RayGroups(
-        jnp.where(number < used, pixel[place], unused), first, part, share, jnp.minimum(used, most), together
+        pixel=pixel,
+        before=jnp.where(count > 0, before, most),
+        first=jnp.maximum(count - nested, 0) if nested else jnp.zeros_like(count),
+        share=1.0 / jnp.maximum(count, 1).astype(jnp.zeros(()).dtype),
+        used=jnp.minimum(used, most),
+        length=most,
+        pixels=width * height,
+        together=together,
     )
 
 

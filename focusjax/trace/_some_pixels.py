@@ -18,7 +18,7 @@ from focusjax.trace._accumulate import PixelSums, summed
 from focusjax.trace._allocate import FEWEST, allocated, allocated_through, contrast, counts_for
 from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._emitters import Emitters, split_emitters
-from focusjax.trace._groups import RayGroups, groups_of
+from focusjax.trace._groups import SomeGroups, groups_of
 from focusjax.trace._known_light import KnownLight, known_light
 from focusjax.trace._picture import RenderSettings, coc_bins, developed, light_of
 from focusjax.trace._radiances import Seen, seen_along, traced_scene
@@ -142,7 +142,7 @@ def some_pixels(
             edge=_TILE,
         )
 
-        def seen(some: RayGroups, lens: AbstractLens) -> Seen:
+        def seen(some: SomeGroups, lens: AbstractLens) -> Seen:
             row, column = jnp.divmod(pixels[jnp.minimum(some.pixel, len(pixels) - 1)], width)
             number = jnp.arange(_TOGETHER, dtype=jnp.int32)[:, None] + some.first[None]
             of_column, of_row = (jnp.broadcast_to(a[None], number.shape) for a in (column, row))

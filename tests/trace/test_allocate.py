@@ -119,7 +119,11 @@ def test_groups_hold_every_ray_once(most: int):
     rays = 4 * random.choice([0, 1, 2, 4, 8], width * height)
     groups = groups_of(jnp.asarray(rays, dtype=jnp.int32), width, height, 4, most=most, nested=4)
     assert int(groups.used) == min(rays.sum() // 4, most)
-    pixel, first, share = (np.asarray(a) for a in (groups.pixel, groups.first, groups.share))
+    # In two parts, of which the second begins within a pixel's groups.
+    parts = [groups.some(jnp.int32(begin), count) for begin, count in ((0, 777), (777, most - 777))]
+    pixel, first, share = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("pixel", "first", "share")
+    )
     used = pixel < width * height
     assert used.sum() == int(groups.used)
     counts = np.bincount(pixel[used], minlength=width * height)
@@ -134,7 +138,8 @@ def test_groups_hold_every_ray_once(most: int):
 
 def test_even_groups_hold_every_ray_once():
     groups = even_groups(19, 18, 12, 4)
-    pixel, first = np.asarray(groups.pixel), np.asarray(groups.first)
+    some = groups.some(jnp.int32(0), groups.length)
+    pixel, first = np.asarray(some.pixel), np.asarray(some.first)
     used = pixel < 19 * 18
     pairs = pixel[used] * 3 + first[used] // 4
     np.testing.assert_array_equal(np.sort(pairs), np.arange(19 * 18 * 3))

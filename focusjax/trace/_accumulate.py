@@ -98,7 +98,7 @@ def summed(
     chunks = -(-groups.length // (at_once * devices)) * devices
     size = -(-groups.length // chunks)
 
-    def add(sums: _Running, work: tuple[Array]) -> tuple[_Running, None]:
+    def add(sums: _Running, work: tuple[Array, ...]) -> tuple[_Running, None]:
         (begin,) = work
 
         def traced(sums: _Running) -> _Running:

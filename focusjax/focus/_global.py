@@ -15,7 +15,7 @@ iteration and no starting point is involved, hence no local minimum to fall into
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._bounds import Box
 from focusjax.focus._image_points import ImagePoints
@@ -25,6 +25,9 @@ UNDETERMINED_PX = 0.01
 
 # Rounding steps that a computed blur may be off by, relative to its largest term.
 _ROUNDING = 4.0
+
+_RADII = 48
+"""Steps of equal ratio over the range of the aperture."""
 
 
 class Optimum(eqx.Module):
@@ -37,6 +40,8 @@ class Optimum(eqx.Module):
         held: parameters that the wishes leave open, so they are where the start has them.
         at_lower: parameters that a lower bound keeps from a better value.
         at_upper: the same for upper bounds.
+        open: projection, in parameters over their ranges, onto the direction in which both may change
+            together without a change of any wish's blur.
     """
 
     value: Float[Array, "2"]
@@ -44,6 +49,7 @@ class Optimum(eqx.Module):
     held: Bool[Array, "2"]
     at_lower: Bool[Array, "2"]
     at_upper: Bool[Array, "2"]
+    open: Float[Array, "2 2"]
 
 
 class _Choice(eqx.Module):
@@ -94,22 +100,24 @@ def find_optimum(
     points: ImagePoints,
     slope: Float[Array, ""],
     start: Float[Array, "2"],
+    scale: Float[Array, "2"],
     box: Box,
     *,
     free_aperture: bool,
 ) -> Optimum:
     """The global optimum over the box, with a rule for every case that has several.
 
-    - When all wishes are at one disparity, only E (u - w) matters and the f-number is undetermined: it
-      stays as the start has it, or goes no farther from it than the focus bounds make it.
+    - When all wishes are at one disparity, only E (u - w) matters: of all pairs that make it what is wished
+      the one is taken that changes the picture least, in pixels (`scale`).
     - When blur does not depend on the focus (a pinhole), the focus stays as the start has it.
-    - Of two sides that are equally good to within rounding, the nearer focus wins (near points settle
-      ambiguities, Lee10 §5).
+    - Of sides that are equally good to within rounding the one that changes the picture least, and of two
+      that change it as much the nearer focus (near points settle ambiguities, Lee10 §5).
 
     Args:
         points: the wishes; at least one has positive weight.
         slope: blur in pixels per metre of radius and dioptre, 2 f.
         start: focus disparity in 1/m and aperture radius in m.
+        scale: pixels per unit of each (see `scales`).
         box: bounds on both parameters.
         free_aperture: whether the aperture is solved for, too (static).
     """
@@ -121,19 +129,23 @@ def find_optimum(
     one_plane = slope * widest * (nearest - farthest) < UNDETERMINED_PX
     pinhole = slope * widest * (box.upper[0] - box.lower[0]) < UNDETERMINED_PX
 
+    def far(value: Float[Array, "2"]) -> Float[Array, ""]:
+        """How much a value changes the picture, in pixels."""
+        return jnp.linalg.norm(scale * (value - start))
+
     def best_for(nearest_behind: Float[Array, ""]) -> _Choice:
         """The best value with the points behind the focus that are farther than this disparity."""
         side = jnp.where(points.signed | (points.disparity < nearest_behind), 1.0, -1.0)
         target = side * points.target
-        values = _candidates(line, target, start, box, free_aperture, pinhole)
+        values = _candidates(line, target, start, scale, box, free_aperture, pinhole)
         miss, noise = jax.vmap(line.misses, in_axes=(0, None))(values, target)
         cost = miss**2 @ line.share
         slack = (2.0 * jnp.abs(miss) * noise + noise**2) @ line.share
         if free_aperture:
             # The first candidate keeps the aperture, which is not best but for rounding or on one plane.
             equal = cost - slack <= jnp.min(cost)
-            change = jnp.where(equal, jnp.abs(values[:, 1] - start[1]), jnp.inf)
-            chosen = jnp.where(one_plane, jnp.argmin(change), jnp.argmin(cost.at[0].set(jnp.inf)))
+            change = jnp.where(equal, jax.vmap(far)(values), jnp.inf)
+            chosen = jnp.where(one_plane, jnp.argmin(change), jnp.argmin(cost.at[:2].set(jnp.inf)))
         else:
             chosen = 0
         return _Choice(values[chosen], side, cost[chosen], slack[chosen])
@@ -141,18 +153,28 @@ def find_optimum(
     splits = jnp.append(points.disparity, jnp.inf)
     best = jax.vmap(best_for)(splits)
     equal = best.cost - best.slack <= jnp.min(best.cost)
-    chosen = jnp.argmax(jnp.where(equal, best.value[:, 0], -jnp.inf))
+    chosen = nearest_of(equal, jax.vmap(far)(best.value), best.value[:, 0])
     value, side = best.value[chosen], best.side[chosen]
     keeps = one_plane & (value[1] == start[1]) if free_aperture else jnp.array(False)
     held = jnp.stack([pinhole, keeps])
     down, up = _pushed(line, value, side * points.target)
     movable = ~held & jnp.array([True, free_aperture])
+    at_lower = movable & (value <= box.lower) & down
+    at_upper = movable & (value >= box.upper) & up
+    # Along E (u - w) = constant.
+    safe = jnp.maximum(value[1], jnp.finfo(value.dtype).tiny)
+    along = jnp.stack([-(value[0] - line.share @ points.disparity) / safe, jnp.ones_like(safe)])
+    span = box.upper - box.lower
+    along = along / jnp.where(span > 0, span, 1.0)
+    along = along / jnp.linalg.norm(along)
+    slides = one_plane & free_aperture & ~jnp.any(held | at_lower | at_upper)
     return Optimum(
         value=value,
         side=side,
         held=held,
-        at_lower=movable & (value <= box.lower) & down,
-        at_upper=movable & (value >= box.upper) & up,
+        at_lower=at_lower,
+        at_upper=at_upper,
+        open=jnp.where(slides, jnp.outer(along, along), 0.0),
     )
 
 
@@ -160,11 +182,15 @@ def _candidates(
     line: _Line,
     target: Float[Array, "n"],
     start: Float[Array, "2"],
+    scale: Float[Array, "2"],
     box: Box,
     free_aperture: bool,
     pinhole: Bool[Array, ""],
 ) -> Float[Array, "m 2"]:
-    """Feasible values, of which the first keeps the aperture and the best is the optimum for `target`."""
+    """Feasible values, of which the best is the optimum for `target`.
+
+    The first keeps the aperture; the second is the best of one plane that is nearest to the start.
+    """
 
     def at_radius(radius: Float[Array, ""]) -> Float[Array, "2"]:
         focus = jnp.where(pinhole, start[0], line.focus(jnp.where(pinhole, 1.0, radius), target))
@@ -177,9 +203,58 @@ def _candidates(
     if not free_aperture:
         return at_radius(start[1])[None]
     inside = jnp.clip(line.both(target, start[1]), box.lower[1], box.upper[1])
-    radii = jnp.stack([start[1], inside, box.lower[1], box.upper[1]])
+    nearest = _nearest_radius(line, target, start, scale, box)
+    radii = jnp.stack([start[1], nearest, inside, box.lower[1], box.upper[1]])
     foci = jnp.stack([box.lower[0], box.upper[0]])
     return jnp.concatenate([jax.vmap(at_radius)(radii), jax.vmap(at_focus)(foci)])
+
+
+def _nearest_radius(
+    line: _Line,
+    target: Float[Array, "n"],
+    start: Float[Array, "2"],
+    scale: Float[Array, "2"],
+    box: Box,
+) -> Float[Array, ""]:
+    """Of all pairs that make the best of one plane, the aperture radius of the one nearest to the start.
+
+    The blur of a plane at w is to be t = k E (u - w), so that u follows from E; the root of the slope of the
+    squared distance in E is bracketed among steps of equal ratio, and halved.
+    """
+    wished = line.share @ target / line.slope
+    plane = line.share @ line.disparity
+
+    def slope(radius: Float[Array, ""]) -> Float[Array, ""]:
+        focus = plane + wished / radius
+        by_focus = -(scale[0] ** 2) * (focus - start[0]) * wished / radius**2
+        return by_focus + scale[1] ** 2 * (radius - start[1])
+
+    def distance(radius: Float[Array, ""]) -> Float[Array, ""]:
+        return jnp.linalg.norm(scale * (jnp.stack([plane + wished / radius, radius]) - start))
+
+    steps = jnp.linspace(0.0, 1.0, _RADII, dtype=start.dtype)
+    least = jnp.maximum(box.lower[1], jnp.finfo(start.dtype).tiny)
+    radii = least * (jnp.maximum(box.upper[1], least) / least) ** steps
+    at = jnp.argmin(jax.vmap(distance)(radii))
+    low, high = radii[jnp.maximum(at - 1, 0)], radii[jnp.minimum(at + 1, _RADII - 1)]
+
+    def halve(_: Array, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        low, high = ends
+        middle = 0.5 * (low + high)
+        rising = slope(middle) > 0
+        return jnp.where(rising, low, middle), jnp.where(rising, middle, high)
+
+    low, high = jax.lax.fori_loop(0, jnp.finfo(start.dtype).nmant, halve, (low, high))
+    return 0.5 * (low + high)
+
+
+def nearest_of(
+    equal: Bool[Array, " s"], change: Float[Array, " s"], focus: Float[Array, " s"]
+) -> Int[Array, ""]:
+    """Of solutions that are `equal` the one of least `change`, and of such the one of nearest focus."""
+    least = jnp.min(jnp.where(equal, change, jnp.inf))
+    slack = jnp.sqrt(jnp.finfo(change.dtype).eps) * (least + 1.0)
+    return jnp.argmax(jnp.where(equal & (change <= least + slack), focus, -jnp.inf))
 
 
 def _pushed(

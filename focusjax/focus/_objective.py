@@ -112,6 +112,10 @@ class Objective(eqx.Module):
         noise = self.noise(value)
         return self.share @ (2.0 * jnp.abs(self.errors(value, side)) * noise + noise**2)
 
+    def change(self, value: Float[Array, "k"], start: Float[Array, "k"]) -> Float[Array, ""]:
+        """How much a picture changes from `start` to `value`, in pixels."""
+        return jnp.linalg.norm(self.scale * (value - start))
+
     def slopes(
         self, value: Float[Array, "k"], side: Float[Array, "n"]
     ) -> tuple[Float[Array, "n"], Float[Array, "n k"]]:

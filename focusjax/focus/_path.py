@@ -10,10 +10,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._bounds import Box
-from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._joint import Joint
 from focusjax.focus._objective import Objective
-from focusjax.focus._parameters import FOCUS
 from focusjax.focus._search import starts, walks
 
 
@@ -46,10 +44,9 @@ def way_through(
             values, sides = jnp.concatenate([values, more_values]), jnp.concatenate([sides, more_sides])
         walked, _, cost, slack = walks(frame, sides, values, first, box, max_steps)
         found = walked.value
-        # Among equals the start if it stayed one, then the nearest focus, as for a single picture.
-        kept = jnp.all(found == first[None], axis=-1)
-        focus = jax.vmap(lambda value: frame.parameters(value)[FOCUS])(found)
-        rank = jnp.argsort(jnp.argsort(jnp.where(kept, -jnp.inf, -focus)))
+        # Among equals the one that changes the picture least, as for a single picture.
+        change = jax.vmap(lambda value: frame.change(value, first))(found)
+        rank = jnp.argsort(jnp.argsort(change))
         return found, (cost + 4.0 * slack * rank) * jnp.sum(frame.points.weight)
 
     values, cost = jax.vmap(answers)(joint.frames, first, boxes)
@@ -59,16 +56,7 @@ def way_through(
     share = joint.smoothness / joint.unit
     chosen = cheapest_way(pixels, cost, jnp.maximum(joint.steadiness / joint.unit, share**0.25))
     best = jnp.take_along_axis(values, chosen[:, None, None], axis=1)[:, 0]
-    held = jax.vmap(_held)(joint.frames, best, boxes)
-    return _filled(jnp.where(held, first, best) * joint.scale, counts)
-
-
-def _held(frame: Objective, value: Float[Array, "k"], box: Box) -> Bool[Array, "k"]:
-    """Parameters whose whole range changes no wish of a frame by much, which stay as the lens was given."""
-    slopes = frame.slopes(value, frame.natural_side(value))[1] * frame.counted[:, None]
-    expected = jnp.abs(frame.priors.inverse)
-    effect = jnp.linalg.norm(slopes, axis=0) + expected
-    return effect * (box.upper - box.lower) < UNDETERMINED_PX
+    return _filled(best * joint.scale, counts)
 
 
 def cheapest_way(

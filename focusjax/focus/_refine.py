@@ -1,5 +1,6 @@
 """The methods that solve the smooth least-squares problem once sides and active bounds are known."""
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
@@ -101,9 +102,14 @@ def forgiving(solver: Any) -> Any:
 class _Face(eqx.Module):
     """The part of the box where some parameters are pinned, in variables of `unit` each.
 
-    The residuals have one more row per parameter: for a pinned one its distance from the pin, for the
-    others that along directions which the wishes leave open. So the problem has full rank, and the
-    derivative with respect to the pins (the bounds, or the start) is right, too.
+    The residuals have one more row per parameter: for a pinned one its distance from the pin; for the others
+    the slope, along directions that the wishes leave open, of half the squared change of the picture in
+    pixels, |S (x - x_0)|^2 / 2, beyond the one that the search has `reached`: it is 0 where the picture
+    changes least. So the problem has full rank, and the derivative with respect to the pins (the bounds) and
+    to the start x_0 is right, too.
+
+    What is open changes with x: it is the null space of the residuals' Jacobian J. To first order about the
+    solution, with a projection P on it there, that is Z = P - J^+ J(x) P, with J^+ held.
     """
 
     problem: Problem
@@ -111,15 +117,31 @@ class _Face(eqx.Module):
     pinned: Bool[Array, "k"]
     pin: Float[Array, "k"]
     open: Float[Array, "k k"]
+    inverse: Float[Array, "k m"]
+    width: Float[Array, "k"]
+    scale: Float[Array, "k"]
+    first: Float[Array, "k"]
+    reached: Float[Array, "k"]
 
     def value(self, variables: Float[Array, "k"]) -> Float[Array, "k"]:
         return jnp.where(self.pinned, self.pin, variables * self.unit)
+
+    def along_open(self, value: Float[Array, "k"]) -> Float[Array, "k"]:
+        """The slope of the change of the picture along what is open, over its largest factor."""
+        if value.size == 1:
+            # What is open of one parameter is all of it: then it is pinned.
+            return jnp.zeros_like(value)
+        jacobian = jax.jacfwd(self.problem.residuals)(value) * self.width[None]
+        directions = self.open - self.inverse @ (jacobian @ self.open)
+        pixels = self.scale * self.width
+        slope = directions.T @ (pixels * self.scale * (value - self.first)) / jnp.max(pixels)
+        return slope - self.reached
 
 
 def _residuals_on_face(variables: Float[Array, "k"], face: _Face) -> Float[Array, "m"]:
     value = face.value(variables)
     off_pin = jnp.where(face.pinned, variables - face.pin / face.unit, 0.0)
-    along_open = face.open @ (value - face.pin)
+    along_open = jnp.where(face.pinned, 0.0, face.along_open(value))
     return jnp.concatenate([face.problem.residuals(value), off_pin + along_open])
 
 
@@ -137,13 +159,37 @@ def _on_face(
     ones with their bounds, and what is left open with the starting lens.
     """
     kept = basin.value + (first - jax.lax.stop_gradient(first))
-    pin = jnp.where(basin.at_lower, box.lower, jnp.where(basin.at_upper, box.upper, kept))
-    width = jnp.where(box.upper > box.lower, box.upper - box.lower, 1.0)
-    pinned = basin.at_lower | basin.at_upper | basin.held | (box.lower == box.upper)
-    # Directions are open in shares of the ranges; at right angles to them are changes in pixels.
-    stiffness = (width * scales(problem.start)[jnp.array(problem.start.columns)]) ** 2
-    open_ = basin.open * jax.lax.stop_gradient(stiffness / jnp.max(stiffness) / width)[None]
-    face = _Face(problem, _GAIN * problem.units(basin.value), pinned, pin, open_)
+    low, high = (jax.lax.stop_gradient(end) for end in (box.lower, box.upper))
+    # What is left open may rest on a bound that keeps it from the starting lens.
+    start = jax.lax.stop_gradient(first)
+    rests_low = basin.at_lower | (basin.held & (basin.value <= low) & (start < basin.value))
+    rests_high = basin.at_upper | (basin.held & (basin.value >= high) & (start > basin.value))
+    pin = jnp.where(rests_low, box.lower, jnp.where(rests_high, box.upper, kept))
+    width = jnp.where(high > low, high - low, 1.0)
+    pinned = rests_low | rests_high | (low == high)
+    # Of one parameter what is open is all of it, and it stays as the start has it.
+    stays = basin.held & ~pinned
+    pinned = pinned | (stays & (first.size == 1))
+    open_ = basin.open + jnp.diag(jnp.where(stays, 1.0, 0.0).astype(width.dtype))
+    jacobian = jax.lax.stop_gradient(jax.jacfwd(problem.residuals)(basin.value)) * width[None]
+    # With what is open filled up this has an inverse, and is that of what is not.
+    size = jnp.maximum(jnp.max(jnp.sum(jacobian**2, axis=0)), jnp.finfo(width.dtype).tiny)
+    filled = jacobian.T @ jacobian / size + open_
+    ridge = jnp.finfo(width.dtype).eps * jnp.eye(width.size, dtype=width.dtype)
+    face = _Face(
+        problem=problem,
+        unit=_GAIN * problem.units(basin.value),
+        pinned=pinned,
+        pin=pin,
+        open=open_,
+        inverse=jnp.linalg.solve(filled + ridge, jacobian.T / size),
+        width=width,
+        scale=scales(problem.start)[jnp.array(problem.start.columns)],
+        first=first,
+        reached=jnp.zeros_like(first),
+    )
+    reached = jax.lax.stop_gradient(face.along_open(basin.value))
+    face = dataclasses.replace(face, reached=reached)
     found = optx.least_squares(
         _residuals_on_face,
         solver(_ROUNDINGS * float(jnp.finfo(first.dtype).eps)),

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._bounds import Box
-from focusjax.focus._global import UNDETERMINED_PX
+from focusjax.focus._global import UNDETERMINED_PX, nearest_of
 from focusjax.focus._image_points import SAME
 from focusjax.focus._objective import Objective
 from focusjax.focus._parameters import FOCUS, SWING, TILT, ZOOM, BlurModel
@@ -26,6 +26,12 @@ MOST_CUTS = 16
 
 MOST_TILTED_CUTS = 8
 """The same for each of several planes, when tilt or swing is free."""
+
+_ROUNDS = 3
+"""Walks from each start."""
+
+_STEPS_BACK = 12
+"""Steps towards the lens as given, along what the wishes leave open."""
 
 _ALIGNED = 1e-6
 """Squared sine of the angle below which an open direction is a parameter's own."""
@@ -60,8 +66,8 @@ class Basin(eqx.Module):
 def search(objective: Objective, first: Float[Array, "k"], box: Box, *, many: bool, max_steps: int) -> Basin:
     """The best solution over all starts.
 
-    Of several that are equally good to within rounding, the start is kept if it is one of them, and
-    otherwise the one of nearest focus.
+    Of several that are equally good to within rounding the one is taken that changes the picture least, and
+    of two that change it as much the one of nearest focus.
 
     Args:
         objective: what to minimise.
@@ -79,9 +85,7 @@ def search(objective: Objective, first: Float[Array, "k"], box: Box, *, many: bo
     found, natural, cost, slack = walks(objective, sides, values, first, box, max_steps)
     equal = cost - slack <= jnp.min(cost + slack)
     focus = jax.vmap(lambda value: objective.parameters(value)[FOCUS])(found.value)
-    kept = jnp.all(found.value[0] == first)
-    preference = jnp.where(equal, focus, -jnp.inf).at[0].add(jnp.where(kept & equal[0], jnp.inf, 0.0))
-    chosen = jnp.argmax(preference)
+    chosen = nearest_of(equal, jax.vmap(lambda value: objective.change(value, first))(found.value), focus)
     value, side = found.value[chosen], natural[chosen]
     at_lower, at_upper = _pushed(objective, value, side, box)
     on = objective.on(value, side)
@@ -109,8 +113,9 @@ def walks(
 ) -> tuple[Walk, Float[Array, "s n"], Float[Array, "s"], Float[Array, "s"]]:
     """Walks from all starts: with the sides on which they end, their costs, and what of these is rounding.
 
-    Every walk is taken a second time, from where the first one ends but with what the wishes leave open
-    brought back to the lens as given, as near as it can be.
+    Every walk is taken again, from where the one before it ends but with what the wishes leave open brought
+    back to the lens as given, as near as it can be: once to come to the limits that keep it from there, and
+    once along these.
 
     Args:
         objective: what to minimise.
@@ -133,15 +138,17 @@ def walks(
             slack,
         )
 
-    def twice(side: Float[Array, "n"], value: Float[Array, "k"]) -> tuple[Walk, Array, Array, Array]:
+    def again(side: Float[Array, "n"], value: Float[Array, "k"]) -> tuple[Walk, Array, Array, Array]:
         # A loop, so that the walk is compiled once.
-        _, rounds = jax.lax.scan(round_, (side, value), length=2)
+        _, rounds = jax.lax.scan(round_, (side, value), length=_ROUNDS)
         walked, _, cost, slack = rounds
-        back = cost[1] - slack[1] <= cost[0] + slack[0]
-        found, natural, cost, slack = jax.tree.map(lambda leaf: jnp.where(back, leaf[1], leaf[0]), rounds)
+        # The last that is as good as any.
+        good = cost - slack <= jnp.min(cost + slack)
+        chosen = _ROUNDS - 1 - jnp.argmax(good[::-1])
+        found, natural, cost, slack = jax.tree.map(lambda leaf: leaf[chosen], rounds)
         return eqx.tree_at(lambda walk: walk.steps, found, jnp.sum(walked.steps)), natural, cost, slack
 
-    return jax.vmap(twice)(sides, values)
+    return jax.vmap(again)(sides, values)
 
 
 def _brought_back(
@@ -151,16 +158,33 @@ def _brought_back(
     first: Float[Array, "k"],
     box: Box,
 ) -> Float[Array, "k"]:
-    """`value`, moved along what the wishes leave open there to the place nearest to `first`, in pixels."""
+    """`value`, moved along what the wishes leave open to the place nearest to `first`, in pixels.
+
+    Each step goes to the nearest place on the tangent of what is open, and is halved where that is curved so
+    much that it leads away. Limits that are kept with room to spare may be missed on the way: the walk after it
+    leads back to them.
+    """
     at_lower, at_upper = _pushed(objective, value, side, box)
     moves = ~(at_lower | at_upper)
-    projection = _weak(objective, value, side, objective.on(value, side), moves, box)
-    along = jnp.where(moves, box.upper - box.lower, 0.0)[:, None] * projection
-    away = objective.scale * (first - value)
-    change = along @ (jnp.linalg.pinv(objective.scale[:, None] * along) @ away)
-    # A parameter that no wish holds goes all the way, without rounding.
-    back = jnp.where(_alone(moves, projection), first, with_products(value, change, box, objective.columns))
-    return jnp.clip(jnp.where(moves, back, value), box.lower, box.upper)
+    on = objective.on(value, side)
+
+    def step(_: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
+        value, share = state
+        projection = _weak(objective, value, side, on, moves, box)
+        along = jnp.where(moves, box.upper - box.lower, 0.0)[:, None] * projection
+        away = objective.scale * (first - value)
+        change = share * (along @ (jnp.linalg.pinv(objective.scale[:, None] * along) @ away))
+        # A parameter that no wish holds goes all the way, without rounding.
+        whole = _alone(moves, projection) & (share == 1.0)
+        back = jnp.where(whole, first, with_products(value, change, box, objective.columns))
+        back = jnp.clip(jnp.where(moves, back, value), box.lower, box.upper)
+        nearer = objective.change(back, first) <= objective.change(value, first)
+        before, after = (jnp.where(on, objective.excess(each, side), 0.0) for each in (value, back))
+        worse = objective.share @ after**2 - objective.share @ before**2
+        nearer &= worse <= objective.slack(value, side) + objective.slack(back, side)
+        return jnp.where(nearer, back, value), jnp.where(nearer, jnp.minimum(2.0 * share, 1.0), 0.5 * share)
+
+    return jax.lax.fori_loop(0, _STEPS_BACK, step, (value, jnp.ones((), value.dtype)))[0]
 
 
 def starts(

@@ -27,6 +27,7 @@ from focusjax.focus._parameters import (
     blur_models,
     in_order,
     make_start,
+    scales,
 )
 from focusjax.focus._priors import Prior, checked_priors, prior_rows
 from focusjax.focus._refine import METHODS, Problem
@@ -270,7 +271,8 @@ def _exact_basin(points: ImagePoints, start: Start, whole_box: Box) -> Basin:
         shift = own.across @ vector[jnp.array([TILT, SWING])]
         points = dataclasses.replace(points, disparity=points.disparity - shift)
     first = jnp.stack([jnp.clip(vector[FOCUS], box.lower[0], box.upper[0]), radius])
-    found = jax.lax.stop_gradient(find_optimum(points, own.gain, first, box, free_aperture=count == 2))
+    scale = scales(start)[jnp.array([FOCUS, RADIUS])]
+    found = jax.lax.stop_gradient(find_optimum(points, own.gain, first, scale, box, free_aperture=count == 2))
     return Basin(
         value=found.value[:count],
         side=found.side,
@@ -278,7 +280,7 @@ def _exact_basin(points: ImagePoints, start: Start, whole_box: Box) -> Basin:
         at_lower=found.at_lower[:count],
         at_upper=found.at_upper[:count],
         held=found.held[:count],
-        open=jnp.zeros((count, count), dtype=radius.dtype),
+        open=found.open[:count, :count],
         settled=jnp.array(True),
         steps=jnp.array(0),
     )

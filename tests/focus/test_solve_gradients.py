@@ -68,10 +68,17 @@ def test_derivative_is_that_of_solving_again(make_solved, arguments, active):
 
 
 def test_what_is_left_open_stays_and_the_rest_moves(make_solved):
-    """The aperture is kept, so the focus moves with the points, and by 1 / (2 f E) per pixel of blur."""
+    """The focus moves with the points, and by 1 / (2 f E) per pixel of blur.
+
+    It is a = 2 f E (w - u_0) pixels from the start. Of a blur of t px, a^2 + (a + t)^2 and the aperture's
+    10 px squared times (x - 1)^2 are least together for an opening of x = 1 + a t / 100.
+    """
     solved, values = make_solved([(0.5, 0.0, True, 1.0)] * 4)
     assert solved.solution(values).undetermined == ("f_number",)
     expected = np.zeros((2, values.size))
     expected[0, :4] = 1 / 4
-    expected[0, 4:8] = 1 / 4 / (2 * 0.05 / 0.036 * 640 * 0.00625)
+    gain = 2 * 0.05 / 0.036 * 640 * 0.00625
+    expected[0, 4:8] = 1 / 4 / gain
+    start = float(solved.lens.focus_disparity)
+    expected[1, 4:8] = 1e2 * 0.00625 * gain * (0.5 - start) / 100 / 4
     np.testing.assert_allclose(check_gradients(solved, values), expected, atol=1e-12)

@@ -168,7 +168,7 @@ def make_limits(
         narrowest,
         lambda v: (v > widest) & (v < np.inf),
         "the f-number range's end",
-        "a finite number above the range's start",
+        "a finite number above the range's start; to hold the f-number, leave it out of what is free",
         "f_number_range.1",
     )
     return Limits(

@@ -129,6 +129,12 @@ def find_optimum(
     one_plane = slope * widest * (nearest - farthest) < UNDETERMINED_PX
     pinhole = slope * widest * (box.upper[0] - box.lower[0]) < UNDETERMINED_PX
 
+    def nearest_radius(side: Float[Array, ""]) -> Float[Array, ""]:
+        """For wishes on one plane, of which all without a side are on that one."""
+        return _nearest_radius(line, jnp.where(points.signed, 1.0, side) * points.target, start, scale, box)
+
+    nearest = jax.vmap(nearest_radius)(jnp.array([1.0, -1.0], start.dtype)) if free_aperture else start
+
     def far(value: Float[Array, "2"]) -> Float[Array, ""]:
         """How much a value changes the picture, in pixels."""
         return jnp.linalg.norm(scale * (value - start))
@@ -137,7 +143,7 @@ def find_optimum(
         """The best value with the points behind the focus that are farther than this disparity."""
         side = jnp.where(points.signed | (points.disparity < nearest_behind), 1.0, -1.0)
         target = side * points.target
-        values = _candidates(line, target, start, scale, box, free_aperture, pinhole)
+        values = _candidates(line, target, start, nearest, box, free_aperture, pinhole)
         miss, noise = jax.vmap(line.misses, in_axes=(0, None))(values, target)
         cost = miss**2 @ line.share
         slack = (2.0 * jnp.abs(miss) * noise + noise**2) @ line.share
@@ -145,7 +151,7 @@ def find_optimum(
             # The first candidate keeps the aperture, which is not best but for rounding or on one plane.
             equal = cost - slack <= jnp.min(cost)
             change = jnp.where(equal, jax.vmap(far)(values), jnp.inf)
-            chosen = jnp.where(one_plane, jnp.argmin(change), jnp.argmin(cost.at[:2].set(jnp.inf)))
+            chosen = jnp.where(one_plane, jnp.argmin(change), jnp.argmin(cost.at[:3].set(jnp.inf)))
         else:
             chosen = 0
         return _Choice(values[chosen], side, cost[chosen], slack[chosen])
@@ -182,14 +188,14 @@ def _candidates(
     line: _Line,
     target: Float[Array, "n"],
     start: Float[Array, "2"],
-    scale: Float[Array, "2"],
+    nearest: Float[Array, "2"],
     box: Box,
     free_aperture: bool,
     pinhole: Bool[Array, ""],
 ) -> Float[Array, "m 2"]:
     """Feasible values, of which the best is the optimum for `target`.
 
-    The first keeps the aperture; the second is the best of one plane that is nearest to the start.
+    The first keeps the aperture, the next have the radii that are `nearest` to it on one plane.
     """
 
     def at_radius(radius: Float[Array, ""]) -> Float[Array, "2"]:
@@ -203,8 +209,7 @@ def _candidates(
     if not free_aperture:
         return at_radius(start[1])[None]
     inside = jnp.clip(line.both(target, start[1]), box.lower[1], box.upper[1])
-    nearest = _nearest_radius(line, target, start, scale, box)
-    radii = jnp.stack([start[1], nearest, inside, box.lower[1], box.upper[1]])
+    radii = jnp.stack([start[1], *nearest, inside, box.lower[1], box.upper[1]])
     foci = jnp.stack([box.lower[0], box.upper[0]])
     return jnp.concatenate([jax.vmap(at_radius)(radii), jax.vmap(at_focus)(foci)])
 
@@ -251,10 +256,12 @@ def _nearest_radius(
 def nearest_of(
     equal: Bool[Array, " s"], change: Float[Array, " s"], focus: Float[Array, " s"]
 ) -> Int[Array, ""]:
-    """Of solutions that are `equal` the one of least `change`, and of such the one of nearest focus."""
+    """Of solutions that are `equal` the one of least `change`, and of such the one of nearest focus.
+
+    Changes in pixels that are within 1 % of one another are the same.
+    """
     least = jnp.min(jnp.where(equal, change, jnp.inf))
-    slack = jnp.sqrt(jnp.finfo(change.dtype).eps) * (least + 1.0)
-    return jnp.argmax(jnp.where(equal & (change <= least + slack), focus, -jnp.inf))
+    return jnp.argmax(jnp.where(equal & (change <= 1.01 * least + UNDETERMINED_PX), focus, -jnp.inf))
 
 
 def _pushed(

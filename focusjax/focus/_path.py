@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from focusjax.focus._bounds import Box
 from focusjax.focus._joint import Joint
 from focusjax.focus._objective import Objective
-from focusjax.focus._search import starts, walks
+from focusjax.focus._search import nearest, starts, walks
 
 
 def way_through(
@@ -56,6 +56,13 @@ def way_through(
     share = joint.smoothness / joint.unit
     chosen = cheapest_way(pixels, cost, jnp.maximum(joint.steadiness / joint.unit, share**0.25))
     best = jnp.take_along_axis(values, chosen[:, None, None], axis=1)[:, 0]
+
+    def near(
+        frame: Objective, best: Float[Array, "k"], first: Float[Array, "k"], box: Box
+    ) -> Float[Array, "k"]:
+        return nearest(frame, best, frame.natural_side(best), first, box, max_steps)[0]
+
+    best = jax.vmap(near)(joint.frames, best, first, boxes)
     return _filled(best * joint.scale, counts)
 
 

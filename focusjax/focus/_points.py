@@ -19,6 +19,11 @@ from focusjax._counts import require_counts
 from focusjax._words import kind_of
 from focusjax.focus._units import Diameter, amount
 
+MOST_AMOUNT = 1e6
+"""Largest diameter, margin or tolerance, in its own unit: no picture has as many pixels in a row."""
+
+MOST_WEIGHT = 1e12
+
 Vector: TypeAlias = Sequence[SupportsFloat] | np.ndarray | Array
 
 
@@ -241,11 +246,7 @@ class InFrame:
     margin: Diameter = 0.0
 
     def __post_init__(self) -> None:
-        margin = amount(self.margin)
-        if not isinstance(margin, Tracer) and not 0 <= margin < math.inf:
-            raise ValueError(
-                f"the frame's margin is {self.margin}; expected zero or a positive finite number"
-            )
+        _check_range("the frame's margin is", amount(self.margin), MOST_AMOUNT)
 
 
 Wish: TypeAlias = Sharp | Blur | AtMost | AtLeast | SameBlur | ShownAt | InFrame
@@ -291,9 +292,8 @@ class FocusPoint:
                 f"{label} is a depth range, which is nowhere in the picture; give it another wish"
             )
         weight = number_or_traced(self.weight, f"the weight of {label}", "zero or a positive finite number")
-        for what, value in (("weight", weight), ("tolerance", amount(self.tolerance))):
-            if not isinstance(value, Tracer) and not 0 <= value < math.inf:
-                raise ValueError(f"{label} has {what} {value}; expected zero or a positive finite number")
+        _check_range(f"{label} has weight", weight, MOST_WEIGHT)
+        _check_range(f"{label} has tolerance", amount(self.tolerance), MOST_AMOUNT)
 
 
 def check_kind(what: str, value: object, kinds: Any) -> None:
@@ -310,6 +310,12 @@ def _pixels(x: Any, y: Any, what: str) -> tuple[float, float]:
     )
 
 
+def _check_range(what: str, value: Any, most: float) -> None:
+    """Refuses a known number that is negative, too large, or none."""
+    if not isinstance(value, Tracer) and not 0 <= value <= most:
+        raise ValueError(f"{what} {value}; expected zero or a positive number of at most {most:g}")
+
+
 def _check_samples(samples: int, what: str) -> None:
     require_counts(**{f"the number of samples of {what}": samples})
 
@@ -319,8 +325,8 @@ def _check_diameter(what: str, diameter: Diameter, *, negative: bool = False) ->
     if isinstance(value, Tracer):
         return
     unit = "" if not isinstance(diameter, SupportsFloat) else " px"
-    if not math.isfinite(value):
-        raise ValueError(f"{what} is {value}{unit}; expected a finite diameter")
+    if not abs(value) <= MOST_AMOUNT:
+        raise ValueError(f"{what} is {value}{unit}; expected a diameter of at most {MOST_AMOUNT:g}")
     if value < 0 and not negative:
         raise ValueError(
             f"{what} is {value}{unit}; a diameter is not negative, unless the wish is signed to"

@@ -27,11 +27,11 @@ MOST_CUTS = 16
 MOST_TILTED_CUTS = 8
 """The same for each of several planes, when tilt or swing is free."""
 
-_ROUNDS = 3
-"""Walks from each start."""
-
 _STEPS_BACK = 12
-"""Steps towards the lens as given, along what the wishes leave open."""
+"""Steps from the best solution towards the lens as given, along what the wishes leave open."""
+
+_ARRIVED_PX = 1e-5
+"""A step that changes the picture by no more is the last."""
 
 _ALIGNED = 1e-6
 """Squared sine of the angle below which an open direction is a parameter's own."""
@@ -86,7 +86,7 @@ def search(objective: Objective, first: Float[Array, "k"], box: Box, *, many: bo
     equal = cost - slack <= jnp.min(cost + slack)
     focus = jax.vmap(lambda value: objective.parameters(value)[FOCUS])(found.value)
     chosen = nearest_of(equal, jax.vmap(lambda value: objective.change(value, first))(found.value), focus)
-    value, side = found.value[chosen], natural[chosen]
+    value, side = nearest(objective, found.value[chosen], natural[chosen], first, box, max_steps)
     at_lower, at_upper = _pushed(objective, value, side, box)
     on = objective.on(value, side)
     held, open_ = _open(objective, value, side, on, ~(at_lower | at_upper), box)
@@ -113,9 +113,8 @@ def walks(
 ) -> tuple[Walk, Float[Array, "s n"], Float[Array, "s"], Float[Array, "s"]]:
     """Walks from all starts: with the sides on which they end, their costs, and what of these is rounding.
 
-    Every walk is taken again, from where the one before it ends but with what the wishes leave open brought
-    back to the lens as given, as near as it can be: once to come to the limits that keep it from there, and
-    once along these.
+    Every walk is taken a second time, from where the first one ends but with what the wishes leave open
+    brought back towards the lens as given.
 
     Args:
         objective: what to minimise.
@@ -131,24 +130,45 @@ def walks(
         found = walk(objective, side, value, box, max_steps)
         natural = objective.natural_side(found.value)
         cost, slack = objective.cost(found.value, natural), objective.slack(found.value, natural)
-        return (natural, _brought_back(objective, found.value, natural, first, box)), (
-            found,
-            natural,
-            cost,
-            slack,
-        )
+        back = _brought_back(objective, found.value, natural, first, box, 1)
+        return (natural, back), (found, natural, cost, slack)
 
-    def again(side: Float[Array, "n"], value: Float[Array, "k"]) -> tuple[Walk, Array, Array, Array]:
+    def twice(side: Float[Array, "n"], value: Float[Array, "k"]) -> tuple[Walk, Array, Array, Array]:
         # A loop, so that the walk is compiled once.
-        _, rounds = jax.lax.scan(round_, (side, value), length=_ROUNDS)
+        _, rounds = jax.lax.scan(round_, (side, value), length=2)
         walked, _, cost, slack = rounds
-        # The last that is as good as any.
-        good = cost - slack <= jnp.min(cost + slack)
-        chosen = _ROUNDS - 1 - jnp.argmax(good[::-1])
-        found, natural, cost, slack = jax.tree.map(lambda leaf: leaf[chosen], rounds)
+        back = cost[1] - slack[1] <= cost[0] + slack[0]
+        found, natural, cost, slack = jax.tree.map(lambda leaf: jnp.where(back, leaf[1], leaf[0]), rounds)
         return eqx.tree_at(lambda walk: walk.steps, found, jnp.sum(walked.steps)), natural, cost, slack
 
-    return jax.vmap(again)(sides, values)
+    return jax.vmap(twice)(sides, values)
+
+
+def nearest(
+    objective: Objective,
+    value: Float[Array, "k"],
+    side: Float[Array, "n"],
+    first: Float[Array, "k"],
+    box: Box,
+    max_steps: int | Int[Array, ""],
+) -> tuple[Float[Array, "k"], Float[Array, "n"]]:
+    """Of the solutions around `value` that are as good the one nearest to `first`, in pixels, and its sides.
+
+    What is open is brought back, which may miss limits that were kept with room to spare; a walk leads to
+    them; and along these it is brought back once more.
+    """
+
+    def round_(start: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], None]:
+        value, side = start
+        back = _brought_back(objective, value, side, first, box, _STEPS_BACK)
+        again = walk(objective, side, back, box, max_steps).value
+        natural = objective.natural_side(again)
+        cost, slack = objective.cost(value, side), objective.slack(value, side)
+        good = objective.cost(again, natural) - objective.slack(again, natural) <= cost + slack
+        return (jnp.where(good, again, value), jnp.where(good, natural, side)), None
+
+    (value, side), _ = jax.lax.scan(round_, (value, side), length=2)
+    return value, side
 
 
 def _brought_back(
@@ -157,19 +177,20 @@ def _brought_back(
     side: Float[Array, "n"],
     first: Float[Array, "k"],
     box: Box,
+    most: int,
 ) -> Float[Array, "k"]:
     """`value`, moved along what the wishes leave open to the place nearest to `first`, in pixels.
 
     Each step goes to the nearest place on the tangent of what is open, and is halved where that is curved so
-    much that it leads away. Limits that are kept with room to spare may be missed on the way: the walk after it
-    leads back to them.
+    much that it leads away. Limits that are kept with room to spare may be missed on the way: the walk after
+    it leads back to them. There are `most` steps at most.
     """
     at_lower, at_upper = _pushed(objective, value, side, box)
     moves = ~(at_lower | at_upper)
     on = objective.on(value, side)
 
-    def step(_: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
-        value, share = state
+    def step(state: _Back) -> _Back:
+        value, share = state.value, state.share
         projection = _weak(objective, value, side, on, moves, box)
         along = jnp.where(moves, box.upper - box.lower, 0.0)[:, None] * projection
         away = objective.scale * (first - value)
@@ -182,9 +203,28 @@ def _brought_back(
         before, after = (jnp.where(on, objective.excess(each, side), 0.0) for each in (value, back))
         worse = objective.share @ after**2 - objective.share @ before**2
         nearer &= worse <= objective.slack(value, side) + objective.slack(back, side)
-        return jnp.where(nearer, back, value), jnp.where(nearer, jnp.minimum(2.0 * share, 1.0), 0.5 * share)
+        moved = objective.change(back, value)
+        return _Back(
+            value=jnp.where(nearer, back, value),
+            share=jnp.where(nearer, jnp.minimum(2.0 * share, 1.0), 0.5 * share),
+            arrived=nearer & (moved <= _ARRIVED_PX),
+            steps=state.steps + 1,
+        )
 
-    return jax.lax.fori_loop(0, _STEPS_BACK, step, (value, jnp.ones((), value.dtype)))[0]
+    def more(state: _Back) -> Bool[Array, ""]:
+        return ~state.arrived & (state.steps < most)
+
+    none = _Back(value, jnp.ones((), value.dtype), jnp.array(False), jnp.array(0))
+    return jax.lax.while_loop(more, step, none).value
+
+
+class _Back(eqx.Module):
+    """Where a way back is, the share of its next step that is taken, whether it is there, and its steps."""
+
+    value: Float[Array, "k"]
+    share: Float[Array, ""]
+    arrived: Bool[Array, ""]
+    steps: Int[Array, ""]
 
 
 def starts(

@@ -71,10 +71,12 @@ def solve(
     solution differentiable, by the implicit function theorem, in the points, the camera, the bounds, the
     priors and whatever of the lens is not solved for.
 
-    What the wishes leave open stays as the starting lens has it, or as near as the rest allows: the
-    f-number when all wishes are at one distance, the tilt about a line that holds all points. Near is what
-    changes the picture least, in pixels of blur as `solve_frames` measures them.
-    `Solution.undetermined` names it. Where two solutions are equally good, the nearer focus is taken.
+    What the wishes leave open stays as the starting lens has it, or as near as the rest allows: of all
+    settings that are equally good those are taken that change the picture least, in pixels as `solve_frames`
+    measures them (`scales`), be it by wishes that any of several settings meet, by limits that are kept, or
+    by sides of the focus. Of two that change it as much, within 1 %, the nearer focus is taken.
+    `Solution.undetermined` names what is open. For focus and f-number of wishes at one distance that is
+    exact; otherwise it is found by steps along what is open, from the best solution.
 
     Args:
         points: located wishes; at least one has positive weight.

@@ -10,22 +10,25 @@ from focusjax.focus._points import Attachment, Wish, check_kind
     ("make", "message"),
     [
         (lambda: Blur(-3.0), "wished blur is -3.0 px; a diameter is not negative, unless the wish is signed"),
-        (lambda: Blur(float("nan")), "wished blur is nan px; expected a finite diameter"),
+        (lambda: Blur(float("nan")), "wished blur is nan px; expected a diameter of at most 1e\\+06"),
         (
             lambda: OnObject("spot", samples=0),
             "the number of samples of object 'spot' is 0; expected a whole",
         ),
         (
             lambda: FocusPoint(AtPixel(1, 1), Sharp(), weight=-1, name="face"),
-            "focus point 'face' has weight -1.0; expected zero or a positive finite number",
+            "focus point 'face' has weight -1.0; expected zero or a positive number of at most 1e\\+12",
         ),
         (
             lambda: FocusPoint(AtPixel(1, 1), Sharp(), weight=float("inf")),
             "a focus point has weight inf",
         ),
+        (lambda: FocusPoint(AtPixel(1, 1), Sharp(), weight=1e38), "has weight 1e\\+38; expected zero or a"),
+        (lambda: FocusPoint(AtPixel(1, 1), Sharp(), tolerance=1e39), "has tolerance 1e\\+39; expected zero"),
+        (lambda: Blur(1e20), "wished blur is 1e\\+20 px; expected a diameter of at most 1e\\+06"),
         (
             lambda: FocusPoint(AtPixel(1, 1), Sharp(), tolerance=-0.5),
-            "a focus point has tolerance -0.5; expected zero or a positive finite number",
+            "a focus point has tolerance -0.5; expected zero or a positive number of at most 1e\\+06",
         ),
     ],
 )

@@ -138,7 +138,7 @@ class TestWhatWishesLeaveOpen:
     def test_the_picture_changes_least(
         self, make_setup, make_points, focus, f_number, target, signed, nearest, relation
     ):
-        """Of all settings that give one blur the one nearest to the start, stills and shots, by brute force."""
+        """Of all settings that give one blur the nearest to the start, stills and shots, by brute force."""
         camera, lens = make_setup(focus_distance=focus, f_number=f_number)
         points = make_points((0.5, target, signed, 1))
         points = dataclasses.replace(points, relation=jnp.full(points.wish.shape, relation))

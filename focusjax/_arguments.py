@@ -55,6 +55,21 @@ def require_kind(
         )
 
 
+def require_known(value: object, usage: str, remedy: str, argument: str) -> None:
+    """Refuse what a JAX transformation traces, where its numbers have to be known.
+
+    Args:
+        value: a tree of arrays.
+        usage: the call with its arguments in order.
+        remedy: why, and what to do instead.
+        argument: the argument's name.
+    """
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(value)):
+        raise ArgumentError(
+            f"{argument} of {usage} is traced by JAX, but has to be known: {remedy}", argument
+        )
+
+
 def require_switches(**switches: Any) -> None:
     """Refuse switches, given by their names, that are neither true nor false: any text would be true.
 

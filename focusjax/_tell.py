@@ -6,7 +6,7 @@ from rich.console import Console
 from rich.table import Table
 
 from focusjax import bench, job
-from focusjax.focus import Solution, SurfaceSolution, WishResult, diagnose
+from focusjax.focus import WISH_HEADINGS, Solution, SurfaceSolution, diagnose, wish_rows
 from focusjax.lens import depth_of_field
 from focusjax.report import (
     angle,
@@ -141,27 +141,12 @@ def comparison(found: bench.CaseResults) -> Table:
 
 def _wishes(solution: Solution | SurfaceSolution) -> Table:
     table = Table(box=None, header_style="dim", pad_edge=False)
-    for heading in ("wish", "wished", "got", "missed by", ""):
+    for heading in WISH_HEADINGS:
         table.add_column(heading, justify="left" if heading in ("wish", "") else "right")
-    for row in solution.table():
-        verdict = "[green]met[/]" if row.met else "[red]missed[/]"
-        if not row.counts:
-            verdict = row.note or "not counted"
-        table.add_row(row.name, _wished(row), f"{row.got:+.2f} px", f"{abs(row.residual):.2f} px", verdict)
+    colours = {"met": "[green]met[/]", "missed": "[red]missed[/]"}
+    for *said, verdict in wish_rows(solution.table()):
+        table.add_row(*said, colours.get(verdict, verdict))
     return table
-
-
-def _wished(row: WishResult) -> str:
-    """A wish in a few words."""
-    if row.relation == "same":
-        return f"as blurred as {row.partner}"
-    if row.relation == "shown at":
-        return "at its place"
-    if row.relation == "in frame":
-        return f"{row.wished:g} px inside"
-    if row.relation != "equal":
-        return f"{row.relation} {row.wished:g} px"
-    return "sharp" if not row.wished else f"{row.wished:+g} px" if row.signed else f"{row.wished:g} px"
 
 
 def _duration(seconds: float) -> str:

@@ -22,7 +22,7 @@ ALLOWED = {
         "_words",
     },
     "scene": {"geometry", "_arguments", "_kept", "_words"},
-    "focus": {"geometry", "lens", "_arguments", "_counts", "_words"},
+    "focus": {"geometry", "lens", "_arguments", "_counts", "_settings", "_words"},
     "layers": {"geometry", "lens", "scene", "_arguments", "_counts", "_freed", "_parallel", "_words"},
     "trace": {"geometry", "lens", "scene", "layers", "_arguments", "_counts", "_freed", "_parallel"},
     "shutter": {"geometry", "lens", "scene", "layers", "trace", "_arguments", "_counts"},
@@ -42,6 +42,7 @@ ALLOWED = {
     "_whole_file": set(),
     "_words": set(),
     "_parallel": set(),
+    "_settings": set(),
     "_stopwatch": set(),
     "job": {
         "geometry",
@@ -56,7 +57,7 @@ ALLOWED = {
         "_arguments",
         "_stopwatch",
     },
-    "report": {"geometry", "lens", "focus", "io", "config", "job"},
+    "report": {"geometry", "lens", "focus", "io", "config", "job", "_settings"},
     "bench": {
         "geometry",
         "lens",
@@ -104,6 +105,7 @@ ALLOWED["__init__"] = set(ALLOWED) - {
     "_counts",
     "_monotone_cubic",
     "_parallel",
+    "_settings",
     "_stopwatch",
     "_words",
     "baselines",

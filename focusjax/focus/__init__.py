@@ -49,6 +49,8 @@ from focusjax.focus._points import SameBlur as SameBlur
 from focusjax.focus._points import Sharp as Sharp
 from focusjax.focus._points import ShownAt as ShownAt
 from focusjax.focus._points import Wish as Wish
+from focusjax.focus._printed import WISH_HEADINGS as WISH_HEADINGS
+from focusjax.focus._printed import wish_rows as wish_rows
 from focusjax.focus._priors import Prior as Prior
 from focusjax.focus._solution import Result as Result
 from focusjax.focus._solution import Solution as Solution

@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._frames_asked import FramesAsked
 from focusjax.focus._image_points import ImagePoints
-from focusjax.focus._solution import Result, WishResult, one_row, wish_table
+from focusjax.focus._solution import Result, WishResult, one_row, text_of, wish_table
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens
 
@@ -69,6 +69,9 @@ class FramesSolution(eqx.Module):
     open: Bool[Array, "k"]
     free: tuple[str, ...] = eqx.field(static=True)
     asked: FramesAsked | None = None
+
+    def __str__(self) -> str:
+        return text_of(self)
 
     @property
     def count(self) -> int:

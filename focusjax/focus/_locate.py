@@ -9,7 +9,14 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int, Integer
 
-from focusjax._arguments import ArgumentError, about, real_number, real_numbers, require_kind
+from focusjax._arguments import (
+    ArgumentError,
+    about,
+    real_number,
+    real_numbers,
+    require_kind,
+    require_known,
+)
 from focusjax._words import did_you_mean, kind_of, shown
 from focusjax.focus._framing import Row, ends, frames, framing_rows
 from focusjax.focus._image_points import AT_LEAST, AT_MOST, BLUR, EQUAL, SAME, ImagePoints
@@ -177,17 +184,8 @@ def _check_wishes(points: object, camera: object) -> None:
                 f"points.{index}",
             )
     require_kind(camera, Camera, usage, "`look_at` and `make_camera` make one", "camera")
-    require_known(camera, usage)
-
-
-def require_known(camera: object, usage: str) -> None:
-    """Refuse a camera that a JAX transformation traces; `usage` is the call with its arguments in order."""
-    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(camera)):
-        raise ArgumentError(
-            f"camera of {usage} is traced by JAX, so that nobody knows what shows; locate the"
-            " wishes before, and trace the points that are found",
-            "camera",
-        )
+    remedy = "it decides what shows; locate the wishes before, and trace the points that are found"
+    require_known(camera, usage, remedy, "camera")
 
 
 def _names(points: Sequence[FocusPoint]) -> tuple[str, ...]:

@@ -3,7 +3,8 @@
 Given sides, the errors are convex in (E, E n), so a walk ends at the best there is for its sides. Of an
 upright lens only the order of the points in depth decides which sides can be: every cut between two of them
 is a start, up to `MOST_CUTS`, so the best over all starts is the best of all. Of a tilted lens the sides are
-those of points and a plane, of which planes parallel to the sensor and a few tilted ones are tried.
+those of points and a plane, of which planes parallel to the sensor, a few tilted ones, and the best of those
+through triples of the points are tried (`plane_starts`).
 """
 
 from typing import Any
@@ -19,6 +20,7 @@ from focusjax.focus._global import UNDETERMINED_PX, nearest_of
 from focusjax.focus._image_points import SAME
 from focusjax.focus._objective import Objective
 from focusjax.focus._parameters import FOCUS, SWING, TILT, ZOOM, BlurModel
+from focusjax.focus._plane_starts import plane_starts
 from focusjax.focus._walk import Walk, walk, with_products
 
 MOST_CUTS = 16
@@ -256,7 +258,12 @@ def starts(
 
     shares = jnp.linspace(0.0, 1.0, cuts + 1, dtype=first.dtype)
     values, sides = jax.vmap(jax.vmap(cut, in_axes=(None, 0)), in_axes=(0, None))(jnp.stack(bases), shares)
-    return values.reshape(-1, first.size), sides.reshape(-1, objective.points.disparity.shape[0])
+    values = values.reshape(-1, first.size)
+    sides = sides.reshape(-1, objective.points.disparity.shape[0])
+    if len(bases) > 1:
+        through, divided = plane_starts(objective, first, box)
+        values, sides = jnp.concatenate([values, through]), jnp.concatenate([sides, divided])
+    return values, sides
 
 
 def _cut(objective: Objective, base: Float[Array, "k"], share: Float[Array, ""]) -> Float[Array, ""]:

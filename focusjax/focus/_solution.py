@@ -1,6 +1,7 @@
 """What a solve found: the lens, how well each wish is met, and what stood in the way."""
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -157,6 +158,9 @@ class Solution(eqx.Module):
     free: tuple[str, ...] = eqx.field(static=True)
     asked: Asked | None = None
 
+    def __str__(self) -> str:
+        return text_of(self)
+
     def at(self, index: int) -> "Solution":
         """One of the solutions that `solve_many` found, counted from 0."""
         if np.ndim(self.cost) == 0:
@@ -262,6 +266,16 @@ def _framing(
     place = np.where(points.quantity[rows] == ACROSS, *points.xy[rows].T)
     room = np.where(points.relation[rows] == AT_LEAST, 1.0, -1.0) * (place - points.target[rows])
     return IN_FRAME, margin, margin + float(room.min()), -float(short)
+
+
+def text_of(solution: Any) -> str:
+    """What `print` says: settings, wishes and diagnosis; where values are traced, the arrays' shapes."""
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(solution)):
+        return repr(solution)
+    # The diagnosis solves again, and so knows of solutions.
+    from focusjax.focus._printed import printed
+
+    return printed(solution)
 
 
 def one_row(leaf: Array, index: int) -> Array:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from focusjax._arguments import require_kind
+from focusjax._arguments import require_kind, require_known
 from focusjax._stopwatch import Stopwatch
 from focusjax.config import (
     Config,
@@ -30,7 +30,6 @@ from focusjax.focus import (
     SurfaceSolution,
     locate,
 )
-from focusjax.focus._locate import require_known
 from focusjax.geometry import Camera
 from focusjax.job._exposed import ExposedLens, ExposedSolution
 from focusjax.job._glass import ThroughGlass, left_to_quality, through_glass
@@ -244,7 +243,8 @@ def find_points(
     require_kind(scene, Scene, usage, "`make_scene` makes one", "scene")
     require_kind(camera, Camera, usage, "`look_at` and `make_camera` make one", "camera")
     if disparity is None:
-        require_known(camera, usage)
+        remedy = "it decides what shows; locate the wishes before, and trace the points that are found"
+        require_known(camera, usage, remedy, "camera")
         with jax.ensure_compile_time_eval():
             disparity = disparity_map(scene, camera)
     return locate(

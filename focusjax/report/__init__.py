@@ -1,5 +1,8 @@
 """What a run leaves behind for people and programs to read."""
 
+from focusjax._settings import angle as angle
+from focusjax._settings import f_number as f_number
+from focusjax._settings import metres as metres
 from focusjax.report._glass import glass_facts as glass_facts
 from focusjax.report._glass import glass_sentences as glass_sentences
 from focusjax.report._quality import quality_facts as quality_facts
@@ -9,6 +12,3 @@ from focusjax.report._save import save_outcome as save_outcome
 from focusjax.report._summary import movements as movements
 from focusjax.report._summary import summary as summary
 from focusjax.report._summary import versions as versions
-from focusjax.report._words import angle as angle
-from focusjax.report._words import f_number as f_number
-from focusjax.report._words import metres as metres

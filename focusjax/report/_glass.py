@@ -2,8 +2,8 @@
 
 from typing import Any
 
+from focusjax._settings import metres
 from focusjax.job import Outcome
-from focusjax.report._words import metres
 
 
 def glass_facts(outcome: Outcome) -> dict[str, Any] | None:

@@ -5,9 +5,9 @@ from typing import Any
 
 import jinja2
 
+from focusjax._settings import angle, f_number, metres
 from focusjax.report._glass import glass_sentences
 from focusjax.report._quality import quality_sentence
-from focusjax.report._words import angle, f_number, metres
 
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("focusjax.report", "."),

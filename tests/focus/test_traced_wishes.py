@@ -115,7 +115,7 @@ def test_what_has_to_be_known_is_told():
         jax.jit(place)(2.0)
     with pytest.raises(ValueError, match="start is traced by JAX, but has to be known"):
         jax.jit(lambda z: FocusPoint(InDepthRange(z, 2.0 * z), Sharp()) and z)(2.0)
-    with pytest.raises(ArgumentError, match=r"camera of locate.* is traced"):
+    with pytest.raises(ArgumentError, match=r"camera of locate.* is traced by JAX, but has to be known"):
         jax.jit(lambda camera: locate([at(2.0, Sharp())], camera).xy)(CAMERA)
     with pytest.raises(ValueError, match="expected a number of pixels"):
         jax.jit(lambda px: Blur(px) and px)(jnp.zeros(2))

@@ -108,8 +108,9 @@ def render_settings(
     usage = "(layers, lens)"
     require_kind(layers, Layers, usage, "`peel` and `decompose` make them", "layers")
     require_kind(lens, AbstractLens, usage, "`thin_lens` makes one, as others do", "lens")
+    require_counts(rays=rays)
     derivative_rays = max(1, rays // 2) if derivative_rays is None else derivative_rays
-    require_counts(rays=rays, derivative_rays=derivative_rays)
+    require_counts(derivative_rays=derivative_rays)
     smooth = not even if smooth is None else smooth
     require_switches(even=even, smooth=smooth)
     chosen = layers.pixel_filter if pixel_filter is None else pixel_filter

@@ -148,7 +148,7 @@ def find_optimum(
         cost = miss**2 @ line.share
         slack = (2.0 * jnp.abs(miss) * noise + noise**2) @ line.share
         if free_aperture:
-            # The first candidate keeps the aperture, which is not best but for rounding or on one plane.
+            # The first three candidates keep the aperture or change it least: for wishes on one plane only.
             equal = cost - slack <= jnp.min(cost)
             change = jnp.where(equal, jax.vmap(far)(values), jnp.inf)
             chosen = jnp.where(one_plane, jnp.argmin(change), jnp.argmin(cost.at[:3].set(jnp.inf)))
@@ -167,12 +167,6 @@ def find_optimum(
     movable = ~held & jnp.array([True, free_aperture])
     at_lower = movable & (value <= box.lower) & down
     at_upper = movable & (value >= box.upper) & up
-    # Along E (u - w) = constant.
-    safe = jnp.maximum(value[1], jnp.finfo(value.dtype).tiny)
-    along = jnp.stack([-(value[0] - line.share @ points.disparity) / safe, jnp.ones_like(safe)])
-    span = box.upper - box.lower
-    along = along / jnp.where(span > 0, span, 1.0)
-    along = along / jnp.linalg.norm(along)
     slides = one_plane & free_aperture & ~jnp.any(held | at_lower | at_upper)
     return Optimum(
         value=value,
@@ -180,8 +174,18 @@ def find_optimum(
         held=held,
         at_lower=at_lower,
         at_upper=at_upper,
-        open=jnp.where(slides, jnp.outer(along, along), 0.0),
+        open=jnp.where(slides, _along_one_plane(line, value, box), 0.0),
     )
+
+
+def _along_one_plane(line: _Line, value: Float[Array, "2"], box: Box) -> Float[Array, "2 2"]:
+    """Projection, in parameters over their ranges, onto the direction of E (u - w) = constant."""
+    safe = jnp.maximum(value[1], jnp.finfo(value.dtype).tiny)
+    along = jnp.stack([-(value[0] - line.share @ line.disparity) / safe, jnp.ones_like(safe)])
+    span = box.upper - box.lower
+    along = along / jnp.where(span > 0, span, 1.0)
+    along = along / jnp.linalg.norm(along)
+    return jnp.outer(along, along)
 
 
 def _candidates(

@@ -83,7 +83,9 @@ class Objective(eqx.Module):
         own = self.own.value(parameters)
         led = side * own
         if self.relation is not None:
-            led = jnp.where((self.relation == AT_MOST) & ~self.points.signed, jnp.abs(own), led)
+            # Not `jnp.abs`, which has no slope at 0.
+            size = jnp.where(own >= 0.0, own, -own)
+            led = jnp.where((self.relation == AT_MOST) & ~self.points.signed, size, led)
         led = led - self.points.target
         if self.other is not None:
             led = led - jnp.where(self.relation == SAME, self.other.value(parameters), 0.0)

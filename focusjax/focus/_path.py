@@ -11,8 +11,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._bounds import Box
 from focusjax.focus._joint import Joint
+from focusjax.focus._nearest import nearest
 from focusjax.focus._objective import Objective
-from focusjax.focus._search import nearest, starts, walks
+from focusjax.focus._search import starts, walks
 
 
 def way_through(
@@ -38,10 +39,7 @@ def way_through(
     def answers(
         frame: Objective, first: Float[Array, "k"], box: Box
     ) -> tuple[Float[Array, "s k"], Float[Array, "s"]]:
-        values, sides = first[None], frame.natural_side(first)[None]
-        if many:
-            more_values, more_sides = starts(frame, first, box)
-            values, sides = jnp.concatenate([values, more_values]), jnp.concatenate([sides, more_sides])
+        values, sides = starts(frame, first, box, many=many)
         walked, _, cost, slack = walks(frame, sides, values, first, box, max_steps)
         found = walked.value
         # Among equals the one that changes the picture least, as for a single picture.

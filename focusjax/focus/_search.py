@@ -16,12 +16,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._bounds import Box
-from focusjax.focus._global import UNDETERMINED_PX, nearest_of
+from focusjax.focus._global import nearest_of
 from focusjax.focus._image_points import SAME
+from focusjax.focus._nearest import nearest, step_back, weak_directions
 from focusjax.focus._objective import Objective
 from focusjax.focus._parameters import FOCUS, SWING, TILT, ZOOM, BlurModel
 from focusjax.focus._plane_starts import plane_starts
-from focusjax.focus._walk import Walk, walk, with_products
+from focusjax.focus._walk import Walk, walk
 
 MOST_CUTS = 16
 """Depths at which starts of an upright lens cut the points in two."""
@@ -29,11 +30,8 @@ MOST_CUTS = 16
 MOST_TILTED_CUTS = 8
 """The same for each of several planes, when tilt or swing is free."""
 
-_STEPS_BACK = 12
-"""Steps from the best solution towards the lens as given, along what the wishes leave open."""
-
-_ARRIVED_PX = 1e-5
-"""A step that changes the picture by no more is the last."""
+_STEPS_OF_EACH = 2
+"""Steps from the end of every walk towards the lens as given, among what is equally good."""
 
 _ALIGNED = 1e-6
 """Squared sine of the angle below which an open direction is a parameter's own."""
@@ -78,12 +76,7 @@ def search(objective: Objective, first: Float[Array, "k"], box: Box, *, many: bo
         many: whether some wishes leave their side open, so that one start may not do (static).
         max_steps: steps allowed to each walk.
     """
-    values, sides = first[None], objective.natural_side(first)[None]
-    if many:
-        more_values, more_sides = starts(objective, first, box)
-        values = jnp.concatenate([values, more_values])
-        sides = jnp.concatenate([sides, more_sides])
-
+    values, sides = starts(objective, first, box, many=many)
     found, natural, cost, slack = walks(objective, sides, values, first, box, max_steps)
     equal = cost - slack <= jnp.min(cost + slack)
     focus = jax.vmap(lambda value: objective.parameters(value)[FOCUS])(found.value)
@@ -132,7 +125,7 @@ def walks(
         found = walk(objective, side, value, box, max_steps)
         natural = objective.natural_side(found.value)
         cost, slack = objective.cost(found.value, natural), objective.slack(found.value, natural)
-        back = _brought_back(objective, found.value, natural, first, box, 1)
+        back = step_back(objective, found.value, natural, first, box, _STEPS_OF_EACH)
         return (natural, back), (found, natural, cost, slack)
 
     def twice(side: Float[Array, "n"], value: Float[Array, "k"]) -> tuple[Walk, Array, Array, Array]:
@@ -146,93 +139,21 @@ def walks(
     return jax.vmap(twice)(sides, values)
 
 
-def nearest(
-    objective: Objective,
-    value: Float[Array, "k"],
-    side: Float[Array, "n"],
-    first: Float[Array, "k"],
-    box: Box,
-    max_steps: int | Int[Array, ""],
-) -> tuple[Float[Array, "k"], Float[Array, "n"]]:
-    """Of the solutions around `value` that are as good the one nearest to `first`, in pixels, and its sides.
-
-    What is open is brought back, which may miss limits that were kept with room to spare; a walk leads to
-    them; and along these it is brought back once more.
-    """
-
-    def round_(start: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], None]:
-        value, side = start
-        back = _brought_back(objective, value, side, first, box, _STEPS_BACK)
-        again = walk(objective, side, back, box, max_steps).value
-        natural = objective.natural_side(again)
-        cost, slack = objective.cost(value, side), objective.slack(value, side)
-        good = objective.cost(again, natural) - objective.slack(again, natural) <= cost + slack
-        return (jnp.where(good, again, value), jnp.where(good, natural, side)), None
-
-    (value, side), _ = jax.lax.scan(round_, (value, side), length=2)
-    return value, side
-
-
-def _brought_back(
-    objective: Objective,
-    value: Float[Array, "k"],
-    side: Float[Array, "n"],
-    first: Float[Array, "k"],
-    box: Box,
-    most: int,
-) -> Float[Array, "k"]:
-    """`value`, moved along what the wishes leave open to the place nearest to `first`, in pixels.
-
-    Each step goes to the nearest place on the tangent of what is open, and is halved where that is curved so
-    much that it leads away. Limits that are kept with room to spare may be missed on the way: the walk after
-    it leads back to them. There are `most` steps at most.
-    """
-    at_lower, at_upper = _pushed(objective, value, side, box)
-    moves = ~(at_lower | at_upper)
-    on = objective.on(value, side)
-
-    def step(state: _Back) -> _Back:
-        value, share = state.value, state.share
-        projection = _weak(objective, value, side, on, moves, box)
-        along = jnp.where(moves, box.upper - box.lower, 0.0)[:, None] * projection
-        away = objective.scale * (first - value)
-        change = share * (along @ (jnp.linalg.pinv(objective.scale[:, None] * along) @ away))
-        # A parameter that no wish holds goes all the way, without rounding.
-        whole = _alone(moves, projection) & (share == 1.0)
-        back = jnp.where(whole, first, with_products(value, change, box, objective.columns))
-        back = jnp.clip(jnp.where(moves, back, value), box.lower, box.upper)
-        nearer = objective.change(back, first) <= objective.change(value, first)
-        before, after = (jnp.where(on, objective.excess(each, side), 0.0) for each in (value, back))
-        worse = objective.share @ after**2 - objective.share @ before**2
-        nearer &= worse <= objective.slack(value, side) + objective.slack(back, side)
-        moved = objective.change(back, value)
-        return _Back(
-            value=jnp.where(nearer, back, value),
-            share=jnp.where(nearer, jnp.minimum(2.0 * share, 1.0), 0.5 * share),
-            arrived=nearer & (moved <= _ARRIVED_PX),
-            steps=state.steps + 1,
-        )
-
-    def more(state: _Back) -> Bool[Array, ""]:
-        return ~state.arrived & (state.steps < most)
-
-    none = _Back(value, jnp.ones((), value.dtype), jnp.array(False), jnp.array(0))
-    return jax.lax.while_loop(more, step, none).value
-
-
-class _Back(eqx.Module):
-    """Where a way back is, the share of its next step that is taken, whether it is there, and its steps."""
-
-    value: Float[Array, "k"]
-    share: Float[Array, ""]
-    arrived: Bool[Array, ""]
-    steps: Int[Array, ""]
-
-
 def starts(
+    objective: Objective, first: Float[Array, "k"], box: Box, *, many: bool
+) -> tuple[Float[Array, "s k"], Float[Array, "s n"]]:
+    """Values to start from, and the sides to assume for each: the lens as given and, if `many`, others."""
+    values, sides = first[None], objective.natural_side(first)[None]
+    if many:
+        other_values, other_sides = _other_starts(objective, first, box)
+        values, sides = jnp.concatenate([values, other_values]), jnp.concatenate([sides, other_sides])
+    return values, sides
+
+
+def _other_starts(
     objective: Objective, first: Float[Array, "k"], box: Box
 ) -> tuple[Float[Array, "s k"], Float[Array, "s n"]]:
-    """Values to start from, and the sides to assume for each."""
+    """Lenses focused and tilted elsewhere, on either side of cuts between the points."""
     columns = objective.columns
     turns = (0.0, 1.0) if FOCUS in columns else np.linspace(0.0, 1.0, MOST_TILTED_CUTS)
     bases = [first]
@@ -314,28 +235,13 @@ def _open(
     box: Box,
 ) -> tuple[Bool[Array, "k"], Float[Array, "k k"]]:
     """Parameters, and a projection onto directions, whose whole range changes no wish's blur by much."""
-    projection = _weak(objective, value, side, on, moves, box)
-    held = _alone(moves, projection)
-    mixed = moves & ~held
-    return held, jnp.where(mixed[:, None] & mixed[None], projection, 0.0)
-
-
-def _weak(
-    objective: Objective,
-    value: Float[Array, "k"],
-    side: Float[Array, "n"],
-    on: Bool[Array, "n"],
-    moves: Bool[Array, "k"],
-    box: Box,
-) -> Float[Array, "k k"]:
-    """Projection, in parameters over their ranges, onto what changes no wish by much, or does not move."""
     unit = jnp.where(moves, box.upper - box.lower, 0.0)
     slopes = jax.jacfwd(objective.excess)(value, side)
     slopes = jnp.where((on & objective.counted)[:, None], slopes, 0.0)
-    scaled = jnp.concatenate([slopes, jnp.diag(objective.priors.inverse)]) * unit[None]
-    _, strength, rows = jnp.linalg.svd(scaled, full_matrices=False)
-    weak = jnp.where(strength < UNDETERMINED_PX, 1.0, 0.0)
-    return (rows.T * weak[None]) @ rows
+    projection = weak_directions(jnp.concatenate([slopes, jnp.diag(objective.priors.inverse)]) * unit[None])
+    held = _alone(moves, projection)
+    mixed = moves & ~held
+    return held, jnp.where(mixed[:, None] & mixed[None], projection, 0.0)
 
 
 def _alone(moves: Bool[Array, "k"], projection: Float[Array, "k k"]) -> Bool[Array, "k"]:

@@ -76,8 +76,7 @@ def solve(
     measures them (`scales`), be it by wishes that any of several settings meet, by limits that are kept, or
     by sides of the focus. Of two that change it as much, within 1 %, the nearer focus is taken.
     `Solution.undetermined` names what is open. For focus and f-number of wishes at one distance that is
-    exact; otherwise it is found by steps along what is open, from the best solution. Limits at several
-    distances that are missed at first may so be met with more of a change than they need.
+    exact; otherwise it is the nearest of the basins that the search finds (`nearest`).
 
     Args:
         points: located wishes; at least one has positive weight.

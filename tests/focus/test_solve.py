@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from focusjax.focus import AT_LEAST, EQUAL, ImagePoints, Result, solve, solve_frames, solve_many, stacked
+from focusjax.focus import ImagePoints, Result, solve, solve_many, stacked
 
 BOTH = ("focus", "f_number")
 # Blur per metre of aperture radius and dioptre for the fixture's camera: 2 f = 2 * 50 / 36 * 640 px.
@@ -114,82 +114,6 @@ class TestBounds:
         solution = solve(points, camera, lens, free=BOTH, f_number_range=(2.8, 11.0))
         # Any f-number keeps one plane sharp, so the start is kept.
         np.testing.assert_allclose(parameters(solution), [0.5, float(lens.aperture_radius)], rtol=1e-7)
-
-
-class TestWhatWishesLeaveOpen:
-    def test_one_plane_leaves_the_f_number_alone(self, make_setup, make_points):
-        camera, lens = make_setup()
-        solution = solve(make_points((0.5, 0, True, 1)), camera, lens, free=BOTH)
-        assert solution.undetermined == ("f_number",)
-        assert solution.result == Result.undetermined
-        np.testing.assert_allclose(parameters(solution), [0.5, float(lens.aperture_radius)], rtol=1e-15)
-
-    @pytest.mark.parametrize("relation", [EQUAL, AT_LEAST])
-    @pytest.mark.parametrize(
-        ("focus", "f_number", "target", "signed", "nearest"),
-        [
-            (1.0, 2.0, 20.0, False, 0.2),
-            (5.0, 2.0, 10.0, False, 0.2),
-            (np.inf, 4.0, 30.0, False, 0.2),
-            (5.0, 2.0, 16.0, True, 1.0),
-            (3.0, 16.0, 20.0, True, 0.9),
-        ],
-    )
-    def test_the_picture_changes_least(
-        self, make_setup, make_points, focus, f_number, target, signed, nearest, relation
-    ):
-        """Of all settings that give one blur the nearest to the start, stills and shots, by brute force."""
-        camera, lens = make_setup(focus_distance=focus, f_number=f_number)
-        points = make_points((0.5, target, signed, 1))
-        points = dataclasses.replace(points, relation=jnp.full(points.wish.shape, relation))
-        options = {"free": BOTH, "min_focus_distance": nearest}
-        start = np.array([1 / focus, 0.025 / f_number])
-        scale = np.array([SLOPE * start[1], 10.0 / start[1]])
-
-        def far(value):
-            return np.linalg.norm(scale * (value - start), axis=-1)
-
-        # What gives the blur on either side of the focus; of limits that are missed at the start, their ends.
-        radius = 0.025 / np.geomspace(1, 32, 200_001)
-        sides = (1.0,) if signed else (1.0, -1.0)
-        every = np.concatenate(
-            [np.stack([0.5 + side * target / (SLOPE * radius), radius], -1) for side in sides]
-        )
-        every = every[(every[:, 0] >= 0) & (every[:, 0] <= 1 / nearest)]
-        best = far(every).min()
-        found = solve(points, camera, lens, **options)
-        shot = solve_frames([points], camera, lens, **options)
-        assert float(found.cost) < 1e-18
-        # Observed: 4e-5 px more.
-        assert far(parameters(found)) == pytest.approx(best, abs=1e-3)
-        # Observed: 5e-6.
-        np.testing.assert_allclose(
-            [shot.lens.focus_disparity[0], shot.lens.aperture_radius[0]], parameters(found), rtol=1e-5
-        )
-
-    def test_a_pinhole_keeps_its_focus(self, make_setup, make_points):
-        camera, lens = make_setup()
-        pinhole = dataclasses.replace(lens, aperture_radius=jnp.zeros(()))
-        solution = solve(make_points((0.5, 0, True, 1)), camera, pinhole)
-        assert solution.undetermined == ("focus",)
-        assert float(solution.lens.focus_disparity) == 0.2
-        assert float(solution.error[0]) == 0.0
-
-    @pytest.mark.parametrize(("focus", "nearer"), [(5.0, False), (1.0, True), (2.0, True)])
-    def test_of_two_equal_valleys_the_one_that_changes_the_picture_less(
-        self, make_setup, make_points, focus, nearer
-    ):
-        """And of two that change it as much, the one of nearer focus."""
-        camera, lens = make_setup(focus_distance=focus)
-        solution = solve(make_points((0.5, 5.0, False, 1)), camera, lens)
-        assert (float(solution.lens.focus_disparity) > 0.5) == nearer
-        np.testing.assert_allclose(abs(float(solution.blur[0])), 5.0, rtol=1e-12)
-
-    def test_a_valley_behind_infinity_is_not_taken(self, make_setup, make_points):
-        camera, lens = make_setup()
-        solution = solve(make_points((0.0, 5.0, False, 1)), camera, lens, min_focus_distance=1.0)
-        assert float(solution.lens.focus_disparity) > 0
-        np.testing.assert_allclose(solution.error, 0, atol=1e-10)
 
 
 def random_problem(seed):

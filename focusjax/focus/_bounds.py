@@ -59,6 +59,12 @@ class Box(eqx.Module):
         pick = jnp.array(chosen)
         return Box(self.lower[pick], self.upper[pick])
 
+    def inside(self, value: Float[Array, "k"]) -> Float[Array, "k"]:
+        """`value`, cut off at the bounds; within rounding of a bound it is at it, so that it counts as there."""
+        near = 16.0 * jnp.finfo(value.dtype).eps * (self.upper - self.lower)
+        value = jnp.where(value <= self.lower + near, self.lower, value)
+        return jnp.where(value >= self.upper - near, self.upper, value)
+
     def at_radius(self, radius: Float[Array, ""]) -> "Box":
         """The box of (focus, aperture radius) without room for the aperture radius to move."""
         return Box(self.lower.at[1].set(radius), self.upper.at[1].set(radius))

@@ -77,7 +77,7 @@ def step_back(
     def step(state: _Back) -> _Back:
         value, share = state.value, state.share
         change = share * _to_nearest(objective, value, side, first, box)
-        back = jnp.clip(with_products(value, change, box, objective.columns), box.lower, box.upper)
+        back = box.inside(with_products(value, change, box, objective.columns))
         nearer = objective.change(back, first) <= objective.change(value, first)
         worse = objective.cost(back, side) - objective.cost(value, side)
         nearer &= worse <= objective.slack(value, side) + objective.slack(back, side)

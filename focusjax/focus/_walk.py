@@ -112,7 +112,7 @@ def _moved(
     moves = ~stuck & ~idle
     change = _damped(jnp.where(moves[None], jacobian, 0.0), residual, objective.scale, state.damping)
     moved = jnp.where(state.product, with_products(value, change, box, columns), value + change)
-    return jnp.clip(jnp.where(moves, moved, value), box.lower, box.upper)
+    return box.inside(jnp.where(moves, moved, value))
 
 
 def with_products(

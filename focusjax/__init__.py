@@ -3,6 +3,8 @@
 The names a script needs are here; each package below holds the rest of its own.
 """
 
+from focusjax.exchange import ExportError as ExportError
+from focusjax.exchange import export_camera as export_camera
 from focusjax.film import CameraSettings as CameraSettings
 from focusjax.film import LongExposure as LongExposure
 from focusjax.film import Zone as Zone

@@ -1,4 +1,4 @@
-"""The command line: `focusjax run`, `solve`, `render`, `batch`, `shot`, `lens` and `bench`."""
+"""The command line: `focusjax run`, `solve`, `render`, `batch`, `shot`, `export`, `lens` and `bench`."""
 
 import logging
 import os
@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from focusjax import batch, bench, charts, job
+from focusjax import batch, bench, charts, exchange, job
 from focusjax._tell import comparison, tell_outcome, tell_shot
 from focusjax.config import ConfigError, load_config
 from focusjax.io import staged_folder
@@ -49,6 +49,7 @@ app = typer.Typer(
 bench_app = typer.Typer(help="Measure focusjax beside other methods.", no_args_is_help=True)
 app.command("batch")(batch.command)
 app.command("lens")(charts.command)
+app.command("export")(exchange.command)
 app.add_typer(bench_app, name="bench")
 ConfigArgument = Annotated[Path, typer.Argument(help="A TOML file.", metavar="CONFIG")]
 OutOption = Annotated[

@@ -41,3 +41,4 @@ from focusjax.optics._trace import BLOCKED as BLOCKED
 from focusjax.optics._trace import RealRay as RealRay
 from focusjax.optics._trace import trace as trace
 from focusjax.optics._trace import trace_path as trace_path
+from focusjax.optics._write_pbrt import pbrt_lens_text as pbrt_lens_text

@@ -1,0 +1,58 @@
+"""From a config to the camera that was solved for, in a file."""
+
+from pathlib import Path
+
+import numpy as np
+
+from focusjax.config import Config, ConfigError, build_look
+from focusjax.exchange._export import Exported, target_named, write_record
+from focusjax.exchange._record import record_of
+from focusjax.job import Progress, run
+from focusjax.lens import AbstractLens
+
+
+def export_config(
+    config: Config,
+    path: Path,
+    *,
+    to: str,
+    shot: bool = False,
+    approximate: bool = False,
+    progress: Progress | None = None,
+) -> Exported:
+    """Solve what a config wishes, and write the camera; without wishes, as the config has it.
+
+    Args:
+        config: a checked config.
+        path: the file.
+        to: as `export_camera`.
+        shot: solve all frames of its `[shot]`.
+        approximate: as `export_camera`.
+        progress: told how far it is.
+
+    Raises:
+        ValueError: as `run`, `solve_shot` and `export_camera`.
+    """
+    # Shots bring the reports along, which are slow to load.
+    from focusjax.shot import build_shot, solve_shot
+
+    target_named(to)
+    name = config.title or config.source.stem
+    if shot:
+        if not config.focus:
+            raise ConfigError(f"{config.source}: a shot is solved for [[focus]] wishes, and there are none")
+        made = build_shot(config)
+        solved = solve_shot(made, progress=progress)
+        pairs = [solved.solution.at(frame) for frame in range(solved.solution.count)]
+        lenses = [lens if made.look is None else made.look(camera, lens) for camera, lens in pairs]
+        assert config.shot is not None
+        record = record_of([pair[0] for pair in pairs], lenses, name=name, fps=config.shot.fps)
+        seen = [(float(low), float(high)) for low, high in solved.depths]
+    else:
+        outcome = run(config, solving=bool(config.focus), rendering=False, progress=progress)
+        lens: AbstractLens = outcome.lens if outcome.glass is None else outcome.glass.exact
+        if outcome.glass is None and config.lens.look:
+            lens = build_look(config, outcome.camera, outcome.lens)
+        record = record_of(outcome.camera, lens, name=name)
+        seen = [(float(np.min(outcome.disparity)), float(np.max(outcome.disparity)))]
+    return write_record(record, path, to, approximate=approximate, disparities=seen)

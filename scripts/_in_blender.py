@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 # The package of the registry keeps what compiles camera shaders where Blender itself looks for it.
-sys.path += [str(path) for path in Path(bpy.__file__).parent.glob("*/python/lib/*/site-packages")]
+sys.path += [str(path) for path in Path(bpy.__file__).parents[3].glob("python/lib/*/site-packages")]
 
 
 def main() -> None:

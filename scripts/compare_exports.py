@@ -59,7 +59,8 @@ def by_blender(file: Path, scene, folder: Path, options) -> np.ndarray:
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
     if not picture.exists():
         raise SystemExit(f"Blender made no picture: {(done.stdout + done.stderr)[-2000:]}")
-    return np.asarray(load_exr(picture))[..., :3]
+    channels = load_exr(picture)
+    return np.stack([channels[name] for name in "RGB"], axis=-1).astype(float)
 
 
 def compare(path: Path, options: argparse.Namespace, folder: Path) -> list[str]:

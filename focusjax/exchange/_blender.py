@@ -131,5 +131,6 @@ def _values(record: Record, frame: Frame, shader: bool) -> dict[str, Any]:
         "f_stop": frame.f_number if frame.aperture_radius else 0.0,
     }
     if shader:
-        values["shader"] = parameters(record, frame)
+        # The shader's place in the frame would be slid once more.
+        values |= {"shift": (0.0, 0.0), "shader": parameters(record, frame)}
     return values

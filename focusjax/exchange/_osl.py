@@ -84,7 +84,7 @@ shader focusjax_camera(
     output color throughput = color(1))
 {{
     point raster = camera_shader_raster_position();
-    point random = camera_shader_random_sample();
+    point pair = camera_shader_random_sample();
     float x = mix(left, right, raster[0]);
     float y = mix(bottom, top, raster[1]);
 {focus}
@@ -92,7 +92,7 @@ shader focusjax_camera(
     float axis_x = focal_length * plane_x;
     float axis_y = focal_length * plane_y;
     float axis_z = sqrt(max(1 - axis_x * axis_x - axis_y * axis_y, 0));
-    vector p = opening(random[0], random[1]);
+    vector p = opening(pair[0], pair[1]);
     float lean = axis_x * p[0] + axis_y * p[1];
     float turn = lean / (1 + axis_z);
     vector q = scale * aperture_radius * vector(p[0] - axis_x * turn, p[1] - axis_y * turn, -lean);

@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from focusjax import batch, bench, charts, exchange, job
+from focusjax._arguments import ArgumentError
 from focusjax._tell import comparison, tell_outcome, tell_shot
 from focusjax.config import ConfigError, load_config
 from focusjax.io import staged_folder
@@ -49,7 +50,6 @@ app = typer.Typer(
 bench_app = typer.Typer(help="Measure focusjax beside other methods.", no_args_is_help=True)
 app.command("batch")(batch.command)
 app.command("lens")(charts.command)
-app.command("export")(exchange.command)
 app.add_typer(bench_app, name="bench")
 ConfigArgument = Annotated[Path, typer.Argument(help="A TOML file.", metavar="CONFIG")]
 OutOption = Annotated[
@@ -107,6 +107,41 @@ def shot(
     console.print(f"Report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
     if solved.missed():
         raise typer.Exit(MISSED)
+
+
+@app.command()
+def export(
+    config: ConfigArgument,
+    to: Annotated[
+        str, typer.Option("--to", metavar="|".join(exchange.TARGETS), help="The program or format.")
+    ],
+    with_shot: Annotated[bool, typer.Option("--shot", help="All frames of the config's [shot].")] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="The file; out/<config's name> by default.")
+    ] = None,
+    set_: SetOption = None,
+    approximate: Annotated[
+        bool, typer.Option("--approximate", help="Write the nearest camera that the target can have.")
+    ] = False,
+) -> None:
+    """Solve, and write the camera for another program; without [[focus]] wishes, as the config has it."""
+    console, errors = Console(), Console(stderr=True)
+    try:
+        suffix = exchange.target_named(to).suffix
+        file = Path("out") / f"{config.stem}{suffix}" if out is None else out
+        read = load_config(config, set_ or ())
+        with _progress(errors) as tell, _warnings_told(errors):
+            exported = exchange.export_config(
+                read, file, to=to, shot=with_shot, approximate=approximate, progress=tell
+            )
+    except (ConfigError, exchange.ExportError, ArgumentError) as error:
+        _fail(errors, error, BAD_INPUT)
+    except (ValueError, RuntimeError, OSError, MemoryError) as error:
+        _fail(errors, error, FAILED)
+    except Exception as error:
+        _fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
+    for line in exported.sentences:
+        console.print(line, soft_wrap=True, highlight=False, markup=False)
 
 
 @bench_app.command("speed-error")

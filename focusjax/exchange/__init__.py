@@ -1,9 +1,9 @@
 """Cameras for other programs: USD, Blender, Mitsuba, pbrt and glTF."""
 
-from focusjax.exchange._command import command as command
 from focusjax.exchange._export import TARGETS as TARGETS
 from focusjax.exchange._export import Exported as Exported
 from focusjax.exchange._export import export_camera as export_camera
+from focusjax.exchange._export import target_named as target_named
 from focusjax.exchange._fitting import ExportError as ExportError
 from focusjax.exchange._fitting import features as features
 from focusjax.exchange._mitsuba import mitsuba_dict as mitsuba_dict

@@ -66,11 +66,14 @@ def _spots(
             ray = lens.ray(camera, point, pupil)
             return ray.a + ray.b * disparity - point, ray.weight
 
-        edge, lit = jax.vmap(lands)(rim)
-        extent = jnp.max(jnp.where(lit[:, None] > 0, edge @ towards, -jnp.inf), axis=0)
+        edge, at_edge = jax.vmap(lands)(rim)
         places, weights = jax.vmap(lands)(inside)
+        # Rims of glass may take the edge's light.
+        there, lit = jnp.concatenate([edge, places]), jnp.concatenate([at_edge, weights]) > 0
+        extent = jnp.max(jnp.where(lit[:, None], there @ towards, -jnp.inf), axis=0)
+        extent = jnp.where(lit.any(), extent, 0.0)
         share = weights / jnp.maximum(weights.sum(), 1e-12)
-        away = places - share @ places
+        away = places - (share @ places)[None]
         # A uniform disk of diameter D has a variance of D^2 / 8.
         return extent, jnp.sqrt(8.0 * (share @ (away**2).sum(axis=1)))
 

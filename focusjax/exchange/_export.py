@@ -63,6 +63,13 @@ class Exported:
         said = listed(self.remarks)
         return f"Approximated: {said}; blur differs by up to {self.blur_error_px:.2g} px in diameter."
 
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What a person wants to know: what is approximated, and where the camera is."""
+        first, last = self.files[0], self.files[-1]
+        where = f"Camera: {first}" if first == last else f"Camera: {first} to {last.name}"
+        return (self.sentence, where) if self.sentence else (where,)
+
 
 def export_camera(
     camera: Camera | Sequence[Camera],

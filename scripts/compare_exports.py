@@ -21,7 +21,7 @@ from rich.console import Console
 from rich.table import Table
 
 from focusjax.baselines import load_unlit, mitsuba, unlit_scene
-from focusjax.bench import baked, resized
+from focusjax.bench import baked
 from focusjax.config import build_scene, load_config
 from focusjax.exchange import TARGETS, export_camera
 from focusjax.io import load_exr
@@ -65,11 +65,10 @@ def by_blender(file: Path, scene, folder: Path, options) -> np.ndarray:
 
 def compare(path: Path, options: argparse.Namespace, folder: Path) -> list[str]:
     """One row: how like our picture theirs is."""
-    config = load_config(path, options.set or ())
+    size = [] if options.size is None else [f"camera.resolution={options.size}"]
+    config = load_config(path, [*(options.set or ()), *size])
     outcome = run(config, solving=bool(config.focus), rendering=False)
     camera, lens = outcome.camera, outcome.lens
-    if options.size is not None:
-        camera = resized(camera, *options.size)
     scene = baked(dataclasses.replace(build_scene(config), unlit=True))
     file = folder / f"{path.stem}{TARGETS[options.to].suffix}"
     ends = float(np.min(outcome.disparity)), float(np.max(outcome.disparity))

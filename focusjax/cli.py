@@ -1,4 +1,4 @@
-"""The command line: `focusjax run`, `solve`, `render`, `batch`, `shot`, `export`, `lens` and `bench`."""
+"""The command line: `focusjax run`, `solve`, `render`, `studio`, `batch`, `shot`, `export`, `lens` and `bench`."""
 
 import logging
 import os
@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from focusjax import batch, bench, charts, exchange, job
+from focusjax import batch, bench, charts, exchange, job, studio
 from focusjax._arguments import ArgumentError
 from focusjax._tell import comparison, tell_outcome, tell_shot
 from focusjax.config import ConfigError, load_config
@@ -50,6 +50,7 @@ app = typer.Typer(
 bench_app = typer.Typer(help="Measure focusjax beside other methods.", no_args_is_help=True)
 app.command("batch")(batch.command)
 app.command("lens")(charts.command)
+app.command("studio")(studio.command)
 app.add_typer(bench_app, name="bench")
 ConfigArgument = Annotated[Path, typer.Argument(help="A TOML file.", metavar="CONFIG")]
 OutOption = Annotated[

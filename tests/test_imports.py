@@ -92,6 +92,23 @@ ALLOWED = {
     },
     "charts": {"geometry", "optics", "lens", "io"},
     "exchange": {"geometry", "optics", "lens", "io", "config", "job", "shot", "_arguments", "_words"},
+    "studio": {
+        "geometry",
+        "lens",
+        "scene",
+        "focus",
+        "layers",
+        "trace",
+        "film",
+        "post",
+        "inverse",
+        "io",
+        "config",
+        "job",
+        "report",
+        "_settings",
+        "_whole_file",
+    },
     "_tell": {"focus", "lens", "job", "report", "shot", "bench"},
     "cli": {
         "charts",
@@ -103,6 +120,7 @@ ALLOWED = {
         "shot",
         "bench",
         "batch",
+        "studio",
         "_tell",
         "_arguments",
     },
@@ -124,6 +142,7 @@ ALLOWED["__init__"] = set(ALLOWED) - {
     "baselines",
     "bench",
     "batch",
+    "studio",
 }
 
 

@@ -34,6 +34,7 @@ def gather(
     lens: AbstractLens,
     *,
     taps: int = 64,
+    levels: int | None = None,
 ) -> Float[Array, "h w 3"]:
     """One sharp view, filtered at each pixel over the circle of confusion that its depth has.
 
@@ -50,10 +51,12 @@ def gather(
         camera: the frame.
         lens: where rays go; its opening shapes the filter.
         taps: places to look at per pixel.
+        levels: of mip maps, at most 5; as many as the widest circle needs if None. With a number of its own a
+            lens that moves compiles nothing anew.
 
     Raises:
-        ValueError: sizes that differ from the camera's, values that are not finite, negative disparity, or
-            fewer than one tap.
+        ValueError: sizes that differ from the camera's, values that are not finite, negative disparity,
+            fewer than one tap, or a number of levels that is none.
 
     Example:
         >>> image, disparity = pinhole_view(scene, camera)  # doctest: +SKIP
@@ -64,9 +67,12 @@ def gather(
     real = jnp.zeros(()).dtype
     depths = jnp.asarray(depth, real)
     reaches = _reaches(depths, camera, lens)
-    # How far apart the taps of the widest circle lie.
-    apart = float(reaches.max()) * math.sqrt(math.pi / taps)
-    levels = min(int(math.log2(max(apart, 1.0))), _MOST_LEVELS)
+    if levels is None:
+        # How far apart the taps of the widest circle lie.
+        apart = float(reaches.max()) * math.sqrt(math.pi / taps)
+        levels = min(int(math.log2(max(apart, 1.0))), _MOST_LEVELS)
+    elif levels not in range(_MOST_LEVELS + 1):
+        raise ValueError(f"levels is {levels!r}; expected a whole number from 0 to {_MOST_LEVELS}, or None")
     return _gathered(jnp.asarray(picture, real), depths, reaches, camera, lens, jnp.asarray(taps), levels)
 
 

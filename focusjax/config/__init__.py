@@ -19,6 +19,7 @@ from focusjax.config._errors import sentence_for as sentence_for
 from focusjax.config._exposure import ExposureTable as ExposureTable
 from focusjax.config._load import Config as Config
 from focusjax.config._load import load_config as load_config
+from focusjax.config._load import parse_config as parse_config
 from focusjax.config._load import read_toml as read_toml
 from focusjax.config._load import toml_value as toml_value
 from focusjax.config._refusals import refusals_located as refusals_located

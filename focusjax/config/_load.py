@@ -175,12 +175,34 @@ def load_config(path: Path | str, overrides: Sequence[str] = ()) -> Config:
     data = read_toml(path)
     for override in overrides:
         _apply(data, override)
+    return _checked(data, path)
+
+
+def parse_config(text: str, source: Path | str) -> Config:
+    """As `load_config`, of text that is not written to `source` yet, where its relative paths start.
+
+    Raises:
+        ConfigError: as `load_config`.
+    """
+    source = Path(source)
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise _no_toml(source, error) from None
+    return _checked(data, source)
+
+
+def _checked(data: dict[str, Any], source: Path) -> Config:
     try:
         config = Config.model_validate(data)
     except ValidationError as error:
-        raise ConfigError(sentence_for(error, Config, path)) from None
-    config._source = path
+        raise ConfigError(sentence_for(error, Config, source)) from None
+    config._source = source
     return config
+
+
+def _no_toml(path: Path, error: ValueError) -> ConfigError:
+    return ConfigError(f"{path}: this is not valid TOML ({error}); mend that line")
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -197,7 +219,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise ConfigError(f"{path}: the config cannot be read ({error.strerror}); check the path") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: this is not valid TOML ({error}); mend that line") from None
+        raise _no_toml(path, error) from None
 
 
 def _apply(data: dict[str, Any], override: str) -> None:

@@ -21,3 +21,4 @@ from focusjax.job._run import find_points as find_points
 from focusjax.job._run import run as run
 from focusjax.job._shutter_words import shutter as shutter
 from focusjax.job._way import Way as Way
+from focusjax.job._weigh import metered_before as metered_before

@@ -97,6 +97,7 @@ def run(
     solving: bool = True,
     rendering: bool = True,
     scene: Scene | None = None,
+    disparity: Float[np.ndarray, "h w"] | None = None,
     like: Extent | None = None,
     progress: Progress | None = None,
 ) -> Outcome:
@@ -107,6 +108,7 @@ def run(
         solving: find the lens settings; otherwise the lens is taken as the config has it.
         rendering: make the picture.
         scene: what `build_scene(config)` returns, where it is at hand already.
+        disparity: what `disparity_map` gives for the scene and the config's camera, where it is at hand.
         like: `Picture.extent` of another run, whose compiled programs serve again where the pictures are of
             one size; the picture is the same.
         progress: told how far the run is.
@@ -131,7 +133,7 @@ def run(
             exposed = weighed_depth(config, camera, lens, grey)
             lens = exposed.lens
     with watch.stage("locate"):
-        disparity = np.asarray(disparity_map(scene, camera))
+        disparity = np.asarray(disparity_map(scene, camera) if disparity is None else disparity)
         points = _find(config, wishes, scene, camera, disparity) if wishes else None
         surface = _control_surface(config, scene, camera, lens, disparity)
     solution = None

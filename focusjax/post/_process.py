@@ -14,7 +14,13 @@ from focusjax.trace import light_map
 
 
 def post_process(
-    view: PinholeView, camera: Camera, lens: AbstractLens, *, taps: int = 32, motion_taps: int = 16
+    view: PinholeView,
+    camera: Camera,
+    lens: AbstractLens,
+    *,
+    taps: int = 32,
+    motion_taps: int = 16,
+    levels: int | None = None,
 ) -> Float[Array, "h w 3"]:
     """The picture through a lens, made of one sharp view (Kyaw 2013 section 7.3), linear as `render`'s.
 
@@ -37,6 +43,7 @@ def post_process(
         lens: any lens; its rays are looked at without a scene.
         taps: places that each pixel looks at for its defocus.
         motion_taps: the same for motion.
+        levels: of mip maps, as in `gather`; a number lets lenses that move share one compiled program.
 
     Raises:
         ValueError: a view of another size than the camera's, values that are not finite, or no taps.
@@ -57,7 +64,7 @@ def post_process(
         found = image
         if opened:
             straight = one if ideal else StraightenedLens(one)
-            found = gather(found, view.disparity, camera, straight, taps=taps)
+            found = gather(found, view.disparity, camera, straight, taps=taps, levels=levels)
         return found if ideal else warped(found, camera, one)
 
     found = in_colour(through, lens)

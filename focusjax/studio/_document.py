@@ -1,0 +1,249 @@
+"""The text of a config while it is edited: comments and unknown order kept, with undo and redo."""
+
+import tomllib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import AoT, Array
+
+from focusjax._whole_file import replace_file
+from focusjax.config import Config, ConfigError, parse_config
+
+Change = Callable[[tomlkit.TOMLDocument], None]
+
+
+class EditError(ValueError):
+    """An edit that would leave no usable config; the config stays as it was."""
+
+
+class Document:
+    """A config's text and its history.
+
+    Every text in the history but the first is a config that can be used.
+
+    Attributes:
+        path: the file it is read from and saved to; relative paths in it start there.
+        text: as it is now.
+        config: what the text says; None where it cannot be used.
+        problem: why it cannot be used, in one sentence; empty where it can.
+    """
+
+    def __init__(self, path: Path):
+        """Read the config at `path`.
+
+        Raises:
+            ConfigError: the file cannot be read as text.
+        """
+        self.path = path
+        self.text = self._on_disk = _read(path)
+        self._done: list[str] = []
+        self._undone: list[str] = []
+        self._label = ""
+        self.config: Config | None = None
+        self.problem = ""
+        self._look_at_text()
+
+    @property
+    def unsaved(self) -> bool:
+        """Whether the text differs from the file as it was last read or written."""
+        return self.text != self._on_disk
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is an edit to take back."""
+        return bool(self._done)
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether there is an edit that was taken back."""
+        return bool(self._undone)
+
+    def edit(self, change: Change, label: str = "") -> None:
+        """Apply `change` to the tables; comments, order and unknown keys stay as they are.
+
+        Args:
+            change: changes the tables in place.
+            label: edits in a row with the same label, such as those of one drag, are undone together.
+
+        Raises:
+            EditError: there would be no usable config afterwards; nothing is changed.
+        """
+        try:
+            tables = tomlkit.parse(self.text)
+            change(tables)
+            text = tomlkit.dumps(tables)
+            kept = tomllib.loads(text) == tables.unwrap()
+        except (TOMLKitError, tomllib.TOMLDecodeError) as error:
+            raise EditError(f"{self.path}: this edit cannot be written as TOML ({error})") from None
+        if not kept:
+            raise EditError(
+                f"{self.path}: the order of its tables leaves this edit no place; put all [[focus]] tables"
+                " together, and all of [lens] and of [solve]"
+            )
+        self.replace(text, label)
+
+    def replace(self, text: str, label: str = "") -> None:
+        """Take another text as a whole.
+
+        Raises:
+            EditError: it is no usable config; nothing is changed.
+        """
+        try:
+            config = parse_config(text, self.path)
+        except ConfigError as error:
+            raise EditError(str(error)) from None
+        if text == self.text:
+            return
+        if not (label and label == self._label):
+            self._done.append(self.text)
+        self._label = label
+        self._undone.clear()
+        self.text, self.config, self.problem = text, config, ""
+
+    def end_label(self) -> None:
+        """The next edit is undone by itself, whatever its label."""
+        self._label = ""
+
+    def undo(self) -> None:
+        """Take the last edit back; nothing happens where there is none."""
+        self._step(self._done, self._undone)
+
+    def redo(self) -> None:
+        """Do again what was taken back; nothing happens where there is nothing."""
+        self._step(self._undone, self._done)
+
+    def save(self, *, even_if_changed: bool = False) -> None:
+        """Write the text to the file, which has all of the old or all of the new text at any time.
+
+        Args:
+            even_if_changed: write over what someone else wrote to the file meanwhile.
+
+        Raises:
+            EditError: the file has changed since it was read, or cannot be written, or there is no usable
+                config to write.
+        """
+        if self.config is None:
+            raise EditError(self.problem)
+        try:
+            if not even_if_changed and self.path.exists() and _read(self.path) != self._on_disk:
+                raise EditError(
+                    f"{self.path}: the file was changed by something else since it was opened; save again to"
+                    " write over it, or open it anew"
+                )
+            replace_file(self.path, self.text)
+        except OSError as error:
+            raise EditError(f"{self.path}: the file cannot be written ({error.strerror})") from None
+        self._on_disk = self.text
+
+    def _step(self, source: list[str], target: list[str]) -> None:
+        if source:
+            target.append(self.text)
+            self.text, self._label = source.pop(), ""
+            self._look_at_text()
+
+    def _look_at_text(self) -> None:
+        try:
+            self.config, self.problem = parse_config(self.text, self.path), ""
+        except ConfigError as error:
+            self.config, self.problem = None, str(error)
+
+
+def set_value(*keys: str, value: Any) -> Change:
+    """A change that sets one value, making the tables on the way; None removes it."""
+
+    def change(tables: tomlkit.TOMLDocument) -> None:
+        place: Any = tables
+        for key in keys[:-1]:
+            if key not in place:
+                if value is None:
+                    return
+                place[key] = tomlkit.table()
+            place = place[key]
+        if value is not None:
+            place[keys[-1]] = value
+        elif keys[-1] in place:
+            del place[keys[-1]]
+
+    return change
+
+
+def together(*changes: Change) -> Change:
+    """Several changes as one."""
+
+    def change(tables: tomlkit.TOMLDocument) -> None:
+        for each in changes:
+            each(tables)
+
+    return change
+
+
+def add_wish(keys: dict[str, Any]) -> Change:
+    """A change that adds a `[[focus]]` table after the others."""
+
+    def change(tables: tomlkit.TOMLDocument) -> None:
+        wishes: Any = tables.get("focus")
+        if isinstance(wishes, Array):
+            inline = tomlkit.inline_table()
+            inline.update(keys)
+            wishes.append(inline)
+            return
+        table = tomlkit.table()
+        for key, value in keys.items():
+            table.add(key, value)
+        if wishes is None or not isinstance(wishes, AoT):
+            tables.add(tomlkit.nl())
+            tables["focus"] = wishes = tomlkit.aot()
+        else:
+            _blank_line_between(wishes)
+        table.add(tomlkit.nl())
+        wishes.append(table)
+
+    return change
+
+
+def change_wish(number: int, keys: dict[str, Any], without: Sequence[str] = ()) -> Change:
+    """A change of the `[[focus]]` table of that number: keys to set, None to remove, and others to remove."""
+
+    def change(tables: tomlkit.TOMLDocument) -> None:
+        table: Any = tables["focus"][number]  # pyright: ignore[reportIndexIssue]
+        for key in (*without, *(key for key, value in keys.items() if value is None)):
+            if key in table:
+                del table[key]
+        for key, value in keys.items():
+            if value is not None:
+                table[key] = value
+
+    return change
+
+
+def delete_wish(number: int) -> Change:
+    """A change that removes one `[[focus]]` table."""
+
+    def change(tables: tomlkit.TOMLDocument) -> None:
+        wishes: Any = tables["focus"]
+        del wishes[number]
+        if not len(wishes):
+            del tables["focus"]
+
+    return change
+
+
+def _blank_line_between(wishes: AoT) -> None:
+    """The next table of `wishes` does not follow the last one's values without a blank line."""
+    last = wishes[-1]
+    if not last.as_string().endswith("\n\n"):
+        last.add(tomlkit.nl())
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: there is no such config file; check the path") from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: this is not text in UTF-8; give a TOML file") from None
+    except OSError as error:
+        raise ConfigError(f"{path}: the config cannot be read ({error.strerror}); check the path") from None

@@ -1,0 +1,194 @@
+"""The lens beside the picture: each setting free within limits, or fixed and set by hand."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from nicegui import ui
+
+from focusjax._settings import angle, f_number, metres
+from focusjax.studio._answer import Answer
+from focusjax.studio._lens_settings import SETTINGS, Setting, is_free, limits
+from focusjax.studio._session import Session
+from focusjax.studio._studio import Studio
+
+_FARTHEST = 1000.0
+"""Metres, to which the slider of the focus distance goes."""
+_LEAST_UNCERTAINTY = 0.005
+"""Share of a value below which its uncertainty is not worth a word."""
+
+
+class LensPanel:
+    """Four settings with what was solved for them, and from where to where the picture is sharp."""
+
+    def __init__(self, studio: Studio, attempt: Callable[[Callable[[Session], object]], object]):
+        """Build it where NiceGUI is at; `attempt` makes a change to the session."""
+        self._studio, self._attempt = studio, attempt
+        self._quiet = False
+        self._built: dict[str, object] = {}
+        self._fields: dict[str, dict[str, Any]] = {}
+        ui.label("Lens").classes("fj-head")
+        self._rows = {
+            name: ui.column()
+            .classes("w-full")
+            .style("gap: 0")
+            .mark(f"setting-{name}")
+            .classes(f"at-setting-{name}")
+            for name in SETTINGS
+        }
+        self._sharp = ui.label().classes("fj-dim").mark("sharp").classes("at-sharp")
+
+    def show(self) -> None:
+        """Show what is new."""
+        answer, config = self._studio.answer, self._studio.session.document.config
+        if answer is None or config is None:
+            return
+        values = answer.values()
+        for name, setting in SETTINGS.items():
+            free, ends = is_free(config, name), limits(config, name)
+            shape = (free, bool(config.focus))
+            if self._built.get(name) != shape:
+                self._built[name] = shape
+                self._build(setting, free)
+            self._fill(setting, answer, values.get(name), ends)
+        depth = answer.depth_of_field()
+        if depth is not None:
+            camera = answer.stage.camera
+            self._sharp.text = (
+                f"Sharp from {metres(depth.near)} to {metres(depth.far)}"
+                f" (circle {depth.circle_px:.1f} px); {1000 * float(camera.focal_length):.3g} mm lens"
+            )
+
+    def _build(self, setting: Setting, free: bool) -> None:
+        name, fields = setting.name, {}
+        self._fields[name] = fields
+        self._rows[name].clear()
+        has_wishes = bool(self._studio.session.config.focus)
+        with self._rows[name]:
+            with ui.row().classes("fj-row"):
+                ui.label(setting.label).style("width: 96px; font-size: 13px").tooltip(setting.help)
+                fields["value"] = (
+                    ui.label()
+                    .classes("fj-num col")
+                    .style("font-weight: 600; font-size: 14px")
+                    .mark(f"value-{name}")
+                    .classes(f"at-value-{name}")
+                )
+                if has_wishes:
+                    ui.button(
+                        "free" if free else "fixed",
+                        icon="lock_open" if free else "lock",
+                        on_click=lambda: self._toggle(name, free),
+                    ).props(f"flat dense no-caps size=sm {'color=primary' if free else 'color=grey'}").style(
+                        "width: 74px"
+                    ).mark(f"lock-{name}").classes(f"at-lock-{name}").tooltip(
+                        "Free: the wishes decide it. Click to keep it as it is."
+                        if free
+                        else "Fixed: you decide it. Click to let the wishes decide."
+                    )
+            with ui.row().classes("fj-row").style("padding-left: 12px"):
+                if free:
+                    for end, sign in (("low", "≥"), ("high", "≤")):
+                        field = (
+                            ui.number(prefix=sign, step=0.1)
+                            .props("dense clearable debounce=400")
+                            .classes("col")
+                            .style("min-width: 0")
+                        )
+                        field.mark(f"{end}-{name}").classes(f"at-{end}-{name}").tooltip(
+                            f"The limit to the {setting.label.lower()}; empty for the usual one"
+                        )
+                        field.on_value_change(lambda e, end=end: self._limit(name, end, e.value))
+                        fields[end] = field
+                else:
+                    slider = (
+                        ui.slider(min=0.0, max=1.0, step=0.002)
+                        .props("dense")
+                        .classes("col")
+                        .mark(f"slider-{name}")
+                        .classes(f"at-slider-{name}")
+                    )
+                    slider.on("update:model-value", lambda e: self._slid(setting, e.args), throttle=0.06)
+                    slider.on("change", lambda: self._studio.session.end_drag())
+                    slider.props(f'aria-label="{setting.label}"')
+                    fields["slider"] = slider
+                    field = (
+                        ui.number(step=0.1)
+                        .props("dense debounce=400")
+                        .style("width: 92px")
+                        .mark(f"fixed-{name}")
+                        .classes(f"at-fixed-{name}")
+                    )
+                    field.on_value_change(lambda e: self._set(name, e.value))
+                    fields["fixed"] = field
+
+    def _fill(
+        self, setting: Setting, answer: Answer, value: float | None, ends: tuple[float | None, float | None]
+    ) -> None:
+        name, fields = setting.name, self._fields[setting.name]
+        self._quiet = True
+        try:
+            text = "-" if value is None else _shown(name, value)
+            doubt = answer.uncertainty.get(name, 0.0)
+            if name in answer.uncertain():
+                text += " (open)"
+            elif value is not None and math.isfinite(doubt) and doubt > _LEAST_UNCERTAINTY * abs(value):
+                text += f" ± {_difference(name, doubt)}"
+            fields["value"].text = text
+            for key, limit in zip(("low", "high"), ends, strict=True):
+                if key in fields and fields[key].value != limit:
+                    fields[key].value = limit if limit is None or math.isfinite(limit) else None
+            if "slider" in fields and value is not None and math.isfinite(value):
+                fields["slider"].value = _to_share(self._studio, name, value)
+                rounded = float(f"{value:.4g}")
+                if fields["fixed"].value != rounded:
+                    fields["fixed"].value = rounded
+        finally:
+            self._quiet = False
+
+    def _toggle(self, name: str, free: bool) -> None:
+        self._attempt(lambda session: session.fix(name) if free else session.free(name))
+        self.show()
+
+    def _limit(self, name: str, end: str, value: float | None) -> None:
+        if not self._quiet:
+            self._attempt(lambda session: session.limit(name, end, value))
+
+    def _set(self, name: str, value: float | None) -> None:
+        if not self._quiet and value is not None:
+            self._attempt(lambda session: session.fix(name, value))
+
+    def _slid(self, setting: Setting, share: Any) -> None:
+        if isinstance(share, int | float):
+            value = _from_share(self._studio, setting.name, float(share))
+            self._attempt(lambda session: session.fix(setting.name, value))
+
+
+def _shown(name: str, value: float) -> str:
+    return metres(value) if name == "focus" else f_number(value) if name == "f_number" else angle(value)
+
+
+def _difference(name: str, value: float) -> str:
+    return metres(value) if name == "focus" else f"{value:.2g}" + ("" if name == "f_number" else "°")
+
+
+def _ends(studio: Studio, name: str) -> tuple[float, float]:
+    """Where a setting's slider starts and ends, in a scale along which equal steps look alike."""
+    if name == "focus":
+        config = studio.session.config
+        length = 0.05 if studio.answer is None else float(studio.answer.stage.camera.focal_length)
+        nearest = config.solve.min_focus_distance_m or 2.5 * length
+        return 1.0 / nearest, 1.0 / _FARTHEST
+    return (0.0, 5.0) if name == "f_number" else (-20.0, 20.0)
+
+
+def _to_share(studio: Studio, name: str, value: float) -> float:
+    low, high = _ends(studio, name)
+    scaled = 1.0 / value if name == "focus" else math.log2(max(value, 1e-3)) if name == "f_number" else value
+    return min(max((scaled - low) / (high - low), 0.0), 1.0)
+
+
+def _from_share(studio: Studio, name: str, share: float) -> float:
+    low, high = _ends(studio, name)
+    scaled = low + share * (high - low)
+    return 1.0 / scaled if name == "focus" else 2.0**scaled if name == "f_number" else scaled

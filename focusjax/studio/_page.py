@@ -1,0 +1,218 @@
+"""The page: one picture, its marks and cards, the lens and the wishes beside it. It only shows a studio."""
+
+import html
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from nicegui import events, ui
+
+from focusjax.studio._document import EditError
+from focusjax.studio._lens_panel import LensPanel
+from focusjax.studio._picture_view import PictureView
+from focusjax.studio._session import Session
+from focusjax.studio._side_view import make_plan, side_view
+from focusjax.studio._studio import Studio
+from focusjax.studio._text_dialog import TextDialog
+from focusjax.studio._wish_panel import WishPanel
+
+_LOOK = Path(__file__).with_name("_look.css")
+_EVERY = 0.05
+"""Seconds between looks for something new."""
+_WORDS = {
+    "starting": "loading and compiling…",
+    "solving": "solving…",
+    "draft": "draft",
+    "refining": "refining",
+    "refined": "refined",
+    "no lens": "no lens yet",
+    "problem": "stopped",
+    "rendering": "rendering",
+    "rendered": "rendered",
+}
+_KEYS = """Click: new point · drag: move it · arrows: nudge (Shift: 10 px)
+Delete: remove · Esc: close the card
+Space: wipe · B: blur map · D: depth · N: next wish · Ctrl-Z, Ctrl-Y: undo, redo · Ctrl-S: save"""
+_STEPS = {"ArrowLeft": (-1, 0), "ArrowRight": (1, 0), "ArrowUp": (0, -1), "ArrowDown": (0, 1)}
+
+
+class Page:
+    """One tab that shows a studio; several may show the same."""
+
+    def __init__(self, studio: Studio):
+        """Build the page's elements where NiceGUI is at."""
+        self.studio = studio
+        self._version = -1
+        self._planned: object = None
+        self._above = ""
+        ui.add_css(_LOOK)
+        ui.add_head_html('<meta name="color-scheme" content="light dark">')
+        self._dark = ui.dark_mode(None)
+        self._bar()
+        with ui.row().classes("fj-body"):
+            self.picture = PictureView(studio, self.attempt, self._selected)
+            with ui.column().classes("fj-panel"):
+                self.lens = LensPanel(studio, self.attempt)
+                self.wishes = WishPanel(studio, self.picture)
+                ui.label("From above").classes("fj-head")
+                self._side = ui.html("", sanitize=False).classes("w-full").mark("above").classes("at-above")
+                ui.label(_KEYS).classes("fj-dim").style("white-space: pre-line")
+        self.text = TextDialog(studio)
+        ui.keyboard(on_key=self._on_key, ignore=["input", "select", "textarea"])
+        ui.timer(_EVERY, self.look)
+
+    def attempt(self, edit: Callable[[Session], object]) -> object:
+        """Change the session; what cannot be is told, and changes nothing."""
+        try:
+            return self.studio.apply(edit)
+        except EditError as error:
+            ui.notify(str(error), type="warning", position="bottom", multi_line=True)
+        return None
+
+    def look(self) -> None:
+        """Show what is new."""
+        studio = self.studio
+        if self._version == studio.version:
+            return
+        self._version = studio.version
+        document, state = studio.session.document, studio.state
+        word = _WORDS[state.word]
+        share = f" {100 * state.share:.0f} %" if state.word == "refining" else ""
+        self._state.text = f"{word}{share}" + (f": {state.detail}" if state.word == "rendering" else "")
+        self._progress.set_visibility(state.word in ("starting", "solving", "draft", "refining", "rendering"))
+        self._name.text = document.path.name + (" •" if document.unsaved else "")
+        self._undo.set_enabled(document.can_undo)
+        self._redo.set_enabled(document.can_redo)
+        self.picture.show()
+        self.lens.show()
+        self.wishes.show()
+        self._show_from_above()
+        self.text.show()
+
+    def save(self) -> None:
+        """Write the config to its file; a second time over what others wrote."""
+        document = self.studio.session.document
+        try:
+            document.save(even_if_changed=self._refused)
+        except EditError as error:
+            self._refused = "changed by something else" in str(error)
+            ui.notify(str(error), type="warning", position="bottom", multi_line=True)
+            return
+        self._refused = False
+        self.studio.version += 1
+        ui.notify(f"Saved to {document.path}", type="positive", position="bottom")
+
+    def _bar(self) -> None:
+        with ui.row().classes("fj-bar"):
+            config = self.studio.session.document.config
+            title = (config.title if config is not None else "") or "focusjax studio"
+            ui.label(title).classes("fj-title")
+            self._name = ui.label().classes("fj-dim")
+            ui.space()
+            self._progress = ui.spinner(size="16px").props('aria-label="working"')
+            self._state = (
+                ui.label().classes("fj-state").mark("state").classes("at-state").props('role="status"')
+            )
+            self._undo = _button("undo", "Take the last change back (Ctrl-Z)", lambda: self._step("undo"))
+            self._redo = _button("redo", "Do it again (Ctrl-Y)", lambda: self._step("redo"))
+            self._overlay = ui.toggle(
+                {"": "picture", "blur": "blur", "depth": "depth"},
+                value="",
+                on_change=lambda e: self.picture.set_overlay(e.value),
+            ).props("dense no-caps size=sm")
+            self._overlay.tooltip(
+                "Blur: orange behind the focus, blue before it, hatched where sharp. Depth: near is bright."
+            )
+            self._wipe = _button(
+                "compare", "Wipe between the sharp view and the picture (Space)", self._toggle_wipe
+            )
+            _button("dark_mode", "Light or dark", self._toggle_dark)
+            _button("notes", "The config's text", lambda: self.text.open())
+            _button(
+                "photo_camera", "Make the final picture with its report, as focusjax run does", self._render
+            )
+            ui.button("Save", on_click=self.save).props("dense no-caps unelevated size=sm").mark(
+                "save"
+            ).tooltip("Write the config to its file, comments and all (Ctrl-S)")
+        self._refused = False
+
+    def _selected(self, number: int | None) -> None:
+        self.wishes.show()
+        self._planned = None
+        self._show_from_above()
+
+    def _show_from_above(self) -> None:
+        answer = self.studio.answer
+        if answer is None:
+            return
+        key = (answer.number, self.picture.selected)
+        if key != self._planned:
+            self._planned = key
+            plan = make_plan(answer.stage, [row.distance for row in answer.wishes])
+            self._side.content = side_view(answer, plan, 344, 210, self.picture.selected)
+
+    def _render(self) -> None:
+        if self.studio.state.word == "rendering":
+            self.studio.cancel_render()
+            ui.notify("The final picture stops at the next stage.", position="bottom")
+            return
+        folder = Path("out") / self.studio.session.document.path.stem
+        self.attempt(lambda session: self.studio.render(folder))
+        ui.notify(f"The final picture goes to {folder}; press again to stop.", position="bottom")
+
+    def _step(self, way: str) -> None:
+        self.picture.select(None)
+        self.attempt(lambda session: getattr(session, way)())
+
+    def _toggle_wipe(self) -> None:
+        self.picture.set_wipe(None if self.picture.wipe is not None else 0.5)
+
+    def _toggle_dark(self) -> None:
+        self._dark.value = not self._dark.value
+
+    def _on_key(self, event: events.KeyEventArguments) -> None:
+        if not event.action.keydown:
+            return
+        key, control = event.key.name, event.modifiers.ctrl or event.modifiers.meta
+        selected = self.picture.selected
+        if control:
+            act: dict[str, Callable[[], Any]] = {
+                "z": lambda: self._step("redo" if event.modifiers.shift else "undo"),
+                "y": lambda: self._step("redo"),
+                "s": self.save,
+            }
+        else:
+            act = {
+                " ": self._toggle_wipe,
+                "b": lambda: self._overlay.set_value("" if self._overlay.value == "blur" else "blur"),
+                "d": lambda: self._overlay.set_value("" if self._overlay.value == "depth" else "depth"),
+                "n": self._next,
+                "Escape": lambda: self.picture.select(None),
+            }
+            if selected is not None:
+                act |= {
+                    "Delete": lambda: self.picture.delete(selected),
+                    "Backspace": lambda: self.picture.delete(selected),
+                }
+                if key in _STEPS:
+                    size = 10 if event.modifiers.shift else 1
+                    dx, dy = _STEPS[key]
+                    act[key] = lambda: self.picture.nudge(size * dx, size * dy)
+        action = act.get(key if len(key) > 1 else key.lower())
+        if action is not None:
+            action()
+
+    def _next(self) -> None:
+        answer = self.studio.answer
+        count = 0 if answer is None else len(answer.config.focus)
+        if count:
+            selected = self.picture.selected
+            self.picture.select(0 if selected is None else (selected + 1) % count)
+
+
+def _button(icon: str, help_: str, act: Callable[[], object]) -> ui.button:
+    button = ui.button(icon=icon, on_click=act).props(
+        f'flat dense size=sm color=grey aria-label="{html.escape(help_)}"'
+    )
+    button.tooltip(help_)
+    return button

@@ -1,0 +1,217 @@
+"""The picture of the page: what is clicked and dragged on it, and what is drawn over it."""
+
+from collections.abc import Callable
+from typing import Any
+
+from nicegui import events, ui
+
+from focusjax.studio._marks import layers_svg, marks_svg, nearest_mark, radius
+from focusjax.studio._overlays import shown_size
+from focusjax.studio._session import Session
+from focusjax.studio._studio import Studio
+from focusjax.studio._wish_card import WishCard
+
+_STILL = 0.006
+"""Share of the picture's width by which a press may move and still be a click."""
+
+
+class PictureView:
+    """The picture with its marks.
+
+    Attributes:
+        selected: number of the wish whose card is open; None for none.
+        wipe: share of the width that shows the sharp view; None for none.
+        overlay: "blur", "depth" or nothing.
+    """
+
+    def __init__(
+        self,
+        studio: Studio,
+        attempt: Callable[[Callable[[Session], object]], object],
+        on_select: Callable[[int | None], None],
+    ):
+        """Build it where NiceGUI is at.
+
+        Args:
+            studio: what is shown.
+            attempt: makes a change to the session, or says why it cannot be.
+            on_select: told which wish is selected.
+        """
+        self.studio, self.attempt, self._on_select = studio, attempt, on_select
+        self.selected: int | None = None
+        self.wipe: float | None = None
+        self.overlay = ""
+        self._press: tuple[float, float] | None = None
+        self._dragged: int | str | None = None
+        self._drags = 0
+        self._loaded = 0
+        self._content = ""
+        width, height = self._size()
+        with ui.element("div").classes("fj-stage"):
+            with (
+                ui.element("div")
+                .classes("fj-frame")
+                .style(f"--fj-ratio: {width / height:.5f}") as self._frame
+            ):
+                self.image = ui.interactive_image(
+                    size=(width, height),
+                    events=["mousedown", "mousemove", "mouseup", "mouseleave"],
+                    on_mouse=self._on_mouse,
+                    sanitize=False,
+                ).classes("w-full")
+                self.image.mark("picture").classes("at-picture")
+                self.card = WishCard(self)
+            self._under = ui.label().classes("fj-under").mark("under").classes("at-under")
+            self._under.set_visibility(False)
+            self._note = (
+                ui.label().classes("fj-under").style("top: 8px; bottom: auto").mark("note").classes("at-note")
+            )
+
+    def show(self) -> None:
+        """Show what the studio has."""
+        studio = self.studio
+        shown = studio.shown.get("picture")
+        width, height = self._size()
+        self._frame.style(f"--fj-ratio: {width / height:.5f}")
+        if shown is not None and shown.number != self._loaded:
+            self._loaded = shown.number
+            self.image.set_source(address("picture", shown.number))
+        count = 0 if studio.answer is None else len(studio.answer.config.focus)
+        if self.selected is not None and self.selected >= count and not self._awaited(self.selected):
+            self.select(None)
+        state = studio.state
+        self._note.text = state.detail if state.word in ("problem", "no lens", "rendered") else ""
+        self._note.set_visibility(bool(self._note.text))
+        self._draw()
+        self.card.show()
+
+    def select(self, number: int | None) -> None:
+        """Open the card of a wish, or none."""
+        self.selected = number
+        self.card.open(number)
+        self._draw()
+        self._on_select(number)
+
+    def delete(self, number: int) -> None:
+        """Forget a wish."""
+        self.select(None)
+        self.attempt(lambda session: session.delete_point(number))
+
+    def nudge(self, dx: float, dy: float) -> None:
+        """Move the selected point by pixels of the config's picture."""
+        answer, number = self.studio.answer, self.selected
+        if answer is None or number is None or number >= len(answer.marks()):
+            return
+        mark = answer.marks()[number]
+        if mark is not None:
+            place = self.studio.session.config.focus[number].pixel or mark
+            self.attempt(lambda s: s.move_point(number, place[0] + dx, place[1] + dy, drag="nudge"))
+
+    def set_overlay(self, kind: str) -> None:
+        """Lay the "blur" or "depth" map over the picture, or nothing."""
+        self.overlay = kind
+        self._draw()
+
+    def set_wipe(self, share: float | None) -> None:
+        """Show the sharp view on that share of the width."""
+        self.wipe = share
+        self._draw()
+
+    def place_of(self, number: int) -> tuple[float, float]:
+        """Shares of width and height at which the mark of a wish is."""
+        answer = self.studio.answer
+        marks = [] if answer is None else answer.marks()
+        mark = marks[number] if number < len(marks) else None
+        width, height = self._resolution()
+        return (0.5, 0.5) if mark is None else (mark[0] / width, mark[1] / height)
+
+    def _awaited(self, number: int) -> bool:
+        """Whether a wish is new, and its answer to come."""
+        config = self.studio.session.document.config
+        return config is not None and number < len(config.focus)
+
+    def _draw(self) -> None:
+        answer = self.studio.answer
+        if answer is None:
+            return
+        size = self._size()
+        addresses = {kind: address(kind, each.number) for kind, each in self.studio.shown.items()}
+        content = layers_svg(addresses, size, overlay=self.overlay, wipe=self.wipe)
+        content += marks_svg(answer, self._scale(), size[0], self.selected)
+        if content != self._content:
+            self._content = content
+            self.image.content = content
+
+    def _on_mouse(self, event: events.MouseEventArguments) -> None:
+        x, y = event.image_x / self._scale(), event.image_y / self._scale()
+        act: dict[str, Callable[[float, float], Any]] = {
+            "mousedown": self._down,
+            "mousemove": self._move,
+            "mouseup": self._up,
+            "mouseleave": self._leave,
+        }
+        if self.studio.answer is not None and (event.type != "mousedown" or event.button == 0):
+            act[event.type](x, y)
+
+    def _down(self, x: float, y: float) -> None:
+        answer = self.studio.answer
+        assert answer is not None
+        width = self._resolution()[0]
+        self._press = (x, y)
+        if self.wipe is not None and abs(x / width - self.wipe) < 0.015:
+            self._dragged = "wipe"
+            return
+        self._dragged = nearest_mark(answer.marks(), x, y, 1.4 * radius(width))
+        self._drags += 1
+        if self._dragged is not None and self._dragged != self.selected:
+            self.select(self._dragged)
+
+    def _move(self, x: float, y: float) -> None:
+        answer = self.studio.answer
+        assert answer is not None
+        width = self._resolution()[0]
+        if self._dragged == "wipe":
+            self.set_wipe(min(max(x / width, 0.0), 1.0))
+            return
+        self._under.text = answer.under(x, y).sentence()
+        self._under.set_visibility(True)
+        if isinstance(self._dragged, int) and self._moved(x, y):
+            number, drag = self._dragged, f"{self._drags}"
+            self.attempt(lambda session: session.move_point(number, x, y, drag=drag))
+
+    def _up(self, x: float, y: float) -> None:
+        clicked = self._press is not None and self._dragged is None and not self._moved(x, y)
+        if isinstance(self._dragged, int) and self._moved(x, y):
+            number, drag = self._dragged, f"{self._drags}"
+            self.attempt(lambda session: session.move_point(number, x, y, drag=drag))
+            self.studio.session.end_drag()
+        self._press = self._dragged = None
+        if clicked:
+            added = self.attempt(lambda session: session.add_point(x, y))
+            if isinstance(added, int):
+                self.select(added)
+
+    def _leave(self, x: float, y: float) -> None:
+        self._under.set_visibility(False)
+
+    def _moved(self, x: float, y: float) -> bool:
+        assert self._press is not None
+        far = abs(complex(x - self._press[0], y - self._press[1]))
+        return far > _STILL * self._resolution()[0]
+
+    def _resolution(self) -> tuple[int, int]:
+        answer, config = self.studio.answer, self.studio.session.document.config
+        known = answer.config if answer is not None else config
+        return known.camera.resolution if known is not None else (640, 480)
+
+    def _size(self) -> tuple[int, int]:
+        return shown_size(self._resolution())
+
+    def _scale(self) -> float:
+        """Pixels shown for one of the config's."""
+        return self._size()[0] / self._resolution()[0]
+
+
+def address(kind: str, number: int) -> str:
+    """Where the server has a picture."""
+    return f"/studio/{kind}/{number}"

@@ -1,0 +1,64 @@
+"""The server of the page: its routes, who may ask, and where it listens."""
+
+import secrets
+from collections.abc import Callable
+
+from fastapi import Response
+from nicegui import app, ui
+
+from focusjax.studio._guard import Guard
+from focusjax.studio._page import Page
+from focusjax.studio._studio import KINDS, Studio
+
+LOCAL = "127.0.0.1"
+
+
+def add_routes(studio: Studio) -> Callable[[], None]:
+    """Give NiceGUI's server the pictures of a studio; what builds its page."""
+
+    @app.get("/studio/{kind}/{number}")
+    def picture(kind: str, number: int) -> Response:
+        return picture_of(studio, kind, number)
+
+    def page() -> None:
+        Page(studio)
+
+    return page
+
+
+def picture_of(studio: Studio, kind: str, number: int) -> Response:
+    """The picture of a kind that has that number, or a newer one that has taken its place; else 404."""
+    shown = studio.shown.get(kind) if kind in KINDS else None
+    if shown is None or number > shown.number:
+        return Response(status_code=404)
+    return Response(shown.data, media_type=shown.media, headers={"Cache-Control": "no-store"})
+
+
+def serve(studio: Studio, *, host: str | None, port: int, show: bool, tell: Callable[[str], None]) -> None:
+    """Serve the page until the command is stopped.
+
+    Args:
+        studio: what is shown.
+        host: where to listen; this machine alone if None. Otherwise the address carries a token.
+        port: of the server.
+        show: open the page in a browser.
+        tell: told the page's address.
+    """
+    token = "" if host is None else secrets.token_urlsafe(16)
+    own = tuple(f"{name}:{port}" for name in (LOCAL, "localhost")) if host is None else ()
+    app.add_middleware(Guard, hosts=own, token=token)
+    page = add_routes(studio)
+    path = f"/?token={token}" if token else "/"
+    app.on_startup(lambda: tell(f"http://{host or LOCAL}:{port}{path}"))
+    app.on_shutdown(studio.close)
+    ui.run(
+        page,
+        host=host or LOCAL,
+        port=port,
+        title="focusjax studio",
+        favicon="🎯",
+        dark=None,
+        reload=False,
+        show=path if show else False,
+        show_welcome_message=False,
+    )

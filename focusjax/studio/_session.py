@@ -1,0 +1,172 @@
+"""One config being worked on: its text, wishes, lens and history, without any page."""
+
+from pathlib import Path
+
+from focusjax.config import Config
+from focusjax.studio import _lens_settings as lens_settings
+from focusjax.studio import _wishes as wishes
+from focusjax.studio._answer import Answer, Under, answer
+from focusjax.studio._document import Change, Document, EditError, delete_wish
+from focusjax.studio._stage import StageMaker
+
+
+class Session:
+    """Edits a config and solves it: everything that the page does, for any other program to do.
+
+    Edits change the text at once. `solve` is what takes time, and may be called from one other thread.
+
+    Attributes:
+        document: the text with its history; save it with `document.save()`.
+        number: of the latest edit; answers carry it.
+
+    Example:
+        >>> session = Session(Path("configs/still_life.toml"))  # doctest: +SKIP
+        >>> cow = session.add_point(300, 260)  # doctest: +SKIP
+        >>> session.wish_for(cow, "at_most", pixels=2)  # doctest: +SKIP
+        >>> print(session.solve().outcome.solution)  # doctest: +SKIP
+    """
+
+    def __init__(self, path: Path | str):
+        """Open the config at `path`, also where it has errors: `document.problem` tells them.
+
+        Raises:
+            ConfigError: the file cannot be read as text.
+        """
+        self.document = Document(Path(path))
+        self.number = 0
+        self._maker = StageMaker()
+        self._answer: Answer | None = None
+        self._weights: dict[str, float] = {}
+        self._pixels: dict[str, tuple[float, float]] = {}
+
+    @property
+    def config(self) -> Config:
+        """What the text says.
+
+        Raises:
+            EditError: it cannot be used.
+        """
+        if self.document.config is None:
+            raise EditError(self.document.problem)
+        return self.document.config
+
+    def solve(self, config: Config | None = None, number: int | None = None) -> Answer:
+        """The lens for the config as it is now, as `focusjax run` finds it, without a picture.
+
+        Args:
+            config: another config of the session, such as that of the edit `number`.
+            number: for the answer to carry.
+
+        Raises:
+            EditError: the text is no usable config.
+            ConfigError: a mesh or a camera that cannot be used.
+        """
+        config = self.config if config is None else config
+        number = self.number if number is None else number
+        self._answer = answer(config, self._maker.stage_for(config), number)
+        return self._answer
+
+    def under(self, x: float, y: float) -> Under:
+        """What the last answer has at pixel position (`x`, `y`)."""
+        return (self._answer or self.solve()).under(x, y)
+
+    def add_point(self, x: float, y: float) -> int:
+        """Wish that what is under (`x`, `y`) is sharp; the number of the new wish."""
+        name = wishes.name_for(self.config, self.under(x, y).object)
+        self._edit(wishes.new_wish(name, x, y))
+        return len(self.config.focus) - 1
+
+    def move_point(self, number: int, x: float, y: float, *, drag: str = "") -> None:
+        """Move a wish to what is under (`x`, `y`); moves with the same `drag` are undone together."""
+        width, height = self.config.camera.resolution
+        x, y = min(max(x, 0.0), width), min(max(y, 0.0), height)
+        self._edit(wishes.move(number, x, y), f"move {number} {drag}" if drag else "")
+
+    def end_drag(self) -> None:
+        """The next move is undone by itself."""
+        self.document.end_label()
+
+    def delete_point(self, number: int) -> None:
+        """Forget a wish."""
+        self._edit(delete_wish(number))
+
+    def wish_for(self, number: int, kind: str, *, pixels: float = 0.0, other: str = "") -> None:
+        """Change what is wished; see `wish_for` of the wishes."""
+        self._edit(wishes.wish_for(number, kind, pixels=pixels, other=other))
+
+    def rename(self, number: int, name: str) -> None:
+        """Call a wish something else."""
+        self._edit(wishes.rename(self.config, number, name))
+
+    def set_weight(self, number: int, weight: float) -> None:
+        """How much a wish counts."""
+        self._edit(wishes.set_number(number, "weight", weight))
+
+    def set_tolerance(self, number: int, pixels: float | None) -> None:
+        """The largest miss in pixels that still counts as met; None for the usual."""
+        self._edit(wishes.set_number(number, "tolerance_px", pixels))
+
+    def switch(self, number: int, *, on: bool) -> None:
+        """Let a wish count, as much as before it was switched off, or not."""
+        name, weight = wishes.called(self.config, number), self.config.focus[number].weight
+        if on == (weight > 0):
+            return
+        if not on:
+            self._weights[name] = weight
+        self.set_weight(number, self._weights.get(name, 1.0) if on else 0.0)
+
+    def spread(self, number: int, *, whole: bool) -> None:
+        """Let a wish be about the whole object that it is on, or about one point of it.
+
+        Raises:
+            EditError: there is no object under it.
+        """
+        wish, name = self.config.focus[number], wishes.called(self.config, number)
+        if whole == (wish.object is not None and wish.triangle is None):
+            return
+        mark = (self._answer or self.solve()).marks()[number]
+        if mark is None:
+            raise EditError(f"{name!r} is nowhere in the picture; move it there first")
+        if not whole:
+            self.move_point(number, *self._pixels.get(name, mark))
+            return
+        found = self.under(*mark).object
+        if not found:
+            raise EditError(f"{name!r} is on the background, which is no object; move it onto one")
+        self._pixels[name] = mark
+        self._edit(wishes.whole_object(number, found))
+
+    def free(self, name: str) -> None:
+        """Let the wishes decide a setting of the lens."""
+        self._edit(lens_settings.free(self.config, name))
+
+    def fix(self, name: str, value: float | None = None) -> None:
+        """Keep a setting of the lens at `value`, or at what the last answer says."""
+        if value is None:
+            value = (self._answer or self.solve()).values().get(name)
+        if value is None:
+            raise EditError(f"there is no {lens_settings.SETTINGS[name].label} yet to keep; give a value")
+        self._edit(lens_settings.fix(self.config, name, value), f"fix {name}")
+
+    def limit(self, name: str, end: str, value: float | None) -> None:
+        """Set the "low" or "high" limit of a free setting; None for the usual one."""
+        self._edit(lens_settings.limit(self.config, name, end, value))
+
+    def set_text(self, text: str) -> None:
+        """Take a whole text."""
+        self.document.replace(text)
+        self.number += 1
+
+    def undo(self) -> None:
+        """Take the last edit back."""
+        self.document.undo()
+        self.number += 1
+
+    def redo(self) -> None:
+        """Do again what was taken back."""
+        self.document.redo()
+        self.number += 1
+
+    def _edit(self, change: Change, label: str = "") -> None:
+        self.document.edit(change, label)
+        self.number += 1

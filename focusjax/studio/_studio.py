@@ -1,0 +1,221 @@
+"""A session with its pictures: edits at once, numbers in one thread, pictures in another."""
+
+import dataclasses
+import functools
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+from focusjax import job
+from focusjax.config import Config, ConfigError
+from focusjax.io import staged_folder
+from focusjax.report import FILES, save_outcome
+from focusjax.studio._answer import Answer, answer
+from focusjax.studio._document import EditError
+from focusjax.studio._latest import Cancelled as IsCancelled
+from focusjax.studio._latest import Latest
+from focusjax.studio._overlays import blur_overlay, depth_overlay, jpeg, shown_size, webp
+from focusjax.studio._painter import Cancelled, Painter
+from focusjax.studio._session import Session
+
+_NO_WISH = dict.fromkeys(("sharp", "same_blur_as", "shown_at", "blur_px", "blur_mm", "blur_height"))
+KINDS = ("picture", "sharp", "blur", "depth")
+"""Pictures that the studio has."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Shown:
+    """A picture as bytes for a browser.
+
+    Attributes:
+        number: of the picture; every picture of a studio has its own.
+        answer: number of the answer that it shows.
+        media: its media type.
+        data: its bytes.
+    """
+
+    number: int
+    answer: int
+    media: str
+    data: bytes
+
+
+@dataclasses.dataclass(frozen=True)
+class State:
+    """What the picture is at the moment.
+
+    Attributes:
+        word: "starting", "solving", "draft", "refining", "refined", "no lens", "problem",
+            "rendering" or "rendered".
+        share: how far refining is, 0 to 1.
+        detail: a sentence, of a problem.
+    """
+
+    word: str
+    share: float = 0.0
+    detail: str = ""
+
+
+class Studio:
+    """What the page shows.
+
+    Attributes:
+        session: the config; change it by `apply`.
+        answer: the latest that is worked out.
+        state: what the picture is.
+        shown: the latest picture of each kind.
+        version: rises with every change of these, for pages that look at it.
+        drafts: how many drafts were made.
+    """
+
+    def __init__(self, session: Session):
+        """Start working on the config as it is."""
+        self.session = session
+        self.answer: Answer | None = None
+        self.state = State("starting")
+        self.shown: dict[str, Shown] = {}
+        self.version = 0
+        self.drafts = 0
+        self.painter = Painter()
+        self._lock = threading.Lock()
+        self._pictures = 0
+        self._numbers = Latest("focusjax numbers", self._failed)
+        self._painting = Latest("focusjax pictures", self._failed)
+        self._sharp_of: object = None
+        self.refresh()
+
+    def apply(self, edit: Callable[[Session], object]) -> object:
+        """Change the session and work the change out; what `edit` returns.
+
+        Raises:
+            EditError: there would be no usable config; nothing is changed.
+        """
+        before = self.session.number
+        result = edit(self.session)
+        if self.session.number != before:
+            self.refresh()
+        return result
+
+    def refresh(self) -> None:
+        """Work out the config as it is."""
+        config = self.session.document.config
+        if config is None:
+            self._numbers.cancel()
+            self._painting.cancel()
+            self._set(state=State("problem", detail=self.session.document.problem))
+            return
+        self._painting.cancel()
+        self._set(state=State("solving" if self.answer else "starting"))
+        self._numbers.submit(functools.partial(self._solve, config, self.session.number))
+
+    def warm_up(self) -> None:
+        """Compile, in a thread of its own, the solve with limits to blur, so that the first one is quick."""
+        threading.Thread(target=self._warm_up, name="focusjax warm-up", daemon=True).start()
+
+    def render(self, folder: Path) -> None:
+        """Make the picture at full quality with its report, as `focusjax run` does, into `folder`."""
+        config = self.session.config
+        self._painting.submit(lambda cancelled: self._render(config, folder, cancelled))
+
+    def cancel_render(self) -> None:
+        """Stop at the next stage."""
+        self._painting.cancel()
+
+    def wait(self, seconds: float | None = None) -> bool:
+        """Wait until numbers and pictures are done; whether that came within `seconds` each."""
+        return self._numbers.wait(seconds) and self._painting.wait(seconds)
+
+    def close(self) -> None:
+        """End the threads."""
+        self._numbers.close()
+        self._painting.close()
+
+    def _solve(self, config: Config, number: int, cancelled: IsCancelled) -> None:
+        answer = self.session.solve(config, number)
+        if answer.outcome is not None:
+            size = shown_size(config.camera.resolution)
+            sharp = answer.depth_of_field()
+            assert sharp is not None
+            self._show("blur", answer, webp(blur_overlay(answer.outcome.blur, sharp.circle_px), size))
+        self._set(answer=answer)
+        if answer.outcome is None:
+            self._set(state=State("no lens", detail=answer.problem))
+        self._painting.submit(functools.partial(self._paint, answer))
+        if not cancelled():
+            told = answer.with_sentences()
+            if not cancelled():
+                self._set(answer=told)
+
+    def _warm_up(self) -> None:
+        self._numbers.wait()
+        answer_ = self.answer
+        if answer_ is None or not answer_.config.focus:
+            return
+        limit = answer_.config.focus[0].model_copy(update=_NO_WISH | {"at_most_px": 1e3, "name": "warm-up"})
+        config = answer_.config.model_copy(update={"focus": (*answer_.config.focus, limit)})
+        config._source = answer_.config.source
+        answer(config, answer_.stage)
+
+    def _paint(self, answer: Answer, cancelled: IsCancelled) -> None:
+        size = shown_size(answer.config.camera.resolution)
+        if cancelled():
+            return
+        draft = self.painter.draft(answer)
+        self.drafts += 1
+        self._show("picture", answer, jpeg(draft.pixels, size))
+        if answer.outcome is None:
+            self._extras(answer, size)
+            return
+        if cancelled():
+            return
+        self._set(state=State("draft"))
+        self._extras(answer, size)
+        try:
+            for painted in self.painter.refined(answer, cancelled):
+                if cancelled():
+                    return
+                self._show("picture", answer, jpeg(painted.pixels, size))
+                done = painted.share >= 1.0
+                self._set(state=State("refined" if done else "refining", painted.share))
+        except Cancelled:
+            return
+
+    def _extras(self, answer: Answer, size: tuple[int, int]) -> None:
+        """The sharp view and depth, once for each stage."""
+        if self._sharp_of is not answer.stage:
+            self._show("sharp", answer, jpeg(self.painter.sharp(answer), size))
+            self._show("depth", answer, webp(depth_overlay(answer.stage.disparity), size))
+            self._sharp_of = answer.stage
+
+    def _render(self, config: Config, folder: Path, cancelled: IsCancelled) -> None:
+        def tell(stage: str, share: float | None) -> None:
+            if cancelled():
+                raise Cancelled
+            self._set(state=State("rendering", share or 0.0, stage))
+
+        try:
+            with staged_folder(folder, owned=FILES) as made:
+                outcome = job.run(config, solving=bool(config.focus), progress=tell)
+                save_outcome(made, outcome)
+        except Cancelled:
+            self._set(state=State("draft", detail="The final picture was cancelled."))
+            return
+        self._set(state=State("rendered", 1.0, f"Report: {folder / 'report.html'}"))
+
+    def _show(self, kind: str, answer: Answer, data: bytes) -> None:
+        media = "image/webp" if kind in ("blur", "depth") else "image/jpeg"
+        with self._lock:
+            self._pictures += 1
+            self.shown = {**self.shown, kind: Shown(self._pictures, answer.number, media, data)}
+            self.version += 1
+
+    def _set(self, *, answer: Answer | None = None, state: State | None = None) -> None:
+        with self._lock:
+            self.answer = self.answer if answer is None else answer
+            self.state = self.state if state is None else state
+            self.version += 1
+
+    def _failed(self, error: Exception) -> None:
+        known = isinstance(error, ConfigError | EditError | ValueError | RuntimeError | OSError | MemoryError)
+        text = str(error) if known else f"internal error, please report it: {error!r}"
+        self._set(state=State("problem", detail=" ".join(text.split("\n\n")[0].split())))

@@ -1,0 +1,99 @@
+"""The table of wishes, and what stands in their way."""
+
+from typing import Any
+
+from nicegui import ui
+
+from focusjax.focus import wish_rows
+from focusjax.studio._marks import SIGNS
+from focusjax.studio._picture_view import PictureView
+from focusjax.studio._studio import Studio
+from focusjax.studio._wishes import called, kind_of
+
+
+class WishPanel:
+    """A line for each wish: wished, got, missed by, and whether it is met, as the report has it."""
+
+    def __init__(self, studio: Studio, view: PictureView):
+        """Build it where NiceGUI is at; a click on a line opens the wish's card in `view`."""
+        self._studio, self._view = studio, view
+        self._names: tuple[str, ...] | None = None
+        self._lines: list[tuple[Any, ...]] = []
+        ui.label("Wishes").classes("fj-head")
+        self._rows = ui.column().classes("w-full").style("gap: 0").mark("wishes").classes("at-wishes")
+        self._way = ui.column().classes("w-full").style("gap: 4px").mark("way").classes("at-way")
+        self._sentences: tuple[str, ...] | None = ()
+
+    def show(self) -> None:
+        """Show what is new."""
+        answer = self._studio.answer
+        if answer is None:
+            return
+        names = tuple(called(answer.config, number) for number in range(len(answer.config.focus)))
+        if names != self._names:
+            self._names = names
+            self._build(names)
+        rows = answer.wishes
+        told = wish_rows(rows)
+        for number, (line, sign, wished, got, off, verdict) in enumerate(self._lines):
+            line.classes(
+                add="chosen" if number == self._view.selected else "",
+                remove="" if number == self._view.selected else "chosen",
+            )
+            sign.text = f"{number + 1} {SIGNS[kind_of(answer.config, number)]}"
+            if number >= len(rows):
+                continue
+            _, *said, word = told[number]
+            for label, text in zip((wished, got, off), said, strict=True):
+                label.text = text.removesuffix(" px")
+            met = word == "met"
+            verdict.text = "✓ met" if met else "✗ missed" if word == "missed" else word
+            verdict.classes(
+                replace="fj-num " + ("fj-met" if met else "fj-missed" if word == "missed" else "fj-dim")
+            )
+        if answer.sentences is not None and answer.sentences != self._sentences:
+            self._sentences = answer.sentences
+            self._way.clear()
+            with self._way:
+                if answer.sentences:
+                    ui.label("In the way").classes("fj-head")
+                for sentence in answer.sentences:
+                    ui.label(sentence).classes("fj-way")
+
+    def _build(self, names: tuple[str, ...]) -> None:
+        self._rows.clear()
+        self._lines = []
+        with self._rows:
+            if not names:
+                ui.label("Click on the picture, on what should be sharp.").classes("fj-dim")
+                return
+            with ui.row().classes("fj-wish fj-dim").style("cursor: default"):
+                for text, style in zip(("", "wish", "wished", "got px", "off px", ""), _WIDTHS, strict=True):
+                    ui.label(text).style(style)
+            for number, name in enumerate(names):
+                line = (
+                    ui.row()
+                    .classes("fj-wish")
+                    .props(f'tabindex=0 role="button" aria-label="wish {number + 1}"')
+                )
+                line.on("click", lambda _, number=number: self._view.select(number))
+                line.on("keydown.enter", lambda _, number=number: self._view.select(number))
+                with line:
+                    labels = [
+                        ui.label(text).style(style)
+                        for text, style in zip(("", name, "", "", "", ""), _WIDTHS, strict=True)
+                    ]
+                for label in labels[2:]:
+                    label.classes("fj-num")
+                self._lines.append((line, labels[0], *labels[2:]))
+
+
+_CUT = "overflow: hidden; text-overflow: ellipsis; white-space: nowrap"
+_WIDTHS = (
+    "width: 28px; white-space: nowrap",
+    f"flex: 1; min-width: 0; {_CUT}",
+    f"width: 68px; text-align: right; {_CUT}",
+    "width: 50px; text-align: right",
+    "width: 42px; text-align: right",
+    f"width: 58px; text-align: right; {_CUT}",
+)

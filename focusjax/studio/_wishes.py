@@ -1,0 +1,111 @@
+"""Edits of the wishes: what the page offers for a point, as changes of a `[[focus]]` table."""
+
+from typing import Any
+
+from focusjax.config import Config
+from focusjax.studio._document import Change, EditError, add_wish, change_wish, together
+
+KINDS = {
+    "sharp": "sharp",
+    "blur": "blur",
+    "at_most": "at most",
+    "at_least": "at least",
+    "same_blur_as": "same as",
+}
+"""What a point may be wished to be, with the words for it."""
+
+_PLACES = ("pixel", "point", "direction", "triangle", "barycentric", "object", "mask", "depth_m", "samples")
+_MEASURED = ("blur", "at_most", "at_least", "in_frame")
+_UNITS = ("px", "mm", "height")
+_WISHES = (
+    "sharp",
+    "same_blur_as",
+    "shown_at",
+    "signed",
+    *(f"{kind}_{unit}" for kind in _MEASURED for unit in _UNITS),
+)
+_DECIMALS = 2
+"""Of positions and diameters in pixels."""
+
+
+def name_for(config: Config, place: str) -> str:
+    """A name for a new wish at `place` that no other wish has."""
+    taken = {wish.name or wish.object for wish in config.focus}
+    name, number = place or "background", 1
+    while name in taken:
+        number += 1
+        name = f"{place or 'background'} {number}"
+    return name
+
+
+def new_wish(name: str, x: float, y: float) -> Change:
+    """What is under pixel position (`x`, `y`) is to be sharp."""
+    return add_wish({"name": name, "pixel": _pixel(x, y), "sharp": True})
+
+
+def move(number: int, x: float, y: float) -> Change:
+    """The wish is about what is under pixel position (`x`, `y`)."""
+    return change_wish(number, {"pixel": _pixel(x, y)}, [key for key in _PLACES if key != "pixel"])
+
+
+def whole_object(number: int, name: str) -> Change:
+    """The wish is about all of an object that shows, not about one point."""
+    return change_wish(number, {"object": name}, [key for key in _PLACES if key != "object"])
+
+
+def wish_for(number: int, kind: str, *, pixels: float = 0.0, other: str = "") -> Change:
+    """Change what is wished, of `KINDS`.
+
+    Args:
+        number: of the wish.
+        kind: a key of `KINDS`.
+        pixels: the blur's diameter, for those that have one.
+        other: the name of the wish whose blur it is to have, for "same_blur_as".
+    """
+    value: Any = True if kind == "sharp" else other if kind == "same_blur_as" else round(pixels, _DECIMALS)
+    key = kind if kind in ("sharp", "same_blur_as") else f"{kind}_px"
+    return change_wish(number, {key: value}, [each for each in _WISHES if each != key])
+
+
+def set_number(number: int, key: str, value: float | None) -> Change:
+    """Set a weight, or a tolerance in pixels; None for the usual."""
+    others = [f"tolerance_{unit}" for unit in _UNITS] if key == "tolerance_px" else []
+    return change_wish(number, {key: value}, [each for each in others if each != key])
+
+
+def rename(config: Config, number: int, name: str) -> Change:
+    """Call a wish `name`, also where others refer to it.
+
+    Raises:
+        EditError: no name, or that of another wish.
+    """
+    name = name.strip()
+    names = [called(config, index) for index in range(len(config.focus))]
+    if not name:
+        raise EditError("a wish needs a name; give one")
+    if name in names[:number] + names[number + 1 :]:
+        raise EditError(f"another wish is called {name!r}; give each a name of its own")
+    referring = [k for k, wish in enumerate(config.focus) if wish.same_blur_as == names[number]]
+    return together(
+        change_wish(number, {"name": name}), *(change_wish(k, {"same_blur_as": name}) for k in referring)
+    )
+
+
+def kind_of(config: Config, number: int) -> str:
+    """What a wish is for, of `KINDS`; empty for wishes that the page only shows."""
+    wish = config.focus[number]
+    for kind in KINDS:
+        keys = [kind] if kind in ("sharp", "same_blur_as") else [f"{kind}_{unit}" for unit in _UNITS]
+        if any(getattr(wish, key) is not None for key in keys):
+            return kind
+    return ""
+
+
+def called(config: Config, number: int) -> str:
+    """What a wish without a name of its own may be called."""
+    wish = config.focus[number]
+    return wish.name or wish.object or f"point {number + 1}"
+
+
+def _pixel(x: float, y: float) -> list[float]:
+    return [round(float(x), _DECIMALS), round(float(y), _DECIMALS)]

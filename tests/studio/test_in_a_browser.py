@@ -1,0 +1,161 @@
+"""The first minute of somebody who has never seen the studio, in a real browser."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from boxes_config import write_boxes
+
+from focusjax.config import load_config
+
+studio_browser = pytest.importorskip(
+    "studio_browser", reason="no Selenium, which drives the browser", exc_type=ImportError
+)
+pytest.importorskip("nicegui", reason="no NiceGUI, which makes the page")
+chromium, server, Tab = studio_browser.chromium, studio_browser.server, studio_browser.Tab
+pytestmark = pytest.mark.skipif(
+    studio_browser.CHROMIUM is None or studio_browser.DRIVER is None,
+    reason="no chromium and chromedriver (Debian: chromium, chromium-driver)",
+)
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+COW, LAMP, APPLE = (0.47, 0.55), (0.685, 0.17), (0.74, 0.78)
+
+
+@pytest.fixture(scope="module")
+def still_life(tmp_path_factory):
+    """The still life, small, and without its wishes."""
+    folder = tmp_path_factory.mktemp("studio")
+    (folder / "meshes").symlink_to(CONFIGS / "meshes")
+    text = (CONFIGS / "still_life.toml").read_text().replace("[640, 480]", "[160, 120]")
+    before, rest = text.split("[[focus]]", 1)
+    file = folder / "still_life.toml"
+    file.write_text(before + rest[rest.index("[solve]") :] + "\n[render]\nrays = 8\n")
+    return file
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as driver:
+        yield driver
+
+
+@pytest.fixture
+def tab(still_life, browser):
+    with server(still_life, programs=os.environ["FOCUSJAX_TESTS_PROGRAMS"]) as address:
+        browser.get(address)
+        yield Tab(browser)
+
+
+def test_the_first_sixty_seconds(tab, still_life):
+    # Something to look at, and a word on what to do.
+    tab.wait(lambda: "Click on what should be sharp" in tab.body(), why="the sharp view")
+    # Click the cow: sharp.
+    tab.click(*COW)
+    tab.wait(lambda: "spot" in tab.text("told"), why="the cow's card")
+    tab.settle()
+    assert re.search(r"spot.* away, blur 0\.0 px\. Met\.", tab.text("told"))
+    # Click the lamp: blurred by at least so much.
+    tab.click(*LAMP)
+    tab.wait(lambda: "lamp" in tab.text("told"), why="the lamp's card")
+    tab.choose("kind", "at least")
+    tab.wait(lambda: tab.all("pixels"), why="a field for the diameter")
+    tab.type("pixels", "6")
+    tab.wait(
+        lambda: load_wishes(tab) == ["sharp ✓ met", "at least 6 px ✓ met"], why="two wishes that are met"
+    )
+    # Restrict the f-number, and read which of them gives way.
+    tab.type("low-f_number", "8")
+    tab.wait(lambda: "✗ missed" in tab.text("wishes"), why="a wish that is missed")
+    tab.wait(lambda: "widest aperture" in tab.text("way"), why="the limit in the way")
+    assert "lamp" in tab.text("way")
+    assert "f/8.0" in tab.text("value-f_number")
+    tab.settle()
+    # Save; a run of the file comes to the lens on the page.
+    tab.all("save")[0].click()
+    tab.wait(lambda: "Saved to" in tab.body(), why="the word that it is saved")
+    config = load_config(still_life)
+    assert [wish.name for wish in config.focus] == ["spot", "lamp"]
+    report = solved(still_life)
+    assert f"{100 * report['lens']['focus_distance_m']:.3g} cm" in tab.text("value-focus")
+    assert report["lens"]["f_number"] == pytest.approx(8.0, rel=1e-6)
+    assert tab.complaints() == []
+
+
+def test_points_are_dragged_nudged_undone_and_deleted(tab):
+    tab.wait(lambda: "Click on what should be sharp" in tab.body() or tab.text("state") == "refined")
+    before = len(load_wishes(tab))
+    tab.click(*APPLE)
+    tab.wait(lambda: "apple" in tab.text("told"), why="the apple's card")
+    tab.press("\ue00c")  # Escape
+    tab.drag(APPLE, COW)
+    tab.wait(lambda: "spot" in tab.text("told"), why="the point to be on the cow")
+    assert len(load_wishes(tab)) == before + 1
+    tab.press("\ue014")  # an arrow to the right
+    tab.press_with_control("z")
+    tab.press_with_control("z")
+    tab.wait(lambda: len(load_wishes(tab)) == before + 1, why="the point to stay")
+    tab.press_with_control("z")
+    tab.wait(lambda: len(load_wishes(tab)) == before, why="the point to go")
+    assert tab.complaints() == []
+
+
+def test_overlays_wipe_and_view_from_above(tab):
+    tab.click(*COW)
+    tab.settle()
+    for key, mark in (("b", "/studio/blur/"), ("d", "/studio/depth/"), (" ", "/studio/sharp/")):
+        tab.press(key)
+        tab.wait(lambda mark=mark: mark in tab.driver.page_source, why=mark)
+    above = tab.all("above")[0]
+    assert above.find_elements("css selector", "polygon.zone")
+    assert above.find_elements("css selector", "polyline.focus")
+    assert tab.complaints() == []
+
+
+def test_a_config_with_errors_opens_with_its_errors_beside_the_text(tmp_path, browser):
+    file = write_boxes(tmp_path)
+    good = file.read_text()
+    file.write_text(good.replace("f_number = 2.0", "f_numbr = 2.0"))
+    with server(file) as address:
+        browser.get(address)
+        tab = Tab(browser)
+        tab.wait(lambda: "did you mean f_number" in tab.text("problem"), 60, "the error")
+        area = browser.find_element("css selector", "textarea")
+        assert "f_numbr" in area.get_attribute("value")
+        browser.execute_script(
+            "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input'))", area, good
+        )
+        tab.wait(lambda: area.get_attribute("value") == good, 10)
+        tab.all("use")[0].click()
+        tab.settle()
+        assert len(load_wishes(tab)) == 2
+
+
+def test_other_hosts_need_the_token_of_the_address(tmp_path, browser):
+    with server(write_boxes(tmp_path), "--host", "127.0.0.1") as address:
+        assert "?token=" in address
+        browser.get(address.split("?")[0])
+        assert "not the studio's own page" in browser.find_element("tag name", "body").text
+        browser.get(address)
+        Tab(browser).wait(lambda: Tab(browser).all("state"), 60, "the page")
+
+
+def load_wishes(tab):
+    """What the table says of each wish: wished, and the verdict."""
+    lines = [
+        line.text.split("\n") for line in tab.driver.find_elements("css selector", ".fj-wish[role=button]")
+    ]
+    return [f"{line[2]} {line[-1]}" for line in lines if len(line) > 4]
+
+
+def solved(config):
+    """The report of `focusjax solve`."""
+    out = config.parent / "out"
+    command = [sys.executable, "-m", "focusjax.cli", "solve", str(config), "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode in (0, 3), done.stderr
+    return json.loads((out / "report.json").read_text())

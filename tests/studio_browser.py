@@ -1,0 +1,146 @@
+"""The studio's server in a process of its own, and a real headless Chromium that looks at it."""
+
+import contextlib
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from selenium import webdriver
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+
+CHROMIUM, DRIVER = (shutil.which(name) for name in ("chromium", "chromedriver"))
+"""None where there is none."""
+
+_ARGUMENTS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-dev-shm-usage",
+    "--hide-scrollbars",
+    "--force-device-scale-factor=1",
+)
+
+
+class Tab:
+    """A browser's tab with the studio's page."""
+
+    def __init__(self, driver: Any):
+        self.driver = driver
+
+    def all(self, marker: str) -> list[Any]:
+        """Elements that the page has given that marker."""
+        return self.driver.find_elements(By.CSS_SELECTOR, f".at-{marker}")
+
+    def text(self, marker: str) -> str:
+        found = self.all(marker)
+        return found[0].text if found else ""
+
+    def wait(self, what: Callable[[], Any], seconds: float = 240.0, why: str = "") -> Any:
+        end = time.monotonic() + seconds
+        while not (found := what()):
+            if time.monotonic() > end:
+                raise AssertionError(f"waited {seconds:g} s for {why or what}; the page says {self.body()!r}")
+            time.sleep(0.02)
+        return found
+
+    def body(self) -> str:
+        return self.driver.find_element(By.TAG_NAME, "body").text
+
+    def settle(self, seconds: float = 240.0) -> None:
+        """Wait for the refined picture."""
+        self.wait(lambda: self.text("state") == "refined", seconds, "the refined picture")
+
+    def click(self, x: float, y: float) -> None:
+        """Click at shares of the picture's width and height."""
+        self.actions(x, y).click().perform()
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float], steps: int = 5) -> None:
+        actions = self.actions(*start).click_and_hold()
+        size = self.picture().size
+        for _ in range(steps):
+            across, down = ((b - a) / steps for a, b in zip(start, end, strict=True))
+            actions = actions.move_by_offset(round(across * size["width"]), round(down * size["height"]))
+        actions.release().perform()
+
+    def actions(self, x: float, y: float) -> Any:
+        image = self.picture()
+        size = image.size
+        away = round((x - 0.5) * size["width"]), round((y - 0.5) * size["height"])
+        return ActionChains(self.driver, duration=20).move_to_element_with_offset(image, *away)
+
+    def picture(self) -> Any:
+        return self.driver.find_element(By.CSS_SELECTOR, ".fj-frame img")
+
+    def press(self, *keys: str) -> None:
+        ActionChains(self.driver).send_keys(*keys).perform()
+
+    def press_with_control(self, key: str) -> None:
+        ActionChains(self.driver).key_down(Keys.CONTROL).send_keys(key).key_up(Keys.CONTROL).perform()
+
+    def type(self, marker: str, text: str) -> None:
+        """Replace what a field has."""
+        field = self.driver.find_element(By.CSS_SELECTOR, f"input.at-{marker}, .at-{marker} input")
+        field.click()
+        field.send_keys(Keys.CONTROL, "a")
+        field.send_keys(text)
+
+    def choose(self, marker: str, text: str) -> None:
+        """Press the button of that text within an element."""
+        buttons = self.all(marker)[0].find_elements(By.TAG_NAME, "button")
+        next(button for button in buttons if button.text == text).click()
+
+    def complaints(self) -> list[str]:
+        """What the browser's console calls severe."""
+        return [entry["message"] for entry in self.driver.get_log("browser") if entry["level"] == "SEVERE"]
+
+
+@contextlib.contextmanager
+def chromium(*, width: int = 1280, height: int = 720, dark: bool = False) -> Iterator[Any]:
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for argument in (*_ARGUMENTS, f"--window-size={width},{height}"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+    try:
+        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [scheme]})
+        yield driver
+    finally:
+        driver.quit()
+
+
+@contextlib.contextmanager
+def server(config: Path, *options: str, programs: str | None = None) -> Iterator[str]:
+    """The studio of a config; the address that it printed."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
+    if programs is not None:
+        environment |= {
+            "JAX_COMPILATION_CACHE_DIR": programs,
+            "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+        }
+    command = [sys.executable, "-m", "focusjax.cli", "studio", str(config), "--no-open", "--port", str(port)]
+    process = subprocess.Popen(
+        [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
+    )
+    try:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        assert line.startswith("Studio: http://"), line + (process.stdout.read() if process.poll() else "")
+        yield line.split()[1]
+    finally:
+        process.terminate()
+        process.wait(30)

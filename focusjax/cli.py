@@ -1,4 +1,4 @@
-"""The command line: `focusjax run`, `solve`, `render`, `studio`, `batch`, `shot`, `export`, `lens` and `bench`."""
+"""The command line: `focusjax run`, `solve`, `render`, `studio`, `batch`, `shot`, `export`, `lens`, `bench`."""
 
 import logging
 import os

@@ -91,7 +91,7 @@ class LensPanel:
                     for end, sign in (("low", "≥"), ("high", "≤")):
                         field = (
                             ui.number(prefix=sign, step=0.1)
-                            .props("dense clearable debounce=400")
+                            .props("dense clearable debounce=400 hide-bottom-space")
                             .classes("col")
                             .style("min-width: 0")
                         )
@@ -114,7 +114,7 @@ class LensPanel:
                     fields["slider"] = slider
                     field = (
                         ui.number(step=0.1)
-                        .props("dense debounce=400")
+                        .props("dense debounce=400 hide-bottom-space")
                         .style("width: 92px")
                         .mark(f"fixed-{name}")
                         .classes(f"at-fixed-{name}")

@@ -59,6 +59,7 @@ class Page:
                 ui.label(_KEYS).classes("fj-dim").style("white-space: pre-line")
         self.text = TextDialog(studio)
         ui.keyboard(on_key=self._on_key, ignore=["input", "select", "textarea"])
+        self.look()
         ui.timer(_EVERY, self.look)
 
     def attempt(self, edit: Callable[[Session], object]) -> object:

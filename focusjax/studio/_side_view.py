@@ -23,6 +23,9 @@ _FAR = 97.0
 _LEAST_SHARE = 0.004
 """Of the view's depth: objects smaller than this are left out."""
 
+_MOST_MARKS = 5
+"""On the ruler."""
+
 Points = Float[np.ndarray, "n 2"]
 
 
@@ -143,8 +146,9 @@ def _zone(answer: Answer, plan: Plan, at: Callable[[Points], str]) -> list[str]:
 
 def _ruler(depth: float, margin: int, scale: float, height: int) -> list[str]:
     """A few round distances below."""
-    step = 10.0 ** np.floor(np.log10(depth))
-    step = step / 5 if depth / step < 2 else step / 2 if depth / step < 5 else step
+    least = depth / _MOST_MARKS
+    power = 10.0 ** np.floor(np.log10(least))
+    step = next(power * each for each in (1, 2, 5, 10) if power * each >= least)
     marks = np.arange(step, depth, step)
     return [
         f'<text x="{margin + scale * mark:.1f}" y="{height - 3}" class="ruler">{metres(mark)}</text>'

@@ -1,10 +1,14 @@
 """The card beside a mark: what is wished for its point."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from nicegui import events, ui
 
+from focusjax.studio._session import Session
 from focusjax.studio._wishes import KINDS, called, kind_of
+
+Edit = Callable[[Session, Any], object]
 
 if TYPE_CHECKING:
     from focusjax.studio._picture_view import PictureView
@@ -50,98 +54,75 @@ class WishCard:
             self._build(number, kind, names)
         self._fill(number, kind)
         x, y = self._view.place_of(number)
-        across = (
-            f"left: calc({100 * x:.2f}% + 26px); right: auto"
-            if x < 0.55
-            else f"right: calc({100 - 100 * x:.2f}% + 26px); left: auto"
-        )
-        down = (
-            f"top: max(8px, calc({100 * y:.2f}% - 60px)); bottom: auto"
-            if y < 0.5
-            else f"bottom: max(8px, calc({100 - 100 * y:.2f}% - 60px)); top: auto"
-        )
-        self._card.style(f"{across}; {down}")
+        self._card.style(_beside(x, y))
 
     def _build(self, number: int, kind: str, names: list[str]) -> None:
-        fields = self._fields = {}
+        self._fields = {}
         self._card.clear()
         with self._card:
             with ui.row().classes("fj-row"):
-                fields["name"] = (
-                    ui.input().props("dense borderless").classes("col").mark("name").classes("at-name")
-                )
-                fields["name"].on(
-                    "change", lambda: self._do(lambda s: s.rename(number, fields["name"].value or ""))
-                )
-                fields["name"].tooltip("The wish's name")
-                ui.button(icon="close", on_click=lambda: self._view.select(None)).props(
-                    'flat dense round size=sm color=grey aria-label="Close the card"'
-                )
-            fields["told"] = ui.label().classes("fj-dim").mark("told").classes("at-told")
-            fields["kind"] = (
-                ui.toggle(KINDS, on_change=lambda e: self._choose(number, e))
-                .props("dense no-caps unelevated size=sm spread")
-                .classes("w-full")
-                .mark("kind")
-                .classes("at-kind")
-            )
+                self._build_name(number)
+            self._fields["told"] = ui.label().classes("fj-dim at-told").mark("told")
+            toggle = ui.toggle(KINDS, on_change=lambda e: self._choose(number, e))
+            toggle.props("dense no-caps unelevated size=sm spread").classes("w-full at-kind").mark("kind")
+            self._fields["kind"] = toggle
             with ui.row().classes("fj-row"):
-                if kind in ("blur", "at_most", "at_least"):
-                    fields["pixels"] = (
-                        _number("px", 0.0, 0.5, "The blur's diameter in pixels of the picture")
-                        .mark("pixels")
-                        .classes("at-pixels")
-                    )
-                    fields["pixels"].on_value_change(
-                        lambda e: self._typed(e, lambda s, v: s.wish_for(number, kind, pixels=v))
-                    )
-                if kind == "same_blur_as":
-                    others = [name for name in names if name != names[number]]
-                    fields["other"] = (
-                        ui.select(others, label="as blurred as", on_change=lambda e: self._other(number, e))
-                        .props("dense")
-                        .classes("col")
-                        .mark("other")
-                        .classes("at-other")
-                    )
-                fields["weight"] = (
-                    _number("weight", 0.0, 1.0, "How much this wish counts beside the others")
-                    .mark("weight")
-                    .classes("at-weight")
-                )
-                fields["weight"].on_value_change(
-                    lambda e: self._typed(e, lambda s, v: s.set_weight(number, v))
-                )
-                fields["tolerance"] = (
-                    _number("± px", 0.0, 0.5, "The largest miss that still counts as met")
-                    .mark("tolerance")
-                    .classes("at-tolerance")
-                )
-                fields["tolerance"].on_value_change(
-                    lambda e: self._typed(e, lambda s, v: s.set_tolerance(number, v))
-                )
+                self._build_numbers(number, kind, names)
             with ui.row().classes("fj-row"):
-                fields["whole"] = (
-                    ui.checkbox(
-                        "whole object",
-                        on_change=lambda e: self._typed(e, lambda s, v: s.spread(number, whole=v)),
-                    )
-                    .props("dense size=xs")
-                    .mark("whole")
-                    .classes("at-whole")
-                )
-                fields["whole"].tooltip("All of the object that shows, not this one point")
-                fields["on"] = (
-                    ui.checkbox("on", on_change=lambda e: self._typed(e, lambda s, v: s.switch(number, on=v)))
-                    .props("dense size=xs")
-                    .mark("on")
-                    .classes("at-on")
-                )
-                fields["on"].tooltip("Off: the wish is kept, and does not count")
-                ui.space()
-                ui.button("Delete", on_click=lambda: self._view.delete(number)).props(
-                    "flat dense no-caps size=sm color=negative"
-                ).mark("delete").classes("at-delete").tooltip("Forget this wish (Delete)")
+                self._build_switches(number)
+
+    def _build_name(self, number: int) -> None:
+        field = ui.input().props("dense borderless").classes("col at-name").mark("name")
+        field.on("change", lambda: self._do(lambda s: s.rename(number, field.value or "")))
+        field.tooltip("The wish's name")
+        self._fields["name"] = field
+        ui.button(icon="close", on_click=lambda: self._view.select(None)).props(
+            'flat dense round size=sm color=grey aria-label="Close the card"'
+        )
+
+    def _build_numbers(self, number: int, kind: str, names: list[str]) -> None:
+        if kind in ("blur", "at_most", "at_least"):
+            self._number_field(
+                "pixels", "px", 0.5, "The blur's diameter in pixels of the picture",
+                lambda s, v: s.wish_for(number, kind, pixels=v),
+            )  # fmt: skip
+        if kind == "same_blur_as":
+            others = [name for name in names if name != names[number]]
+            field = ui.select(others, label="as blurred as", on_change=lambda e: self._other(number, e))
+            self._fields["other"] = field.props("dense").classes("col at-other").mark("other")
+        self._number_field(
+            "weight", "weight", 1.0, "How much this wish counts beside the others",
+            lambda s, v: s.set_weight(number, v),
+        )  # fmt: skip
+        self._number_field(
+            "tolerance", "± px", 0.5, "The largest miss that still counts as met",
+            lambda s, v: s.set_tolerance(number, v),
+        )  # fmt: skip
+
+    def _build_switches(self, number: int) -> None:
+        self._switch(
+            "whole", "whole object", "All of the object that shows, not this one point",
+            lambda s, v: s.spread(number, whole=v),
+        )  # fmt: skip
+        self._switch(
+            "on", "on", "Off: the wish is kept, and does not count", lambda s, v: s.switch(number, on=v)
+        )
+        ui.space()
+        delete = ui.button("Delete", on_click=lambda: self._view.delete(number))
+        delete.props("flat dense no-caps size=sm color=negative").classes("at-delete").mark("delete")
+        delete.tooltip("Forget this wish (Delete)")
+
+    def _number_field(self, key: str, label: str, step: float, help_: str, edit: Edit) -> None:
+        """A field for a number, which waits for the end of typing."""
+        field = ui.number(label, min=0.0, step=step, on_change=lambda e: self._typed(e, edit))
+        field.props("dense debounce=350 hide-bottom-space").style("min-width: 0")
+        self._fields[key] = field.classes(f"col at-{key}").mark(key)
+        field.tooltip(help_)
+
+    def _switch(self, key: str, label: str, help_: str, edit: Edit) -> None:
+        box = ui.checkbox(label, on_change=lambda e: self._typed(e, edit)).props("dense size=xs")
+        self._fields[key] = box.classes(f"at-{key}").mark(key)
+        box.tooltip(help_)
 
     def _fill(self, number: int, kind: str) -> None:
         """Values of the fields, without taking them for what somebody typed."""
@@ -208,7 +189,7 @@ class WishCard:
         if not self._quiet and event.value is not None:
             self._do(lambda s: s.wish_for(number, "same_blur_as", other=event.value))
 
-    def _typed(self, event: events.ValueChangeEventArguments[Any], edit: Any) -> None:
+    def _typed(self, event: events.ValueChangeEventArguments[Any], edit: Edit) -> None:
         if not self._quiet and event.value is not None:
             self._do(lambda session: edit(session, event.value))
 
@@ -217,13 +198,12 @@ class WishCard:
         self.show()
 
 
-def _number(label: str, least: float, step: float, help_: str) -> Any:
-    """A field for a number, which waits for the end of typing."""
-    field = (
-        ui.number(label, min=least, step=step)
-        .props("dense debounce=350")
-        .classes("col")
-        .style("min-width: 0")
+def _beside(x: float, y: float) -> str:
+    """Where the card goes for a mark at shares (x, y): beside it, not over what it is on."""
+    right, below = x < 0.5, y < 0.5
+    across = f"calc({100 * (x if right else 1 - x):.2f}% + 13% + 16px)"
+    down = f"max(8px, calc({100 * (y if below else 1 - y):.2f}% - 60px))"
+    return (
+        f"{'left' if right else 'right'}: {across}; {'right' if right else 'left'}: auto;"
+        f" {'top' if below else 'bottom'}: {down}; {'bottom' if below else 'top'}: auto"
     )
-    field.tooltip(help_)
-    return field

@@ -13,7 +13,7 @@ from boxes_config import write_boxes
 from focusjax.config import load_config
 
 studio_browser = pytest.importorskip(
-    "studio_browser", reason="no Selenium, which drives the browser", exc_type=ImportError
+    "_studio_browser", reason="no Selenium, which drives the browser", exc_type=ImportError
 )
 pytest.importorskip("nicegui", reason="no NiceGUI, which makes the page")
 chromium, server, Tab = studio_browser.chromium, studio_browser.server, studio_browser.Tab

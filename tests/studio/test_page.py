@@ -23,6 +23,7 @@ httpx, responses, simulation, guards, pages, serving = (
     )
 )
 NEAR = {"image_x": 8, "image_y": 15, "button": 0}
+SKY = {"image_x": 20, "image_y": 2}
 
 
 @pytest.fixture
@@ -58,10 +59,10 @@ def test_a_click_sets_a_point_and_its_card_changes_it(studio):
     async def story():
         async with opened(studio) as user:
             await user.should_see("far box")
-            mouse(user, "mousedown", image_x=30)
-            mouse(user, "mouseup", image_x=30)
+            mouse(user, "mousedown", **SKY)
+            mouse(user, "mouseup", **SKY)
             await settled(studio)
-            await user.should_see("far box 2")
+            await user.should_see("background")
             user.find(marker="kind").elements.pop().value = "at_most"
             assert studio.session.config.focus[2].at_most_px == 1.2
             user.find(marker="weight").elements.pop().value = 5.0
@@ -193,8 +194,8 @@ def test_a_config_that_is_not_there_is_named(tmp_path):
 def test_every_control_has_help(studio):
     async def story():
         async with opened(studio) as user:
-            mouse(user, "mousedown", image_x=30)
-            mouse(user, "mouseup", image_x=30)
+            mouse(user, "mousedown", **SKY)
+            mouse(user, "mouseup", **SKY)
             buttons = user.find(kind=nicegui.ui.button).elements
             icons = [each for each in buttons if not each.text]
             assert len(icons) >= 7

@@ -126,7 +126,9 @@ def server(config: Path, *options: str, programs: str | None = None) -> Iterator
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
+    # NiceGUI serves nothing where it believes to be within pytest.
+    outside = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST")}
+    environment = outside | {"PYTHONUNBUFFERED": "1"}
     if programs is not None:
         environment |= {
             "JAX_COMPILATION_CACHE_DIR": programs,
@@ -139,8 +141,8 @@ def server(config: Path, *options: str, programs: str | None = None) -> Iterator
     try:
         assert process.stdout is not None
         line = process.stdout.readline()
-        assert line.startswith("Studio: http://"), line + (process.stdout.read() if process.poll() else "")
+        assert line.startswith("Studio: http://"), line + process.stdout.read()
         yield line.split()[1]
     finally:
         process.terminate()
-        process.wait(30)
+        process.communicate(timeout=60)

@@ -1,0 +1,92 @@
+"""How long the studio takes from a click to numbers, to a draft and to the refined picture.
+
+A headless Chromium (Debian: chromium, chromium-driver; Python: selenium) opens the page of a config, sets a point,
+and drags it from place to place. Times are seen by the page itself: from the press of the mouse to the elements that
+change. Median and 95th percentile, in milliseconds:
+
+    python scripts/bench_studio.py configs/still_life.toml configs/town.toml --events 50
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+from _studio_browser import Tab, chromium, server
+
+# Notes the time of the press, of the first change of the numbers, and of every picture that is loaded.
+_WATCH = """
+window.seen = {};
+const image = document.querySelector('.fj-frame img');
+image.addEventListener('mousedown', () => { window.seen = {start: performance.now()}; }, true);
+image.addEventListener('load', () => {
+  if (!window.seen.draft) window.seen.draft = performance.now();
+});
+new MutationObserver(() => {
+  if (!window.seen.numbers) window.seen.numbers = performance.now();
+}).observe(document.querySelector('.at-wishes'), {subtree: true, childList: true, characterData: true});
+new MutationObserver(() => {
+  const word = document.querySelector('.at-state').innerText;
+  if (word !== 'refined') window.seen.changed = true;
+  if (word === 'refined' && window.seen.changed && !window.seen.refined) {
+    window.seen.refined = performance.now();
+  }
+}).observe(document.querySelector('.at-state'), {subtree: true, childList: true, characterData: true});
+"""
+_STAGES = ("numbers", "draft", "refined")
+
+
+def measured(config: Path, events: int, seed: int) -> dict[str, np.ndarray]:
+    """Milliseconds from press to each stage, of all events."""
+    random = np.random.default_rng(seed)
+    times: dict[str, list[float]] = {stage: [] for stage in _STAGES}
+    before = config.read_text()
+    with server(config) as address, chromium() as driver:
+        began = time.perf_counter()
+        driver.get(address)
+        tab = Tab(driver)
+        tab.wait(lambda: tab.all("state"), 600)
+        tab.wait(lambda: tab.text("state") in ("refined", "no lens yet"), 1800)
+        print(f"{config.stem}: first refined picture after {time.perf_counter() - began:.1f} s", flush=True)
+        for place in ((0.3, 0.3), (0.6, 0.6)):
+            # Everything is compiled once.
+            tab.click(*place)
+            time.sleep(0.5)
+            tab.settle(1800)
+        tab.press("\ue00c")
+        driver.execute_script(_WATCH)
+        for _ in range(events):
+            tab.click(*random.uniform(0.1, 0.9, 2))
+            seen = tab.wait(lambda: _all_seen(driver), 120, "the refined picture")
+            for stage in _STAGES:
+                times[stage].append(seen[stage] - seen["start"])
+            # The point goes again, so that all events are alike.
+            tab.press_with_control("z")
+            time.sleep(0.3)
+            tab.settle(120)
+    assert config.read_text() == before, "the config is not written"
+    return {stage: np.array(each) for stage, each in times.items()}
+
+
+def _all_seen(driver) -> dict[str, float] | None:
+    seen = driver.execute_script("return window.seen")
+    return seen if all(stage in seen for stage in _STAGES) else None
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("configs", nargs="+", type=Path)
+    parser.add_argument("--events", type=int, default=50)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    for config in given.configs:
+        found = measured(config, given.events, given.seed)
+        for stage, each in found.items():
+            middle, late = np.percentile(each, [50, 95])
+            print(
+                f"{config.stem:16} {stage:8} median {middle:7.0f} ms   95 % within {late:7.0f} ms", flush=True
+            )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,8 +1,8 @@
 """How long the studio takes from a click to numbers, to a draft and to the refined picture.
 
-A headless Chromium (Debian: chromium, chromium-driver; Python: selenium) opens the page of a config, sets a point,
-and drags it from place to place. Times are seen by the page itself: from the press of the mouse to the elements that
-change. Median and 95th percentile, in milliseconds:
+A headless Chromium (Debian: chromium, chromium-driver; Python: selenium) opens the page of a config and sets
+a point at a random place, again and again, taking it back between. Times are seen by the page itself: from
+the press of the mouse to the elements that change. Median and 95th percentile, in milliseconds:
 
     python scripts/bench_studio.py configs/still_life.toml configs/town.toml --events 50
 """

@@ -134,7 +134,7 @@ class Page:
             )
             ui.button("Save", on_click=self.save).props("dense no-caps unelevated size=sm").mark(
                 "save"
-            ).tooltip("Write the config to its file, comments and all (Ctrl-S)")
+            ).classes("at-save").tooltip("Write the config to its file, comments and all (Ctrl-S)")
         self._refused = False
 
     def _selected(self, number: int | None) -> None:

@@ -47,8 +47,12 @@ def browser():
 @pytest.fixture
 def tab(still_life, browser):
     with server(still_life, programs=os.environ["FOCUSJAX_TESTS_PROGRAMS"]) as address:
+        browser.get_log("browser")  # what it said of pages before
         browser.get(address)
-        yield Tab(browser)
+        opened = Tab(browser)
+        opened.wait(lambda: opened.text("state") in ("no lens yet", "refined"), why="the first picture")
+        yield opened
+        browser.get("about:blank")
 
 
 def test_the_first_sixty_seconds(tab, still_life):
@@ -65,9 +69,7 @@ def test_the_first_sixty_seconds(tab, still_life):
     tab.choose("kind", "at least")
     tab.wait(lambda: tab.all("pixels"), why="a field for the diameter")
     tab.type("pixels", "6")
-    tab.wait(
-        lambda: load_wishes(tab) == ["sharp ✓ met", "at least 6 px ✓ met"], why="two wishes that are met"
-    )
+    tab.wait(lambda: load_wishes(tab) == ["sharp ✓ met", "at least 6 ✓ met"], why="two wishes that are met")
     # Restrict the f-number, and read which of them gives way.
     tab.type("low-f_number", "8")
     tab.wait(lambda: "✗ missed" in tab.text("wishes"), why="a wish that is missed")

@@ -11,7 +11,8 @@ from focusjax.studio._document import EditError
 from focusjax.studio._lens_panel import LensPanel
 from focusjax.studio._picture_view import PictureView
 from focusjax.studio._session import Session
-from focusjax.studio._side_view import make_plan, side_view
+from focusjax.studio._side_view import Plan, make_plan, side_view
+from focusjax.studio._stage import Stage
 from focusjax.studio._studio import Studio
 from focusjax.studio._text_dialog import TextDialog
 from focusjax.studio._wish_panel import WishPanel
@@ -44,8 +45,9 @@ class Page:
         self.studio = studio
         self._version = -1
         self._planned: object = None
-        self._above = ""
+        self._plan: tuple[Stage, Plan] | None = None
         ui.add_css(_LOOK)
+        ui.tooltip.default_props("delay=700")
         ui.add_head_html('<meta name="color-scheme" content="light dark">')
         self._dark = ui.dark_mode(None)
         self._bar()
@@ -149,8 +151,9 @@ class Page:
         key = (answer.number, self.picture.selected)
         if key != self._planned:
             self._planned = key
-            plan = make_plan(answer.stage, [row.distance for row in answer.wishes])
-            self._side.content = side_view(answer, plan, 344, 210, self.picture.selected)
+            if self._plan is None or self._plan[0] is not answer.stage:
+                self._plan = answer.stage, make_plan(answer.stage)
+            self._side.content = side_view(answer, self._plan[1], 344, 210, self.picture.selected)
 
     def _render(self) -> None:
         if self.studio.state.word == "rendering":

@@ -1,7 +1,7 @@
 """The scene from above as SVG: camera, objects, the plane in focus with its zone, and the wishes."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from html import escape
 
 import equinox as eqx
@@ -34,7 +34,7 @@ class Plan:
     """What of the view from above is the same for all lenses.
 
     Attributes:
-        depth: metres along the view axis that are shown.
+        depth: metres along the view axis that are shown at least.
         outlines: names and hulls [n, 2] of the objects, metres ahead and to the right.
     """
 
@@ -42,12 +42,11 @@ class Plan:
     outlines: tuple[tuple[str, Points], ...]
 
 
-def make_plan(stage: Stage, distances: Sequence[float] = ()) -> Plan:
-    """The plan of a stage, deep enough for the distances of wishes, too."""
+def make_plan(stage: Stage) -> Plan:
+    """The plan of a stage, which takes longer than to draw it."""
     seen = stage.disparity[stage.disparity > 0]
     far = float(np.percentile(1.0 / seen, _FAR)) if len(seen) else 10.0
-    wished = [each for each in distances if np.isfinite(each)]
-    depth = 1.12 * max([far, *wished])
+    depth = 1.12 * far
     vertices = np.asarray(stage.scene.vertices, dtype=float)
     pose = np.asarray(stage.camera.world_from_camera, dtype=float)
     axes = (vertices - pose[:3, 3]) @ pose[:3, :3]
@@ -85,6 +84,8 @@ def _focus(
 def side_view(answer: Answer, plan: Plan, width: int, height: int, selected: int | None = None) -> str:
     """The view as SVG of `width` x `height`: the camera is on the left and looks to the right."""
     camera = answer.stage.camera
+    wished = [1.12 * row.distance for row in answer.wishes if np.isfinite(row.distance)]
+    plan = dataclasses.replace(plan, depth=max([plan.depth, *wished]))
     margin = 26
     half = 0.5 * camera.width / float(camera.focal_px) * plan.depth
     scale = min((width - margin - 8) / plan.depth, (height - 16) / (2.2 * half))

@@ -132,12 +132,12 @@ class Studio:
 
     def _solve(self, config: Config, number: int, cancelled: IsCancelled) -> None:
         answer = self.session.solve(config, number)
+        self._set(answer=answer)
         if answer.outcome is not None:
             size = shown_size(config.camera.resolution)
             sharp = answer.depth_of_field()
             assert sharp is not None
             self._show("blur", answer, webp(blur_overlay(answer.outcome.blur, sharp.circle_px), size))
-        self._set(answer=answer)
         if answer.outcome is None:
             self._set(state=State("no lens", detail=answer.problem))
         self._painting.submit(functools.partial(self._paint, answer))

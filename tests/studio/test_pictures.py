@@ -185,7 +185,7 @@ def test_overlays_show_zone_sides_and_depth():
 
 def test_the_view_from_above_has_objects_focus_and_wishes(session):
     answer = session.solve()
-    text = side_view(answer, make_plan(answer.stage, [row.distance for row in answer.wishes]), 340, 200)
+    text = side_view(answer, make_plan(answer.stage), 340, 200)
     assert "<title>near box</title>" in text
     assert "<title>far box</title>" in text
     assert text.count('class="wish met"') + text.count('class="wish missed"') == 2

@@ -1,4 +1,4 @@
-"""The command line: `focusjax run`, `solve`, `render`, `studio`, `batch`, `shot`, `export`, `lens`, `bench`."""
+"""The command line: `focusjax run`, `solve`, `render`, `batch`, `shot`, `studio`, `export`, and more."""
 
 import logging
 import os

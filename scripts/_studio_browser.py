@@ -40,8 +40,13 @@ class Tab:
         return self.driver.find_elements(By.CSS_SELECTOR, f".at-{marker}")
 
     def text(self, marker: str) -> str:
-        found = self.all(marker)
-        return found[0].text if found else ""
+        found = self.texts(f".at-{marker}")
+        return found[0] if found else ""
+
+    def texts(self, selector: str) -> list[str]:
+        """The texts of elements, all read at one moment: the page may replace them at the next."""
+        script = "return Array.from(document.querySelectorAll(arguments[0]), each => each.innerText)"
+        return self.driver.execute_script(script, selector)
 
     def wait(self, what: Callable[[], Any], seconds: float = 240.0, why: str = "") -> Any:
         end = time.monotonic() + seconds

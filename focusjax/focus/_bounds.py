@@ -60,7 +60,7 @@ class Box(eqx.Module):
         return Box(self.lower[pick], self.upper[pick])
 
     def inside(self, value: Float[Array, "k"]) -> Float[Array, "k"]:
-        """`value`, cut off at the bounds; within rounding of a bound it is at it, so that it counts as there."""
+        """`value`, cut off at the bounds; what is within rounding of a bound is at it."""
         near = 16.0 * jnp.finfo(value.dtype).eps * (self.upper - self.lower)
         value = jnp.where(value <= self.lower + near, self.lower, value)
         return jnp.where(value >= self.upper - near, self.upper, value)

@@ -148,9 +148,7 @@ def test_other_hosts_need_the_token_of_the_address(tmp_path, browser):
 
 def load_wishes(tab):
     """What the table says of each wish: wished, and the verdict."""
-    lines = [
-        line.text.split("\n") for line in tab.driver.find_elements("css selector", ".fj-wish[role=button]")
-    ]
+    lines = [[part for part in text.split("\n") if part] for text in tab.texts(".fj-wish[role=button]")]
     return [f"{line[2]} {line[-1]}" for line in lines if len(line) > 4]
 
 

@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[1] / "focusjax"
 # What each part of the package may import, besides itself. The order is the pipeline's.
 ALLOWED = {
     "optics": {"_arguments"},
-    "geometry": set(),
+    "geometry": {"_arguments"},
     "lens": {
         "geometry",
         "optics",
@@ -35,7 +35,7 @@ ALLOWED = {
     "io": {"film", "_whole_file"},
     "config": {"geometry", "lens", "scene", "focus", "trace", "film", "optics", "_words"},
     "_arguments": {"_words"},
-    "_counts": set(),
+    "_counts": {"_arguments"},
     "_freed": set(),
     "_kept": set(),
     "_monotone_cubic": set(),

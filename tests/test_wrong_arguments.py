@@ -12,6 +12,8 @@ ROOT = Path(__file__).parents[1]
 
 SETUP = """
 import json, sys
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import focusjax as fj
@@ -29,6 +31,11 @@ corners = [(0, 0, -2), (1, 0, -2), (0, 1, -2)]
 pane = S.make_object("pane", corners, [(0, 1, 2)])
 scene = S.make_scene([pane], unlit=True)
 layers = fj.peel(scene, camera, lens, supersampling=1)
+def with_focus(value):
+    return eqx.tree_at(lambda lens: lens.focus_disparity, lens, value)
+def with_radius(value):
+    return eqx.tree_at(lambda lens: lens.aperture_radius, lens, value)
+tilted_by_nan = L.TiltShiftLens(jnp.full(3, jnp.nan), lens.aperture_radius)
 said = {}
 for call in json.load(sys.stdin):
     try:
@@ -154,7 +161,41 @@ CALLS = {
     "fj.render(lens, layers)": "layers of (layers, lens) is a ThinLens; expected Layers: `peel` and `dec",
     "fj.render(layers, camera)": "lens of (layers, lens) is a Camera; expected AbstractLens: `thin_lens`",
     "fj.render(layers, lens, smooth='no')": "smooth is 'no'; expected True or False",
-    "fj.render(layers, lens, seed=-1)": "seed is -1; expected a whole number, zero or more",
+    "fj.render(layers, lens, seed=-1)": "ArgumentError: seed is -1; expected a whole number from 0 to 4",
+    "fj.render(layers, lens, rays=10**7)": "ArgumentError: rays is 10000000; at 64 x 48 pixels expected at m",
+    "fj.render(layers, lens, even=True, derivative_rays=10**7)": "ArgumentError: derivative_rays is 10000",
+    "fj.render(layers, lens, pixel_filter='bx')": "ArgumentError: pixel_filter is 'bx'; expected one of box",
+    "fj.render(layers, lens, pixel_filter='tent')": "ArgumentError: rays start up to 1 pixels from their pix",
+    "fj.render(layers, lens, devices=0)": "ArgumentError: devices are 0; expected a list of at least one,",
+    "fj.render(layers, lens, devices=['cpu'])": "ArgumentError: devices are ['cpu']; expected a list",
+    "fj.render(layers, with_focus('0.5'))": "ArgumentError: focus_disparity of the lens is the text '0.5'",
+    "fj.render(layers, with_focus(None))": "ArgumentError: focus_disparity of the lens is a NoneType; exp",
+    "fj.render(layers, with_focus(np.nan))": "ArgumentError: focus_disparity of the lens is nan; expected",
+    "fj.render(layers, with_focus(-0.1))": "ArgumentError: focus_disparity of the lens is -0.1; expected",
+    "fj.render(layers, with_radius(-0.001))": "ArgumentError: aperture_radius of the lens is -0.001; expe",
+    "fj.render(layers, with_radius(1.0))": "ArgumentError: the lens moves rays by 88.89 pixels per dioptr",
+    "fj.render(layers, tilted_by_nan)": "ArgumentError: plane of the lens is not a number in places; expe",
+    "fj.render(layers, with_focus(jnp.ones(2)))": (
+        "ArgumentError: focus_disparity of the lens has the shape (2,), as of several lenses; expected one"
+    ),
+    "jax.jit(lambda r: fj.render(layers, with_radius(r)))(jnp.ones(2))": (
+        "ArgumentError: aperture_radius of the lens has the shape (2,), as of several lenses; expected one"
+    ),
+    "fj.render(eqx.filter_vmap(lambda _: layers)(jnp.ones(2)), lens)": "ArgumentError: layers are several, s",
+    "jax.jit(lambda r: fj.render(layers, with_radius(r), pixel_filter='tent'))(0.001)": (
+        "ArgumentError: rays start up to 1 pixels from their pixel's centre"
+    ),
+    "jax.jit(lambda r: fj.peel(scene, camera, with_radius(r)).cells)(0.001)": (
+        "ArgumentError: layers of (scene, camera, lens) are made within a function that JAX compiles, maps or"
+        " differentiates, but how much they hold has to be known; make them outside of it"
+    ),
+    "jax.jit(lambda r: fj.decompose(scene, camera, with_radius(r), count=2).cells)(0.001)": (
+        "ArgumentError: layers of (scene, camera, lens) are made within a function that JAX compiles"
+    ),
+    "jax.jit(lambda: fj.peel(scene, camera, lens).cells)()": "ArgumentError: layers of (scene, camera, lens)",
+    "jax.grad(lambda r: fj.peel(scene, camera, with_radius(r)).background[0])(0.001)": "ArgumentError: la",
+    "fj.peel(scene, camera, with_radius(np.nan))": "ArgumentError: aperture_radius of the lens is nan; exp",
+    "fj.AtMost(-1)": "largest wished blur is -1.0 px; a limit is not negative, as it holds on both sides",
     "fj.plan_rays(layers, lens, 40, smooth=None)": "smooth is None; expected True or False",
     "fj.FocusPoint(wish.where, fj.Sharp(), even_hidden='no')": "even_hidden is 'no'; expected True or False",
     "fj.Blur(3.0, signed='no')": "signed is 'no'; expected True or False",

@@ -180,7 +180,7 @@ class AtMost:
     diameter: Diameter
 
     def __post_init__(self) -> None:
-        _check_diameter("largest wished blur", self.diameter)
+        _check_diameter("largest wished blur", self.diameter, expected=_NO_NEGATIVE_LIMIT)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -194,7 +194,7 @@ class AtLeast:
     diameter: Diameter
 
     def __post_init__(self) -> None:
-        _check_diameter("smallest wished blur", self.diameter)
+        _check_diameter("smallest wished blur", self.diameter, expected=_NO_NEGATIVE_LIMIT)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -320,7 +320,15 @@ def _check_samples(samples: int, what: str) -> None:
     require_counts(**{f"the number of samples of {what}": samples})
 
 
-def _check_diameter(what: str, diameter: Diameter, *, negative: bool = False) -> None:
+_NO_NEGATIVE = (
+    "a diameter is not negative, unless the wish is signed to ask for a point in front of the focus"
+)
+_NO_NEGATIVE_LIMIT = "a limit is not negative, as it holds on both sides of the focus"
+
+
+def _check_diameter(
+    what: str, diameter: Diameter, *, negative: bool = False, expected: str = _NO_NEGATIVE
+) -> None:
     value = amount(diameter)
     if isinstance(value, Tracer):
         return
@@ -328,7 +336,4 @@ def _check_diameter(what: str, diameter: Diameter, *, negative: bool = False) ->
     if not abs(value) <= MOST_AMOUNT:
         raise ValueError(f"{what} is {value}{unit}; expected a diameter of at most {MOST_AMOUNT:g}")
     if value < 0 and not negative:
-        raise ValueError(
-            f"{what} is {value}{unit}; a diameter is not negative, unless the wish is signed to"
-            " ask for a point in front of the focus"
-        )
+        raise ValueError(f"{what} is {value}{unit}; {expected}")

@@ -18,6 +18,8 @@ import jax.scipy.special
 import scipy.special
 from jaxtyping import Array, Float
 
+from focusjax._arguments import ArgumentError
+
 _RADII = {"box": 0.5, "tent": 1.0, "gaussian": 1.5}
 _SIGMA = 0.5
 
@@ -29,14 +31,15 @@ def filter_radius(pixel_filter: str) -> float:
         pixel_filter: "box", "tent" or "gaussian".
 
     Raises:
-        ValueError: no such filter.
+        ArgumentError: (a `ValueError`) no such filter.
 
     Example:
         >>> filter_radius("tent")
         1.0
     """
     if not isinstance(pixel_filter, str) or pixel_filter not in _RADII:
-        raise ValueError(f"pixel_filter is {pixel_filter!r}; expected one of {', '.join(_RADII)}")
+        expected = ", ".join(_RADII)
+        raise ArgumentError(f"pixel_filter is {pixel_filter!r}; expected one of {expected}", "pixel_filter")
     return _RADII[pixel_filter]
 
 

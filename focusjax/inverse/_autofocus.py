@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 from scipy.optimize import root_scalar
 
-from focusjax._counts import require_counts, require_seed
+from focusjax._counts import later_seed, require_counts, require_seed
 from focusjax.geometry import Camera
 from focusjax.inverse._sight import nearest_in_sight
 from focusjax.inverse._target import checked_mask
@@ -65,7 +65,7 @@ def autofocus(
         >>> sharp = autofocus(layers, lens, (120, 80, 32, 32))  # doctest: +SKIP
     """
     require_counts(rays=rays)
-    require_seed(seed)
+    seed = require_seed(seed)
     if not isinstance(lens, ThinLens | TiltShiftLens):
         raise ValueError(f"lens is a {type(lens).__name__}; expected a ThinLens or a TiltShiftLens")
     if not float(lens.aperture_radius) > 0:
@@ -82,7 +82,9 @@ def autofocus(
     contrasts = []
     for focus in scan:
         one, other = (
-            render(layers, _focused(lens, focus), rays=min(rays, _SCAN_RAYS), even=True, seed=seed + k)
+            render(
+                layers, _focused(lens, focus), rays=min(rays, _SCAN_RAYS), even=True, seed=later_seed(seed, k)
+            )
             for k in (0, _APART)
         )
         light = float(jnp.where(mask[..., None], one * other, 0.0).sum())
@@ -93,7 +95,7 @@ def autofocus(
 
     def slope(focus: float) -> float:
         at = jnp.asarray(focus, dtype=scan.dtype)
-        other = render(layers, _focused(lens, at), rays=rays, even=True, seed=seed + _APART)
+        other = render(layers, _focused(lens, at), rays=rays, even=True, seed=later_seed(seed, _APART))
         return float(_slope(layers, lens, at, other, mask, rays=rays, seed=seed))
 
     low, high = (float(scan[min(max(best + k, 0), len(scan) - 1)]) for k in (-1, 1))

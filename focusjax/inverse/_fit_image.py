@@ -93,7 +93,7 @@ def fit_image(
         >>> float(fit.lens.focus_distance()), float(fit.lens.f_number(camera))  # doctest: +SKIP
     """
     require_counts(rays=rays, max_steps=max_steps)
-    require_seed(seed)
+    seed = require_seed(seed)
     require_switches(robust=robust, search=search)
     free = in_order(free)
     if not isinstance(lens, ThinLens | TiltShiftLens):

@@ -160,7 +160,7 @@ def fit_focal_surface(
         >>> fit = fit_focal_surface(photograph, layers, lens, focal_surface(places, 0.5))  # doctest: +SKIP
     """
     require_counts(rays=rays, max_steps=max_steps)
-    require_seed(seed)
+    seed = require_seed(seed)
     require_switches(robust=robust)
     if not isinstance(lens, ThinLens):
         raise ValueError(

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, Float
 
+from focusjax._counts import later_seed
 from focusjax.inverse._levels import Problem
 from focusjax.inverse._sight import served_share
 from focusjax.trace import check_reach, render
@@ -142,7 +143,7 @@ def _slopes(
 ) -> tuple[Float[np.ndarray, "h w 3 k"], Float[np.ndarray, "k k"]]:
     """Secants over settings less and more `width`, and sums of products of those by different rays."""
     half = problem.of_rays(max(1, problem.rays // 2))
-    one, other = (_secants(half.of_seed(problem.seed + k), settings, width) for k in _APART)
+    one, other = (_secants(half.of_seed(later_seed(problem.seed, k)), settings, width) for k in _APART)
     product = np.einsum("hwcj,hwc,hwck->jk", one, np.asarray(problem.weight, dtype=np.float64), other)
     return 0.5 * (one + other), 0.5 * (product + product.T)
 

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from focusjax._counts import later_seed
 from focusjax.inverse._sight import nearest_in_sight, served_share
 from focusjax.layers import Layers
 from focusjax.lens import ThinLens, TiltShiftLens
@@ -101,7 +102,10 @@ def scan_lenses(
             tried = eqx.tree_at(lambda each: each.aperture_radius, tried, share * tried.aperture_radius)
             pictures.append(
                 [
-                    _means(np.asarray(render(layers, tried, rays=_RAYS, even=True, seed=seed + k)), edge)
+                    _means(
+                        np.asarray(render(layers, tried, rays=_RAYS, even=True, seed=later_seed(seed, k))),
+                        edge,
+                    )
                     for k in (0, _APART)
                 ]
             )

@@ -6,15 +6,16 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from focusjax._arguments import real_number, require_kind
+from focusjax._arguments import ArgumentError, real_number, require_kind
 from focusjax.geometry import Camera, filter_radius
 from focusjax.layers._blocks import coarse_number, pad_rows, padded_length
 from focusjax.layers._clip import ScreenTriangles, clip_to_near
 from focusjax.layers._grid import Grid, homogeneous_image
 from focusjax.layers._margin import leaving, needed_margin, reachable
-from focusjax.lens import AbstractLens
+from focusjax.lens import AbstractLens, require_lens
 from focusjax.scene import ConstantBackground, Scene
 
 _MOST_SAMPLES = 1 << 27
@@ -41,7 +42,14 @@ def frame(
     require_kind(scene, Scene, usage, "`make_scene` makes one", "scene")
     require_kind(camera, Camera, usage, "`look_at` and `make_camera` make one", "camera")
     if lens is not None:
-        require_kind(lens, AbstractLens, usage, "`thin_lens` makes one", "lens")
+        require_lens(lens, usage)
+    # Compiled functions trace what is worked out of known cameras, too.
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((camera, camera.focal_px, lens))):
+        raise ArgumentError(
+            f"{usage} are made within a function that JAX compiles, maps or differentiates, but how much they"
+            " hold has to be known; make them outside of it, for the lens whose rays go farthest",
+            "lens",
+        )
     inner = Grid(camera.width, camera.height, supersampling, 0)
     if inner.size > _MOST_SAMPLES:
         raise ValueError(

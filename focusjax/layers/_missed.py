@@ -100,7 +100,7 @@ def missed_light(
     usage = "missed_light(layers, nearest)"
     require_kind(layers, Layers, usage, "`peel` and `decompose` make them", "layers")
     require_counts(rays=rays)
-    require_seed(seed)
+    seed = require_seed(seed)
     if not callable(nearest):
         raise ValueError(
             f"nearest of {usage} is {kind_of(nearest)}; expected a function from lens rays to the disparities"

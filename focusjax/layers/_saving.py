@@ -76,8 +76,8 @@ def umbra_saving(
         (1, 2)
     """
     require_counts(supersampling=supersampling)
-    parallax = float(lens.parallax(camera)) * supersampling
     picture = rasterised_for(scene, camera, lens, supersampling=supersampling, near=near)
+    parallax = float(lens.parallax(camera)) * supersampling
     kept, _ = peel_fragments(picture.fragments, picture.grid, parallax, _MOST_LAYERS, opacity=picture.opacity)
     counts = tuple(len(layer) for layer in kept)
     return UmbraSaving(counts, _surfaces_by_depth(picture.fragments))

@@ -10,6 +10,9 @@ from focusjax.lens._back import tilt_back as tilt_back
 from focusjax.lens._base import AbstractLens as AbstractLens
 from focusjax.lens._base import Channel as Channel
 from focusjax.lens._base import in_colour as in_colour
+from focusjax.lens._checks import not_numbers as not_numbers
+from focusjax.lens._checks import require_lens as require_lens
+from focusjax.lens._checks import traced_faults as traced_faults
 from focusjax.lens._control_points import FocalSurface as FocalSurface
 from focusjax.lens._control_points import focal_surface as focal_surface
 from focusjax.lens._depth_of_field import DIAGONAL_SHARE as DIAGONAL_SHARE

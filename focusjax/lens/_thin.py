@@ -1,12 +1,14 @@
 """The thin lens: every ray of a film point meets in one point of the focal plane."""
 
-from typing import SupportsFloat
+import math
+from typing import Any, SupportsFloat
 
 import equinox as eqx
 import jax.numpy as jnp
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from focusjax._arguments import real_number, require_kind
+from focusjax._arguments import number_or_traced, require_kind
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import AbstractAperture, Disk
 from focusjax.lens._base import AbstractLens
@@ -78,7 +80,7 @@ def thin_lens(
     aperture_radius: SupportsFloat | None = None,
     aperture: AbstractAperture | None = None,
 ) -> ThinLens:
-    """A `ThinLens` in a photographer's terms, with checked values.
+    """A `ThinLens` in a photographer's terms, with checked values, each of which JAX may trace.
 
     Args:
         focus_distance: metres from the lens; `inf` is allowed.
@@ -90,33 +92,49 @@ def thin_lens(
     Raises:
         ValueError: a value out of range, a focus distance within the focal length, or not
             exactly one of `f_number` and `aperture_radius`.
+        EquinoxRuntimeError: (a `RuntimeError`) a traced value is out of range; see `render`.
+
+    Example:
+        >>> import jax
+        >>> def disparity(distance):
+        ...     return thin_lens(focus_distance=distance, aperture_radius=0.01).focus_disparity
+        >>> float(jax.grad(disparity)(2.0))
+        -0.25
     """
-    distance = real_number(focus_distance, "focus distance in metres", "a positive distance or infinity")
-    if not distance > 0:
-        raise ValueError(f"focus distance is {distance} m; expected a positive distance or infinity")
+    distance = number_or_traced(focus_distance, "focus distance in metres", "a positive distance or infinity")
+    distance = _require(
+        distance,
+        distance > 0,
+        f"focus distance is{_said(distance, ' m')}; expected a positive distance or infinity",
+    )
+    length = None
     if focal_length is not None:
-        length = real_number(focal_length, "focal length in metres", "a positive length")
-        if not 0 < length < float("inf"):
-            raise ValueError(f"focal length is {length} m; expected a positive length")
-        if distance <= length:
-            raise ValueError(
-                f"focus distance {distance} m is within the focal length {length} m, where no lens"
-                " forms a real image; focus farther away or use a shorter focal length"
-            )
+        length = number_or_traced(focal_length, "focal length in metres", "a positive length")
+        positive = (length > 0) & (length < math.inf)
+        length = _require(
+            length, positive, f"focal length is{_said(length, ' m')}; expected a positive length"
+        )
+        distance = _require(
+            distance,
+            distance > length,
+            f"focus distance{_said(distance, ' m', '')} is within the focal length{_said(length, ' m', '')},"
+            " where no lens forms a real image; focus farther away or use a shorter focal length",
+        )
     if (f_number is None) == (aperture_radius is None):
         raise ValueError("give exactly one of f-number and aperture radius")
     if f_number is not None:
-        wanted = real_number(f_number, "f-number", "a positive number such as 2.8")
-        if not 0 < wanted < float("inf"):
-            raise ValueError(f"f-number is {f_number}; expected a positive number such as 2.8")
-        if focal_length is None:
+        expected = "a positive number such as 2.8"
+        wanted = number_or_traced(f_number, "f-number", expected)
+        positive = (wanted > 0) & (wanted < math.inf)
+        wanted = _require(wanted, positive, f"f-number is{_said(wanted)}; expected {expected}")
+        if length is None:
             raise ValueError("an f-number needs the focal length; give it, or the aperture radius")
-        radius = float(focal_length) / (2.0 * wanted)
+        radius = length / (2.0 * wanted)
     else:
-        assert aperture_radius is not None
-        radius = real_number(aperture_radius, "aperture radius in metres", "zero or a positive length")
-        if not 0 <= radius < float("inf"):
-            raise ValueError(f"aperture radius is {radius} m; expected zero or a positive length")
+        expected = "zero or a positive length"
+        radius = number_or_traced(aperture_radius, "aperture radius in metres", expected)
+        possible = (radius >= 0) & (radius < math.inf)
+        radius = _require(radius, possible, f"aperture radius is{_said(radius, ' m')}; expected {expected}")
     if aperture is not None:
         remedy = "`polygon`, `obstructed`, `apodized` and `mask` make one, and Disk() is round"
         require_kind(aperture, AbstractAperture, "thin_lens(aperture=)", remedy, "aperture")
@@ -125,3 +143,17 @@ def thin_lens(
         aperture_radius=jnp.asarray(radius, dtype=float),
         aperture=Disk() if aperture is None else aperture,
     )
+
+
+def _require(value: Any, holds: Any, sentence: str) -> Any:
+    """A value of which something `holds`; else the sentence, from compiled code where that is traced."""
+    if isinstance(holds, Tracer):
+        return eqx.error_if(value, ~holds, sentence)
+    if not holds:
+        raise ValueError(sentence)
+    return value
+
+
+def _said(value: Any, unit: str = "", traced: str = " out of range") -> str:
+    """A value for a sentence, after a blank; what to say in its place where it is traced."""
+    return traced if isinstance(value, Tracer) else f" {value}{unit}"

@@ -71,7 +71,7 @@ def plan_post(
     """
     wanted = decibels_of(quality)
     require_counts(taps=taps)
-    require_seed(seed)
+    seed = require_seed(seed)
     if view.velocity is not None:
         raise ValueError("the view has velocities, but layers are of one moment; leave its velocities out")
     # For its programs to be compiled.

@@ -108,7 +108,7 @@ def render_moving(
         >>> picture = render_moving(moving, camera, lens, make_shutter(1 / 50), frame=12)  # doctest: +SKIP
     """
     require_counts(rays=rays, most_spans=most_spans)
-    require_seed(seed)
+    seed = require_seed(seed)
     require_switches(smooth=smooth)
     usage = "render_moving(world, camera, lens, shutter)"
     require_kind(lens, AbstractLens, usage, "`thin_lens` makes one, as others do", "lens")

@@ -15,6 +15,8 @@ from jax.core import eval_jaxpr
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array
 
+from focusjax._arguments import ArgumentError
+
 T = TypeVar("T")
 
 _AXIS = "devices"
@@ -32,19 +34,23 @@ def mesh_of(devices: Sequence[Device] | None) -> Mesh | None:
     """The mesh of `devices`; None for the default device. See `render`.
 
     Raises:
-        ValueError: no devices, one twice, or some of other processes without those of all.
+        ArgumentError: (a `ValueError`) no devices, what is none, one twice, or some of other processes
+            without those of all.
     """
     if devices is None:
         return None
-    if not len(devices) or len(set(devices)) < len(devices):
-        raise ValueError(
-            f"devices are {list(devices)}; expected at least one, each named once, such as jax.devices()"
+    listed = isinstance(devices, Sequence) and all(isinstance(each, Device) for each in devices)
+    if not listed or not devices or len(set(devices)) < len(devices):
+        raise ArgumentError(
+            f"devices are {devices!r}; expected a list of at least one, each once, such as jax.devices()",
+            "devices",
         )
     processes = {device.process_index for device in devices}
     if processes not in ({jax.process_index()}, set(range(jax.process_count()))):
-        raise ValueError(
+        raise ArgumentError(
             f"devices are those of the processes {sorted(processes)} of {jax.process_count()}; expected"
-            f" those of this one (jax.local_devices()) or some of each (jax.devices())"
+            f" those of this one (jax.local_devices()) or some of each (jax.devices())",
+            "devices",
         )
     return Mesh(np.array(devices, dtype=object), (_AXIS,))
 

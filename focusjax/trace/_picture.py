@@ -7,7 +7,7 @@ linear but for what is cut off at black and white, is that of its own rays.
 """
 
 import dataclasses
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jax.sharding import Mesh
 from jaxtyping import Array, Bool, Float, UInt
 
+from focusjax._arguments import ArgumentError
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._accumulate import PixelSums, traced_sums
@@ -32,10 +33,16 @@ from focusjax.trace._ranges import DisparityRanges, disparity_ranges
 from focusjax.trace._samples import ray_samples
 from focusjax.trace._sobol import stirred
 
+_T = TypeVar("_T")
+
 _TOGETHER = 4
 _DERIVATIVE = 1 << 20
 """Number of the seed's stream for rays of derivatives."""
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
+_MOST_RAYS = 1 << 24
+"""Of a pixel: their table is 16 times as long."""
+_MOST_GROUPS = 2_000_000_000
+"""Below 2^31, in which they are counted, with room for rounding up."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,6 +66,16 @@ class RenderSettings:
     pixel_filter: str
     emitters: bool
     mesh: Mesh | None = None
+
+
+def most_rays(pixels: int, together: int = 1) -> int:
+    """The most rays per pixel of a picture of so many pixels, traced in groups of `together`."""
+    return min(_MOST_RAYS, together * (_MOST_GROUPS // pixels))
+
+
+def ray_group(rays: int, *, even: bool) -> int:
+    """How many rays of a pixel are traced together, where all pixels have as many if `even`."""
+    return max(k for k in range(1, _TOGETHER + 1) if rays % k == 0) if even or rays < FEWEST else _TOGETHER
 
 
 @eqx.filter_jit
@@ -94,6 +111,7 @@ def _means_jvp(
     look_moves, lens_moves, _, _ = tangents
     means = _means(look, lens, layers, seed, settings=settings)
     change = jnp.zeros_like(means)
+    lens = _differentiated_once(lens)
     if jax.tree.leaves(look_moves):
 
         def seen(look: tuple[Array, Array]) -> Float[Array, "p 3"]:
@@ -101,10 +119,32 @@ def _means_jvp(
 
         change += eqx.filter_jvp(seen, (look,), (look_moves,))[1]
     if jax.tree.leaves(lens_moves):
-        still = _still(_looking(layers, look), lens, stirred(seed, _DERIVATIVE), settings)
+        still = _still(
+            _looking(layers, _differentiated_once(look)), lens, stirred(seed, _DERIVATIVE), settings
+        )
         flow = eqx.filter_jvp(lambda new: picture_flow(still, new), (lens,), (lens_moves,))[1]
         change += flow.reshape(-1, 3)
     return means, change
+
+
+def _differentiated_once(tree: _T) -> _T:
+    """The same arrays, in a derivative that is estimated: its own derivative would be another thing's."""
+    return jax.tree.map(lambda leaf: _once(leaf) if eqx.is_inexact_array(leaf) else leaf, tree)
+
+
+@jax.custom_jvp
+def _once(array: Array) -> Array:
+    """An array, of which derivatives are refused."""
+    return array
+
+
+@_once.defjvp
+def _once_jvp(primals: Any, tangents: Any) -> Any:
+    raise ArgumentError(
+        "second derivatives of a picture by its lens cannot be told from its rays, of which the first are"
+        " estimated; take differences of first derivatives, over a step that is not small, with many rays",
+        "lens",
+    )
 
 
 def _looking(layers: Layers, look: tuple[Array, Array]) -> Layers:
@@ -151,7 +191,7 @@ def picture_sums(
     fixed = jax.lax.stop_gradient(layers)
     ranges = disparity_ranges(layers, lens, settings.pixel_filter)
     if settings.even or settings.rays < FEWEST:
-        together = max(k for k in range(1, _TOGETHER + 1) if settings.rays % k == 0)
+        together = ray_group(settings.rays, even=True)
         counts = (settings.rays,)
         if wanted is None:
             groups = even_groups(camera.width, camera.height, settings.rays, together)
@@ -224,7 +264,7 @@ def _still(layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: 
     camera, scene, number = layers.camera, traced_scene(layers), settings.derivative_rays
     ranges = disparity_ranges(layers, lens)
     samples = ray_samples(lens, (number,), seed, with_chances=layers.samples.opacity is not None)
-    together = max(k for k in range(1, _TOGETHER + 1) if number % k == 0)
+    together = ray_group(number, even=True)
     groups = even_groups(camera.width, camera.height, number, together)
     sums = traced_sums(scene, lens, samples, groups, ranges, CocBins(None))
     light, brought = sums.light(), sums.brought() + sums.over

@@ -124,7 +124,7 @@ def plan_rays(
         >>> image = render(layers, lens, rays=plan.rays)  # doctest: +SKIP
     """
     wanted = decibels_of(quality)
-    require_seed(seed)
+    seed = require_seed(seed)
     require_switches(smooth=smooth)
     trials = _Trials(layers, lens, seed, smooth=smooth, pixel_filter=pixel_filter)
     trials.run(_FIRST)
@@ -178,7 +178,7 @@ class _Trials:
         self._inside = len(inside)
         self._pixels = jnp.asarray(in_rows(np.concatenate([inside, single])))
         self._single = slice(len(inside), len(inside) + len(single))
-        self._seed = 4 * seed
+        self._seed = 4 * seed % 2**32
         self._tried: list[int] = []
         self._plain: list[np.ndarray] = []
         self._denoised: list[np.ndarray] = []

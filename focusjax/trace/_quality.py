@@ -88,7 +88,7 @@ def estimate_quality(
         >>> estimate_quality(layers, lens, image, rays=32).decibels  # doctest: +SKIP
     """
     require_counts(rays=rays)
-    require_seed(seed)
+    seed = require_seed(seed)
     camera, given = layers.camera, np.asarray(picture)
     if given.shape != (camera.height, camera.width, 3):
         raise ValueError(

@@ -6,9 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from focusjax._arguments import ArgumentError
 from focusjax.geometry import Camera, filter_radius
 from focusjax.layers import Layers
-from focusjax.lens import AbstractLens
+from focusjax.lens import AbstractLens, not_numbers
 
 _ROUNDING = 1e-5
 _SLACK = 1e-3
@@ -17,30 +18,47 @@ _LOOKS = 9
 """Disparities over the layers' range at which rays are looked at."""
 
 
+def check_filter(layers: Layers, pixel_filter: str) -> None:
+    """Refuse rays from film points of a filter that is wider than the one that the layers were peeled for.
+
+    Raises:
+        ArgumentError: (a `ValueError`) it is wider.
+    """
+    wide, held = filter_radius(pixel_filter), filter_radius(layers.pixel_filter)
+    if wide > held:
+        raise ArgumentError(
+            f"rays start up to {wide:g} pixels from their pixel's centre with pixel_filter={pixel_filter!r}"
+            f" but the layers were peeled for {held:g}; peel with pixel_filter={pixel_filter!r}",
+            "pixel_filter",
+        )
+
+
 def check_reach(layers: Layers, lens: AbstractLens, pixel_filter: str = "box") -> None:
     """Refuse rays that may pass surfaces that were left out as out of reach when peeling.
 
     Those of a lens that moves them farther, or from film points of a filter that is wider.
+
+    Raises:
+        ArgumentError: (a `ValueError`) there may be such rays, or a setting of the lens is not a number.
     """
-    wide, held = filter_radius(pixel_filter), filter_radius(layers.pixel_filter)
-    if wide > held:
-        raise ValueError(
-            f"rays start up to {wide:g} pixels from their pixel's centre with pixel_filter={pixel_filter!r}"
-            f" but the layers were peeled for {held:g}; peel with pixel_filter={pixel_filter!r}"
-        )
+    check_filter(layers, pixel_filter)
     camera = layers.camera
     moves, peeled = float(_parallax(lens, camera)), float(_parallax(layers.lens, camera))
-    # Written so that what is not a number is refused.
-    if not moves <= peeled * (1 + _ROUNDING):
-        raise ValueError(
-            f"the lens moves rays by {moves:.4g} pixels per dioptre but the layers were peeled for"
-            f" {peeled:.4g}; peel again with this lens"
-        )
     leaves, margin = _strays(layers, lens), layers.grid.margin / layers.grid.supersampling
+    if np.isnan(moves) or np.isnan(leaves).any():
+        what = not_numbers(lens) or "an angle or a distance of its rays is not a number"
+        raise ArgumentError(f"{what}; expected a lens of finite settings, such as `thin_lens` makes", "lens")
+    if not moves <= peeled * (1 + _ROUNDING):
+        raise ArgumentError(
+            f"the lens moves rays by {moves:.4g} pixels per dioptre but the layers were peeled for"
+            f" {peeled:.4g}; peel again with this lens",
+            "lens",
+        )
     if not np.all(leaves <= np.maximum(_strays(layers, layers.lens), margin) + _SLACK):
-        raise ValueError(
+        raise ArgumentError(
             f"rays of the lens leave the frame by up to {leaves.max():.4g} pixels but the layers, peeled for"
-            f" another focus, hold a margin of {margin:.4g}; peel again with this lens"
+            f" another focus, hold a margin of {margin:.4g}; peel again with this lens",
+            "lens",
         )
 
 

@@ -10,15 +10,15 @@ import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, Float, UInt
 
-from focusjax._arguments import require_kind, require_switches
-from focusjax._counts import require_counts, require_seed
+from focusjax._arguments import ArgumentError, require_kind, require_switches
+from focusjax._counts import MOST_SEED, require_counts, require_seed
 from focusjax.geometry import filter_radius
 from focusjax.layers import Layers
-from focusjax.lens import AbstractLens
+from focusjax.lens import AbstractLens, require_lens, traced_faults
 from focusjax.trace._devices import Device, mesh_of, replicated
 from focusjax.trace._emitters import may_emit
-from focusjax.trace._picture import RenderSettings, picture
-from focusjax.trace._reach import check_reach, out_of_reach
+from focusjax.trace._picture import RenderSettings, most_rays, picture, ray_group
+from focusjax.trace._reach import check_filter, check_reach, out_of_reach
 
 
 def render(
@@ -42,7 +42,8 @@ def render(
     Derivatives are those of the converged picture: what is hidden and what shows may change. They hold for
     every array of the lens (focus, aperture, plane in focus, focal surface, shape of the aperture), and for
     `layers.samples.radiance` and `layers.background`; all else of the layers is taken as fixed. They are
-    first derivatives, forward or reverse, in memory that does not grow with the number of rays.
+    first derivatives, forward or reverse, in memory that does not grow with the number of rays; second ones
+    by the lens are refused.
 
     Args:
         layers: peeled for this lens or for one whose rays go farther.
@@ -51,7 +52,7 @@ def render(
             where what they may meet differs, up to eight times as many, and four where it is all alike; see
             `_allocate`. Fewer than four are the same for all.
         derivative_rays: rays per border between pixels, rim of the aperture and pixel, of which derivatives
-            by the lens are made; half of `rays` if not given.
+            by the lens are made; half of `rays` if not given, or as many as can be counted.
         even: give just `rays` to every pixel, be it plain or not.
         smooth: denoise what is blurred, by averaging over a few tenths of its blur with the pixels around,
             less the more rays there are; see `_denoise`. Otherwise each pixel is the mean of its own rays, as
@@ -65,9 +66,13 @@ def render(
             whole picture. Not for derivatives, nor within compiled functions.
 
     Raises:
-        ValueError: no rays, no such filter, devices of some other processes only, or a lens or filter whose
-            rays leave what the layers were peeled for. Within compiled functions the latter is an
-            `equinox.EquinoxRuntimeError`.
+        ArgumentError: (a `ValueError`) no rays, or more than can be counted; no such filter; a seed out of
+            range; what are no devices, or those of some other processes only; a lens of which a setting is
+            out of range; a lens or filter whose rays leave what the layers were peeled for; a second
+            derivative by the lens.
+        EquinoxRuntimeError: (a `RuntimeError`) of a lens or seed that JAX traces, where the picture is
+            computed: by `equinox.filter_jit`, `jax.vmap` or `jax.grad`. Under plain `jax.jit` JAX itself
+            raises a `jax.errors.JaxRuntimeError`, whose text has the same sentence after a traceback.
 
     Example:
         >>> def contrast(focus):  # doctest: +SKIP
@@ -89,7 +94,8 @@ def render(
     if mesh is None:
         return picture(*given, settings=settings)
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(given)):
-        raise ValueError("devices are given to a picture that is differentiated or compiled; leave them out")
+        message = "devices are given to a picture that is differentiated or compiled; leave them out"
+        raise ArgumentError(message, "devices")
     shared = picture(*replicated(given, mesh), settings=dataclasses.replace(settings, mesh=mesh))
     return jnp.asarray(shared.addressable_data(0))
 
@@ -107,12 +113,20 @@ def render_settings(
     """Checked settings; arguments and errors are those of `render`."""
     usage = "(layers, lens)"
     require_kind(layers, Layers, usage, "`peel` and `decompose` make them", "layers")
-    require_kind(lens, AbstractLens, usage, "`thin_lens` makes one, as others do", "lens")
+    if layers.cells.ndim > 3:
+        message = "layers are several, stacked; expected those of one picture: `jax.vmap` takes one at a time"
+        raise ArgumentError(message, "layers")
+    require_lens(lens, usage)
     require_counts(rays=rays)
-    derivative_rays = max(1, rays // 2) if derivative_rays is None else derivative_rays
+    pixels = layers.camera.width * layers.camera.height
+    derivative_rays = (
+        max(1, min(rays // 2, most_rays(pixels))) if derivative_rays is None else derivative_rays
+    )
     require_counts(derivative_rays=derivative_rays)
     smooth = not even if smooth is None else smooth
     require_switches(even=even, smooth=smooth)
+    _require_countable("rays", int(rays), layers, even=even)
+    _require_countable("derivative_rays", int(derivative_rays), layers, even=True)
     chosen = layers.pixel_filter if pixel_filter is None else pixel_filter
     filter_radius(chosen)
     return RenderSettings(
@@ -120,31 +134,57 @@ def render_settings(
     )
 
 
+def _require_countable(name: str, rays: int, layers: Layers, *, even: bool) -> None:
+    """Refuse more rays than the numbers of a picture's rays can count."""
+    camera = layers.camera
+    most = most_rays(camera.width * camera.height, ray_group(rays, even=even))
+    if rays > most:
+        raise ArgumentError(
+            f"{name} is {rays}; at {camera.width} x {camera.height} pixels expected at most {most}: for more,"
+            " take the mean of pictures of several seeds",
+            name,
+        )
+
+
 def seed_of(seed: Any) -> UInt[Array, ""]:
     """A whole number, traced or not, as the device takes it.
 
     Raises:
-        ValueError: it is no whole number of zero or more.
+        ArgumentError: (a `ValueError`) it is no whole number from 0 to 2^32 - 1. One that is traced is looked
+            at where it is used, unless its type holds no other numbers.
     """
     if not isinstance(seed, Tracer):
-        require_seed(seed)
-        return jnp.uint32(int(seed) & 0xFFFFFFFF)
+        return jnp.uint32(require_seed(seed))
     if seed.shape or not jnp.issubdtype(seed.dtype, jnp.integer):
-        raise ValueError(f"seed is traced as {seed.dtype}{list(seed.shape)}; expected one whole number")
+        expected = "one whole number" + ("" if not seed.shape else ": `jax.vmap` takes many")
+        message = f"seed is traced as {seed.dtype}{list(seed.shape)}; expected {expected}"
+        raise ArgumentError(message, "seed")
+    bounds = jnp.iinfo(seed.dtype)
+    wrong = jnp.zeros((), dtype=bool)
+    if bounds.min < 0:
+        wrong |= seed < 0
+    if bounds.max > MOST_SEED:
+        wrong |= seed > MOST_SEED
+    if isinstance(wrong, Tracer):
+        expected = f"expected a whole number from 0 to {MOST_SEED}"
+        seed = eqx.error_if(seed, wrong, f"seed is out of range; {expected}")
     return seed.astype(jnp.uint32)
 
 
 def within_reach(layers: Layers, lens: AbstractLens, pixel_filter: str) -> AbstractLens:
-    """The lens, if the layers hold all of its rays; when traced, with a check where it is used.
+    """The lens, if the layers hold all of its rays; when traced, with checks where it is used.
 
     Raises:
-        ValueError: they do not.
+        ArgumentError: (a `ValueError`) they do not.
     """
+    check_filter(layers, pixel_filter)
     if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((layers, lens))):
         # Also where something else is traced, such as the seed.
         with jax.ensure_compile_time_eval():
             check_reach(layers, lens, pixel_filter)
         return lens
+    for wrong, sentence in traced_faults(lens):
+        lens = eqx.error_if(lens, wrong, sentence)
     return eqx.error_if(
         lens,
         out_of_reach(layers, lens),

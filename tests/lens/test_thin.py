@@ -1,5 +1,7 @@
 """The thin lens in a photographer's terms."""
 
+import equinox as eqx
+import jax
 import numpy as np
 import pytest
 
@@ -65,3 +67,30 @@ def test_infinity_is_an_ordinary_focus_and_zero_an_ordinary_aperture():
 def test_bad_lenses_are_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         thin_lens(**{**GOOD, **changes})
+
+
+def test_every_number_may_be_traced():
+    def settings(distance, length, f_number):
+        lens = thin_lens(focus_distance=distance, focal_length=length, f_number=f_number)
+        return lens.focus_disparity, lens.aperture_radius
+
+    by_focus, by_opening = jax.jit(jax.jacrev(settings, argnums=(0, 2)))(2.0, 0.05, 2.0)
+    assert by_focus[0] == pytest.approx(-0.25)
+    assert by_focus[1] == 0.0
+    assert by_opening[0] == 0.0
+    assert by_opening[1] == pytest.approx(-0.05 / 8)
+
+
+@pytest.mark.parametrize(
+    ("distance", "length", "f_number", "message"),
+    [
+        (-1.0, 0.05, 2.0, "focus distance is out of range; expected a positive distance or infinity"),
+        (0.04, 0.05, 2.0, "focus distance is within the focal length, where no lens forms a real image"),
+        (2.0, -0.05, 2.0, "focal length is out of range; expected a positive length"),
+        (2.0, 0.05, np.nan, "f-number is out of range; expected a positive number"),
+    ],
+)
+def test_traced_numbers_out_of_range_are_refused_when_compiled_code_runs(distance, length, f_number, message):
+    made = eqx.filter_jit(lambda *a: thin_lens(focus_distance=a[0], focal_length=a[1], f_number=a[2]))
+    with pytest.raises(RuntimeError, match=message):
+        made(*(jax.numpy.asarray(a) for a in (distance, length, f_number)))

@@ -8,11 +8,13 @@ import pytest
 from compilations import compilations
 from small_scenes import varied_layers
 
+from focusjax._arguments import ArgumentError
+from focusjax._counts import require_seed
 from focusjax.layers import Layers
 from focusjax.lens import ThinLens
 from focusjax.trace import render
 from focusjax.trace._picture import picture
-from focusjax.trace._render import render_settings
+from focusjax.trace._render import render_settings, seed_of
 
 RAYS = 8
 
@@ -149,7 +151,22 @@ def test_it_lowers_for_cuda_without_callbacks(differentiated: bool):
 
 def test_what_seeds_cannot_be_is_refused():
     layers = varied_layers()
-    with pytest.raises(ValueError, match="seed is -1; expected a whole number, zero or more"):
-        render(layers, layers.lens, rays=RAYS, seed=-1)
-    with pytest.raises(ValueError, match=r"seed is traced as float.*\[\]; expected one whole number"):
+    for seed in (-1, 2**32, jnp.asarray(-3)):
+        with pytest.raises(ArgumentError, match=r"seed is .*; expected a whole number from 0 to 4294967295"):
+            render(layers, layers.lens, rays=RAYS, seed=seed)
+    with pytest.raises(ArgumentError, match=r"seed is traced as float.*\[\]; expected one whole number"):
         jax.jit(lambda seed: render(layers, layers.lens, rays=RAYS, seed=seed))(1.5)
+
+
+@pytest.mark.parametrize("seed", [-1, 2**32])
+def test_traced_seeds_out_of_range_are_refused(seed: int):
+    with pytest.raises(
+        RuntimeError, match="seed is out of range; expected a whole number from 0 to 42949672"
+    ):
+        eqx.filter_jit(seed_of)(jnp.asarray(seed))
+
+
+@pytest.mark.parametrize("kind", [jnp.asarray, np.int64, jnp.uint32])
+def test_seeds_may_be_arrays(kind):
+    assert int(seed_of(kind(3))) == 3
+    assert require_seed(kind(3)) == 3

@@ -194,6 +194,7 @@ CALLS = {
     ),
     "jax.jit(lambda: fj.peel(scene, camera, lens).cells)()": "ArgumentError: layers of (scene, camera, lens)",
     "jax.grad(lambda r: fj.peel(scene, camera, with_radius(r)).background[0])(0.001)": "ArgumentError: la",
+    "fj.peel(scene, camera, with_focus(np.nan))": "focus_disparity of the lens is nan; expected a finite num",
     "fj.peel(scene, camera, with_radius(np.nan))": "ArgumentError: aperture_radius of the lens is nan; exp",
     "fj.AtMost(-1)": "largest wished blur is -1.0 px; a limit is not negative, as it holds on both sides",
     "fj.plan_rays(layers, lens, 40, smooth=None)": "smooth is None; expected True or False",

@@ -42,7 +42,7 @@ def frame(
     require_kind(scene, Scene, usage, "`make_scene` makes one", "scene")
     require_kind(camera, Camera, usage, "`look_at` and `make_camera` make one", "camera")
     if lens is not None:
-        require_lens(lens, usage)
+        require_lens(lens, usage, beyond_infinity=True)
     # Compiled functions trace what is worked out of known cameras, too.
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((camera, camera.focal_px, lens))):
         raise ArgumentError(

@@ -21,12 +21,14 @@ _NOT_NEGATIVE = {
 """Settings of which every single number is not negative, by their names, and what to expect of them."""
 
 
-def require_lens(lens: Any, usage: str) -> None:
+def require_lens(lens: Any, usage: str, *, beyond_infinity: bool = False) -> None:
     """Refuse what is no lens, and a lens of which an array is none, has another shape, or is out of range.
 
     Args:
         lens: what was given.
         usage: the call with its arguments in order, such as "(layers, lens)".
+        beyond_infinity: whether the focus disparity may be negative. No lens forms a picture so, but layers
+            may be made for one whose rays go farthest (`widest_lens`).
 
     Raises:
         ArgumentError: naming the setting and its value. What is traced by JAX is not looked at.
@@ -42,9 +44,12 @@ def require_lens(lens: Any, usage: str) -> None:
                 "lens",
             )
     for name, value in _single_settings(lens):
-        if not isinstance(value, Tracer) and _out_of_range(np.asarray(value)):
-            said = f"{name} of the lens is {shown(value)}; expected {_expected(name)}"
-            raise ArgumentError(said, "lens")
+        if isinstance(value, Tracer):
+            continue
+        free = beyond_infinity and name.endswith("focus_disparity")
+        if _out_of_range(abs(np.asarray(value)) if free else np.asarray(value)):
+            expected = "a finite number of dioptres" if free else _expected(name)
+            raise ArgumentError(f"{name} of the lens is {shown(value)}; expected {expected}", "lens")
 
 
 def traced_faults(lens: AbstractLens) -> list[tuple[Bool[Array, ""], str]]:

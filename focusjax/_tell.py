@@ -65,6 +65,7 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
             console.print(outcome.exposed.sentence(), highlight=False, markup=False)
     if outcome.solution is not None:
         console.print(_wishes(outcome.solution))
+        console.print("[dim]Blur is a diameter: + behind the focus, - in front of it.[/]", highlight=False)
     if outcome.solution is not None:
         for sentence in diagnose(outcome.solution).sentences:
             console.print(sentence, highlight=False, markup=False)
@@ -142,7 +143,8 @@ def comparison(found: bench.CaseResults) -> Table:
 def _wishes(solution: Solution | SurfaceSolution) -> Table:
     table = Table(box=None, header_style="dim", pad_edge=False)
     for heading in WISH_HEADINGS:
-        table.add_column(heading, justify="left" if heading in ("wish", "") else "right")
+        at_end = heading in (WISH_HEADINGS[0], WISH_HEADINGS[-1])
+        table.add_column(heading, justify="left" if at_end else "right")
     colours = {"met": "[green]met[/]", "missed": "[red]missed[/]"}
     for *said, verdict in wish_rows(solution.table()):
         table.add_row(*said, colours.get(verdict, verdict))

@@ -26,7 +26,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from focusjax.trace._differentiable import _starts, _traced
 from jaxtyping import Array, Float
 from rich.console import Console
 from rich.table import Table
@@ -37,7 +36,8 @@ from focusjax.config import load_config
 from focusjax.layers import Layers, peel
 from focusjax.lens import TiltShiftLens, as_tilt_shift
 from focusjax.trace import render
-from focusjax.trace._flux import Rays
+from focusjax.trace._picture import traced_picture
+from focusjax.trace._render import render_settings
 
 BLOCK = 8
 PARAMETERS = ("focus", "aperture", "tilt")
@@ -146,8 +146,9 @@ def jacobian(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h 
 @eqx.filter_jit
 def plain(layers: Layers, lens: TiltShiftLens, rays: int) -> Float[Array, "h w 3 3"]:
     def picture(values: Float[Array, "3"]) -> Float[Array, "h w 3"]:
-        look, chosen = (layers.samples.radiance, layers.background), Rays(rays, 0, 1 << 17)
-        picture, _ = _traced(look, moved(lens, values), layers, chosen, _starts(lens, layers, chosen))
+        settings = render_settings(layers, lens, even=True, smooth=False, rays=rays)
+        settings = dataclasses.replace(settings, emitters=False)
+        picture = traced_picture(layers, moved(lens, values), jnp.uint32(0), settings)
         return picture.reshape(layers.camera.height, layers.camera.width, 3)
 
     return jax.jacfwd(picture)(jnp.zeros(3))

@@ -102,6 +102,7 @@ def test_rise_and_shift_are_solved_for(tmp_path):
     # The vase is at the right edge, so that the lens slides to the right.
     assert report["lens"]["movements"]["shift_mm"] > 2
     assert "5.4 px inside" in result.output
+    assert "Blur is a diameter: + behind the focus, - in front of it." in result.output
     assert "5.4 px inside the frame" in (tmp_path / "report.html").read_text()
 
 

@@ -12,11 +12,11 @@ from focusjax.focus._solution import Solution, WishResult
 from focusjax.focus._solve_surface import SurfaceSolution
 from focusjax.lens import TiltShiftLens
 
-WISH_HEADINGS = ("wish", "wished", "got", "missed by", "")
+WISH_HEADINGS = ("focus point", "wished", "result", "off by", "verdict")
 
 
 def wish_rows(table: Sequence[WishResult]) -> list[tuple[str, str, str, str, str]]:
-    """Name, wished, got, missed by, and the verdict of every wish, in words."""
+    """What `WISH_HEADINGS` says, of every wish, in words."""
     return [
         (
             row.name,
@@ -55,8 +55,8 @@ def printed(solution: Solution | SurfaceSolution | FramesSolution) -> str:
         >>> points = locate([FocusPoint(AtPoint((0, 0, -2)), Sharp(), name="nose")], camera)
         >>> print(printed(solve(points, camera, start)))
         Focus 2.00 m, f/2.0, 50 mm
-        wish  wished       got  missed by
-        nose   sharp  +0.00 px    0.00 px  met
+        focus point  wished    result   off by  verdict
+        nose          sharp  +0.00 px  0.00 px  met
     """
     if isinstance(solution, FramesSolution):
         return "\n".join([_shot_line(solution), *diagnose(solution).sentences])

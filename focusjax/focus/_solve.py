@@ -72,9 +72,9 @@ def solve(
     priors and whatever of the lens is not solved for.
 
     What the wishes leave open stays as the starting lens has it, or as near as the rest allows: of all
-    settings that are equally good those are taken that change the picture least, in pixels as `solve_frames`
-    measures them (`scales`), be it by wishes that any of several settings meet, by limits that are kept, or
-    by sides of the focus. Of two that change it as much, within 1 %, the nearer focus is taken.
+    settings that are equally good those are taken that change the picture least, each of them measured in
+    pixels as `solve_frames` says, be it by wishes that any of several settings meet, by limits that are kept,
+    or by sides of the focus. Of two that change it as much, within 1 %, the nearer focus is taken.
     `Solution.undetermined` names what is open. For focus and f-number of wishes at one distance that is
     exact; otherwise it is the nearest of the basins that the search finds (`nearest`).
 

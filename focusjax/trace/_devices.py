@@ -42,7 +42,7 @@ def mesh_of(devices: Sequence[Device] | None) -> Mesh | None:
     listed = isinstance(devices, Sequence) and all(isinstance(each, Device) for each in devices)
     if not listed or not devices or len(set(devices)) < len(devices):
         raise ArgumentError(
-            f"devices are {devices!r}; expected a list of at least one, each once, such as jax.devices()",
+            f"devices are {devices!r}; expected at least one, each named once, such as jax.devices()",
             "devices",
         )
     processes = {device.process_index for device in devices}

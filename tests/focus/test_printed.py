@@ -33,7 +33,7 @@ def test_settings_wishes_and_what_is_in_the_way(asked):
     lines = str(solve(*asked)).splitlines()
     assert lines[0].startswith("Focus 95.2 cm")
     assert lines[0].endswith(", f/2.0, 50 mm")
-    assert lines[1].split() == ["wish", "wished", "got", "missed", "by"]
+    assert lines[1].split() == ["focus", "point", "wished", "result", "off", "by", "verdict"]
     assert [line.split()[0] for line in lines[2:4]] == ["nose", "wall"]
     assert lines[3].split()[1:4] == ["at", "least", "30"]
     assert all(line.endswith("missed") for line in lines[2:4])

@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 SCRIPTS = sorted((ROOT / "scripts").glob("*.py"))
-OPTIONAL = {"mitsuba", "oidn", "optiland", "lensfunpy"}
+OPTIONAL = {"bpy", "mitsuba", "oidn", "optiland", "lensfunpy"}
 """Packages that some scripts need beside those of the tests."""
 
 RUN = """

@@ -2,10 +2,13 @@
 
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from focusjax import bench, job
+from focusjax._console import say
 from focusjax.focus import WISH_HEADINGS, Solution, SurfaceSolution, diagnose, wish_rows
 from focusjax.lens import depth_of_field
 from focusjax.report import (
@@ -18,7 +21,7 @@ from focusjax.report import (
     quality_facts,
     quality_sentence,
 )
-from focusjax.shot import SolvedShot
+from focusjax.shot import SETTING_NAMES, SolvedShot
 
 
 def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
@@ -42,7 +45,7 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
         console.print("In the middle of the picture; a focal surface sets it from place to place.")
     facts = glass_facts(outcome)
     for sentence in glass_sentences(facts) if facts is not None else ():
-        console.print(sentence, highlight=False, markup=False)
+        say(console, sentence)
     taken = outcome.photograph
     if taken is not None and taken.settings is not None:
         settings = taken.settings
@@ -52,8 +55,8 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
             f" {100 * taken.white_share:.1f} % of the picture is white",
             highlight=False,
         )
-        if taken.sentence() is not None:
-            console.print(taken.sentence(), highlight=False, markup=False)
+        if (told := taken.sentence()) is not None:
+            say(console, told)
     elif outcome.exposed is not None:
         settings = outcome.exposed.chosen.settings
         console.print(
@@ -61,14 +64,14 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
             f" EV {float(settings.exposure_value()):.1f}",
             highlight=False,
         )
-        if outcome.exposed.sentence() is not None:
-            console.print(outcome.exposed.sentence(), highlight=False, markup=False)
+        if (told := outcome.exposed.sentence()) is not None:
+            say(console, told)
     if outcome.solution is not None:
         console.print(_wishes(outcome.solution))
         console.print("[dim]Blur is a diameter: + behind the focus, - in front of it.[/]", highlight=False)
     if outcome.solution is not None:
         for sentence in diagnose(outcome.solution).sentences:
-            console.print(sentence, highlight=False, markup=False)
+            say(console, sentence)
     if outcome.picture is not None and not outcome.picture.complete:
         more = job.room_for_more(outcome.config.render)
         console.print(f"Some surfaces did not fit into the layers; {more}.")
@@ -84,17 +87,18 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     quality = quality_facts(outcome)
     chosen = None if quality is None else quality_sentence(quality)
     if chosen is not None:
-        console.print(chosen, highlight=False, markup=False)
+        say(console, chosen)
     stages = outcome.seconds | {"compile": sum(outcome.compile_seconds.values())}
     seconds = ", ".join(f"{name.replace('_', ' ')} {_duration(value)}" for name, value in stages.items())
     console.print(f"[dim]{seconds}[/]", highlight=False, soft_wrap=True)
-    console.print(f"Report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
+    say(console, f"Report: {folder / 'report.html'}")
 
 
 def tell_shot(console: Console, solved: SolvedShot) -> None:
     """How a shot went, in a few lines."""
     solution = solved.solution
-    focus = 1.0 / solution.settings()["focus_per_m"]
+    with np.errstate(divide="ignore"):
+        focus = 1.0 / solution.settings()["focus_per_m"]
     console.print(
         f"[bold]{solution.count} frames, focus from {metres(float(focus[0]))} to"
         f" {metres(float(focus[-1]))}[/]"
@@ -103,12 +107,14 @@ def tell_shot(console: Console, solved: SolvedShot) -> None:
     )
     for name, change in solution.largest_changes().items():
         if change.per_frame:
-            console.print(
-                f"{name}: at most {change.per_frame:.3g} per frame, {change.per_frame2:.3g} per frame^2",
-                highlight=False,
+            called, unit = SETTING_NAMES[name]
+            say(
+                console,
+                f"{called} changes by at most {change.per_frame:.3g}{' ' * bool(unit)}{unit} per frame, and"
+                f" this by {change.per_frame2:.3g}",
             )
     for sentence in solved.diagnosis.sentences:
-        console.print(sentence, highlight=False, markup=False)
+        say(console, sentence)
 
 
 def comparison(found: bench.CaseResults) -> Table:
@@ -116,7 +122,7 @@ def comparison(found: bench.CaseResults) -> Table:
     dropped = found.reference.dropped
     caption = f"samples of the reference that are not finite and left out: {dropped}" if dropped else None
     table = Table(
-        title=found.case.title,
+        title=Text(found.case.title),
         caption=caption,
         box=None,
         header_style="dim",
@@ -145,9 +151,9 @@ def _wishes(solution: Solution | SurfaceSolution) -> Table:
     for heading in WISH_HEADINGS:
         at_end = heading in (WISH_HEADINGS[0], WISH_HEADINGS[-1])
         table.add_column(heading, justify="left" if at_end else "right")
-    colours = {"met": "[green]met[/]", "missed": "[red]missed[/]"}
+    colours = {"met": Text("met", "green"), "missed": Text("missed", "red")}
     for *said, verdict in wish_rows(solution.table()):
-        table.add_row(*said, colours.get(verdict, verdict))
+        table.add_row(*(Text(part) for part in said), colours.get(verdict, Text(verdict)))
     return table
 
 

@@ -3,7 +3,6 @@
 import logging
 import os
 import sys
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +15,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 
 from focusjax import batch, bench, charts, exchange, job, studio
 from focusjax._arguments import ArgumentError
+from focusjax._console import fail, say, warnings_told
 from focusjax._tell import comparison, tell_outcome, tell_shot
 from focusjax.config import ConfigError, load_config
 from focusjax.io import staged_folder
@@ -90,22 +90,22 @@ def shot(
         str | None, typer.Option("--frames", metavar="N,N,...", help="Make pictures of these frames only.")
     ] = None,
 ) -> None:
-    """Solve all frames of a [shot] together, then render them; frames that are there already are kept."""
+    r"""Solve all frames of a \[shot] together, then render them; frames that are there already are kept."""
     console, errors = Console(), Console(stderr=True)
     folder = out if out is not None else Path("out") / config.stem
     try:
         read = load_config(config, set_ or ())
         chosen = None if frames is None else _frames(frames)
-        with _progress(errors) as tell, _warnings_told(errors):
+        with _progress(errors) as tell, warnings_told(errors):
             solved, _ = film(read, folder, rendering=not solve_only, frames=chosen, progress=tell)
     except ConfigError as error:
-        _fail(errors, error, BAD_INPUT)
+        fail(errors, error, BAD_INPUT)
     except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        _fail(errors, error, FAILED)
+        fail(errors, error, FAILED)
     except Exception as error:
-        _fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
+        fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
     tell_shot(console, solved)
-    console.print(f"Report: {folder / 'report.html'}", soft_wrap=True, highlight=False)
+    say(console, f"Report: {folder / 'report.html'}")
     if solved.missed():
         raise typer.Exit(MISSED)
 
@@ -131,18 +131,18 @@ def export(
         suffix = exchange.target_named(to).suffix
         file = Path("out") / f"{config.stem}{suffix}" if out is None else out
         read = load_config(config, set_ or ())
-        with _progress(errors) as tell, _warnings_told(errors):
+        with _progress(errors) as tell, warnings_told(errors):
             exported = exchange.export_config(
                 read, file, to=to, shot=with_shot, approximate=approximate, progress=tell
             )
     except (ConfigError, exchange.ExportError, ArgumentError) as error:
-        _fail(errors, error, BAD_INPUT)
+        fail(errors, error, BAD_INPUT)
     except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        _fail(errors, error, FAILED)
+        fail(errors, error, FAILED)
     except Exception as error:
-        _fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
+        fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
     for line in exported.sentences:
-        console.print(line, soft_wrap=True, highlight=False, markup=False)
+        say(console, line)
 
 
 @bench_app.command("speed-error")
@@ -181,7 +181,7 @@ def speed_error(
         with (
             staged_folder(out, owned=bench.FILES) as stage,
             _progress(errors) as tell,
-            _warnings_told(errors),
+            warnings_told(errors),
         ):
             tell("load", None)
             results = bench.speed_error(
@@ -196,17 +196,17 @@ def speed_error(
             tell("save", None)
             bench.save_results(stage, results)
     except (ConfigError, bench.ChoiceError) as error:
-        _fail(errors, error, BAD_INPUT)
+        fail(errors, error, BAD_INPUT)
     except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        _fail(errors, error, FAILED)
+        fail(errors, error, FAILED)
     except Exception as error:
-        _fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
+        fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
     for found in results.cases:
         console.print(comparison(found))
-    console.print(f"Report: {out / 'report.html'}", soft_wrap=True, highlight=False)
+    say(console, f"Report: {out / 'report.html'}")
     failures = [why for found in (*results.cases, results) for why in found.failures.values()]
     if failures:
-        _fail(errors, ValueError("; ".join(failures)), FAILED)
+        fail(errors, ValueError("; ".join(failures)), FAILED)
 
 
 def main() -> None:
@@ -224,16 +224,16 @@ def _do(
     folder = out if out is not None else Path("out") / config_path.stem
     try:
         config = load_config(config_path, overrides or ())
-        with staged_folder(folder, owned=FILES) as stage, _progress(errors) as tell, _warnings_told(errors):
+        with staged_folder(folder, owned=FILES) as stage, _progress(errors) as tell, warnings_told(errors):
             outcome = job.run(config, solving=solving, rendering=rendering, progress=tell)
             tell("save", None)
             save_outcome(stage, outcome)
     except ConfigError as error:
-        _fail(errors, error, BAD_INPUT)
+        fail(errors, error, BAD_INPUT)
     except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        _fail(errors, error, FAILED)
+        fail(errors, error, FAILED)
     except Exception as error:
-        _fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
+        fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
     tell_outcome(console, outcome, folder)
     if outcome.solution is not None and not all(
         row.met or not row.counts for row in outcome.solution.table()
@@ -285,28 +285,6 @@ def _progress(console: Console) -> Iterator[job.Progress]:
         yield tell
     finally:
         bar.stop()
-
-
-@contextmanager
-def _warnings_told(console: Console) -> Iterator[None]:
-    """Our own warnings as one line each; those of other libraries say nothing to a user."""
-
-    def show(message: Warning | str, category: type[Warning], *rest: object, **more: object) -> None:
-        if category is UserWarning:
-            console.print(f"Warning: {message}", soft_wrap=True, highlight=False, markup=False)
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        warnings.filterwarnings("default", category=UserWarning, module="focusjax|__main__")
-        warnings.showwarning = show
-        yield
-
-
-def _fail(console: Console, error: BaseException, status: int) -> None:
-    """The error's first paragraph on one line, and out."""
-    text = " ".join(str(error).split("\n\n")[0].split()) or type(error).__name__
-    console.print(f"focusjax: {text}", soft_wrap=True, highlight=False, markup=False)
-    raise typer.Exit(status)
 
 
 def _set_up_jax() -> None:

@@ -35,6 +35,7 @@ ALLOWED = {
     "io": {"film", "_whole_file"},
     "config": {"geometry", "lens", "scene", "focus", "trace", "film", "optics", "_words"},
     "_arguments": {"_words"},
+    "_console": set(),
     "_counts": {"_arguments"},
     "_freed": set(),
     "_kept": set(),
@@ -72,7 +73,7 @@ ALLOWED = {
         "config",
         "job",
     },
-    "batch": {"io", "config", "job", "report", "_parallel"},
+    "batch": {"io", "config", "job", "report", "_console", "_parallel"},
     "shot": {
         "geometry",
         "lens",
@@ -90,7 +91,7 @@ ALLOWED = {
         "_stopwatch",
         "_words",
     },
-    "charts": {"geometry", "optics", "lens", "io"},
+    "charts": {"geometry", "optics", "lens", "io", "_console"},
     "exchange": {"geometry", "optics", "lens", "io", "config", "job", "shot", "_arguments", "_words"},
     "studio": {
         "geometry",
@@ -109,7 +110,7 @@ ALLOWED = {
         "_settings",
         "_whole_file",
     },
-    "_tell": {"focus", "lens", "job", "report", "shot", "bench"},
+    "_tell": {"focus", "lens", "job", "report", "shot", "bench", "_console"},
     "cli": {
         "charts",
         "exchange",
@@ -122,6 +123,7 @@ ALLOWED = {
         "batch",
         "studio",
         "_tell",
+        "_console",
         "_arguments",
     },
 }
@@ -133,6 +135,7 @@ ALLOWED["__init__"] = set(ALLOWED) - {
     "report",
     "shot",
     "config",
+    "_console",
     "_counts",
     "_monotone_cubic",
     "_parallel",

@@ -7,6 +7,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from focusjax._console import fail, say
 from focusjax._parallel import CORES
 from focusjax.batch._description import is_batch_file, items_from_file
 from focusjax.batch._errors import BatchError, sentence
@@ -24,7 +25,7 @@ _MANY = list[str] | None
 
 def command(
     configs: Annotated[
-        list[Path], typer.Argument(help="TOML files; or one with a [batch] table.", metavar="CONFIG...")
+        list[Path], typer.Argument(help=r"TOML files; or one with a \[batch] table.", metavar="CONFIG...")
     ],
     out: Annotated[Path, typer.Option("--out", help="Folder for the results, a folder in it for each item.")],
     grid: Annotated[
@@ -63,11 +64,11 @@ def command(
         items = _items(configs, grid or [], table, set_ or [])
         results = _run(console, errors, items, out, jobs, _existing(resume, overwrite), solve_only)
     except (ConfigError, BatchError) as error:
-        _fail(errors, sentence(error), _BAD_INPUT)
+        fail(errors, error, _BAD_INPUT)
     except KeyboardInterrupt:
-        _fail(errors, "interrupted; --resume goes on with what is not done", _INTERRUPTED)
+        fail(errors, RuntimeError("interrupted; --resume goes on with what is not done"), _INTERRUPTED)
     except Exception as error:
-        _fail(errors, sentence(error), _FAILED)
+        fail(errors, RuntimeError(sentence(error)), _FAILED)
     _conclude(console, errors, results)
 
 
@@ -100,7 +101,7 @@ def _run(
 ) -> BatchResults:
     """Run the batch; a line for each item, and a bar below them on a terminal."""
     if jobs > CORES:
-        _say(errors, f"Note: {jobs} jobs on {CORES} cores only take memory; {CORES} or fewer are as fast")
+        say(errors, f"Note: {jobs} jobs on {CORES} cores only take memory; {CORES} or fewer are as fast")
     bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -118,11 +119,11 @@ def _run(
         def tell(result: ItemResult) -> None:
             bar.advance(task)
             for warning in result.facts.get("warnings") or ():
-                _say(aside, f"Warning: {result.item.name}: {warning}")
-            _say(console, _line(result))
+                say(aside, f"Warning: {result.item.name}: {warning}")
+            say(console, _line(result))
 
         def note(text: str) -> None:
-            _say(aside, f"Note: {text}")
+            say(aside, f"Note: {text}")
 
         return run_batch(
             items,
@@ -154,18 +155,9 @@ def _conclude(console: Console, errors: Console, results: BatchResults) -> None:
     done = results.having("done")
     kept = sum(result.kept for result in done)
     counts = f"{len(done)} of {len(results.results)} done"
-    _say(console, counts + (f", {kept} of them before" if kept else ""))
-    _say(console, f"Summary: {results.folder / 'summary.html'}")
+    say(console, counts + (f", {kept} of them before" if kept else ""))
+    say(console, f"Summary: {results.folder / 'summary.html'}")
     for result in results.failed:
-        _say(errors, f"focusjax: {result.item.name} failed: {result.message}")
+        say(errors, f"focusjax: {result.item.name} failed: {result.message}")
     if results.failed:
         raise typer.Exit(_FAILED)
-
-
-def _say(console: Console, text: str) -> None:
-    console.print(text, soft_wrap=True, highlight=False, markup=False)
-
-
-def _fail(console: Console, text: str, status: int) -> None:
-    _say(console, f"focusjax: {text}")
-    raise typer.Exit(status)

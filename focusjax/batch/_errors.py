@@ -1,5 +1,7 @@
 """What can be wrong with a batch as a whole, and how an error becomes a sentence."""
 
+from focusjax import _console
+
 _OURS = (ValueError, RuntimeError, OSError, MemoryError)
 
 
@@ -11,4 +13,4 @@ def sentence(error: Exception) -> str:
     """What a person is told of `error`: its first paragraph, on one line."""
     if not isinstance(error, _OURS):
         return f"internal error, please report it: {error!r}"
-    return " ".join(str(error).split("\n\n")[0].split()) or type(error).__name__
+    return _console.sentence(error)

@@ -108,20 +108,50 @@ def _grid(lens: Prescription, across: int, width: float, scattered: bool) -> tup
     return float(seen.entrance_pupil), radius * ((cells + offset) / across * 2.0 - 1.0)
 
 
-def paths(lens: Prescription, field: float, heights: np.ndarray, film: float) -> list[np.ndarray]:
-    """Points (z, y) of the rays of a far point at `field` that pass through some heights of the pupil."""
-    seen = first_order(lens)
-    points = np.column_stack([np.zeros_like(heights), heights * float(seen.entrance_pupil_radius)])
-    start, way = rays_from(lens, field, np.inf, points, float(seen.entrance_pupil))
+def paths(lens: Prescription, field: float, count: int, film: float) -> list[np.ndarray]:
+    """Points (z, y) of `count` rays of a far point at `field`, from the lowest to the highest that pass.
+
+    The outermost two are the rim rays (the marginal rays, of a point on the axis), as far as rounding lets
+    them pass. None where no light passes.
+    """
+    ends = _rims(lens, field)
+    if ends is None:
+        return []
+    start, way = _fan(lens, field, np.linspace(*ends, count))
     rays, met = _paths(lens, start, way)
     found = []
-    for number in range(len(heights)):
+    for number in range(count):
         if float(rays.clearance[number]) < 0:
             continue
         direction, last = np.asarray(rays.direction[number]), np.asarray(met[number, -1])
         end = last + direction * (film - last[2]) / direction[2]
         found.append(np.vstack([start[number], met[number], end])[:, [2, 1]])
     return found
+
+
+def _fan(
+    lens: Prescription, field: float, heights: np.ndarray
+) -> tuple[Float[Array, "r 3"], Float[Array, "r 3"]]:
+    """Rays of a far point at `field` towards heights [r] of the pupil, in its radii."""
+    seen = first_order(lens)
+    points = np.column_stack([np.zeros_like(heights), heights * float(seen.entrance_pupil_radius)])
+    return rays_from(lens, field, np.inf, points, float(seen.entrance_pupil))
+
+
+def _rims(lens: Prescription, field: float) -> tuple[float, float] | None:
+    """The lowest and the highest ray of a far point that pass, as heights in radii of the pupil."""
+
+    def passing(heights: np.ndarray) -> np.ndarray:
+        return heights[np.asarray(_through(lens, line(), *_fan(lens, field, heights))[2]) >= 0]
+
+    reach = 1.5
+    found = passing(np.linspace(-reach, reach, _LINE))
+    if not len(found):
+        return None
+    pitch = 2.0 * reach / (_LINE - 1)
+    # Once more between the last ray that passes and the first that does not.
+    steps = np.linspace(0.0, pitch, _LINE)
+    return float(passing(found[0] - steps).min()), float(passing(found[-1] + steps).max())
 
 
 @eqx.filter_jit
@@ -145,13 +175,28 @@ def film_at(lens: Prescription) -> float:
     return beam(lens, 0.0).best_place()
 
 
-def field_curves(
-    lens: Prescription, fields: np.ndarray, film: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Tangential and sagittal focus (mm from the film) and distortion in % for some field angles.
+@dataclasses.dataclass
+class FieldCurves:
+    """Focus and distortion over the field.
+
+    Attributes:
+        angles: field angles in radians [n].
+        tangential: focus of rays in the plane of axis and point, in mm from the film [n].
+        sagittal: focus of rays across that plane, in mm from the film [n].
+        distortion: in % [n].
+    """
+
+    angles: np.ndarray
+    tangential: np.ndarray
+    sagittal: np.ndarray
+    distortion: np.ndarray
+
+
+def field_curves(lens: Prescription, fields: np.ndarray, film: float) -> FieldCurves:
+    """Tangential and sagittal focus and distortion for some field angles in radians.
 
     Of rays close to the one through the middle of the beam that passes; distortion is against the scale of
-    the picture near the axis, where the film is.
+    the picture near the axis, where the film is. Differences of near rays take float64.
     """
     tangential, sagittal, scales = [], [], []
     step = 1e-3 * float(first_order(lens).entrance_pupil_radius)
@@ -175,4 +220,4 @@ def field_curves(
         sagittal.append(meet(3, 4, 0))
         scales.append(landed[0, 1] / np.tan(field) if field else np.nan)
     distortion = 100.0 * (np.array(scales[:-1]) / scales[-1] - 1.0)
-    return np.array(tangential[:-1]), np.array(sagittal[:-1]), np.nan_to_num(distortion)
+    return FieldCurves(fields, np.array(tangential[:-1]), np.array(sagittal[:-1]), np.nan_to_num(distortion))

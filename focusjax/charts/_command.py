@@ -4,12 +4,16 @@ import json
 from pathlib import Path
 from typing import Annotated
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
-from focusjax.charts._beams import film_at, largest_field
+from focusjax._console import fail, say, warnings_told
+from focusjax.charts._beams import field_curves, film_at, largest_field
 from focusjax.charts._figures import cross_section, curves, highlights, spots
 from focusjax.io import staged_folder
 from focusjax.optics import (
@@ -39,29 +43,42 @@ def command(
         float | None, typer.Option("--focal-length", help="Scale the lens to so many millimetres.")
     ] = None,
     f_number: Annotated[float | None, typer.Option("--f-number", help="Close the stop to this.")] = None,
+    glass: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--glass", metavar="FILE", help="An AGF catalogue of the lens's glasses; may be repeated."
+        ),
+    ] = None,
 ) -> None:
     """Draw a real lens: cross-section, spots, highlights, focus and distortion; list its first-order data."""
     console, errors = Console(), Console(stderr=True)
     try:
-        chosen = lens_preset(lens) if lens in PRESETS or not Path(lens).suffix else load_lens(lens)
-        if focal_length is not None:
-            chosen = with_focal_length(chosen, focal_length)
-        if f_number is not None:
-            chosen = opened_to(chosen, f_number)
+        with jax.enable_x64(True), warnings_told(errors):
+            chosen = _chosen(lens, glass or [], focal_length, f_number)
     except ValueError as error:
-        _fail(errors, error, _BAD_INPUT)
+        fail(errors, error, _BAD_INPUT)
     folder = out if out is not None else Path("out") / Path(lens).stem
     try:
-        facts = draw_lens(chosen, folder)
+        with warnings_told(errors):
+            facts = draw_lens(chosen, folder)
     except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        _fail(errors, error, _FAILED)
+        fail(errors, error, _FAILED)
     except Exception as error:
-        _fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), _FAILED)
-    table = Table(title=chosen.name, show_header=False)
+        fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), _FAILED)
+    table = Table(title=Text(chosen.name), show_header=False)
     for name, value in {**facts["first_order"], **facts["wavefront_mm"]}.items():
         table.add_row(name.replace("_", " "), f"{value:.5g}")
     console.print(table)
-    console.print(f"Charts: {folder}", soft_wrap=True, highlight=False)
+    say(console, f"Charts: {folder}")
+
+
+def _chosen(lens: str, glass: list[Path], focal_length: float | None, f_number: float | None) -> Prescription:
+    """The lens of a name or file, scaled and stopped down."""
+    named = lens in PRESETS or not Path(lens).suffix
+    chosen = lens_preset(lens) if named else load_lens(lens, glass=glass)
+    if focal_length is not None:
+        chosen = with_focal_length(chosen, focal_length)
+    return chosen if f_number is None else opened_to(chosen, f_number)
 
 
 def draw_lens(lens: Prescription, folder: Path) -> dict:
@@ -70,13 +87,20 @@ def draw_lens(lens: Prescription, folder: Path) -> dict:
     First-order data are millimetres from the first vertex (front), from the last (back, rear, exit pupil);
     the wavefront's Seidel coefficients are for the largest field, in mm.
 
+    Everything is computed in float64, whatever the lens has: curves are differences of near rays.
+
     Raises:
         ValueError: a lens that forms no real images, or a folder that cannot be written.
     """
+    with jax.enable_x64(True):
+        return _draw(jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.float64), lens), folder)
+
+
+def _draw(lens: Prescription, folder: Path) -> dict:
     # Refuses what has no film before anything is drawn.
     with_focal_length(lens, 1.0)
     film, field = film_at(lens), largest_field(lens)
-    sums = seidel_sums(lens, field=field)
+    sums, over_field = seidel_sums(lens, field=field), field_curves(lens, np.linspace(0.0, field, 15), film)
     seen = first_order(lens)
     facts = {
         "name": lens.name,
@@ -84,18 +108,18 @@ def draw_lens(lens: Prescription, folder: Path) -> dict:
         "film_behind_last_vertex": film - float(lens.vertices()[-1]),
         "first_order": {name: float(value) for name, value in vars(seen).items()},
         "wavefront_mm": {name: float(value) for name, value in sums.wavefront().items()},
+        "over_field": {
+            "angle_deg": np.degrees(over_field.angles).tolist(),
+            "tangential_focus_mm": over_field.tangential.tolist(),
+            "sagittal_focus_mm": over_field.sagittal.tolist(),
+            "distortion_percent": over_field.distortion.tolist(),
+        },
         "seidel_mm": {name: np.asarray(value).tolist() for name, value in vars(sums).items()},
     }
     with staged_folder(folder, owned=FILES) as stage:
         cross_section(stage / "section.png", lens, film, field)
         spots(stage / "spots.png", lens, film, field)
         highlights(stage / "highlights.png", lens, field)
-        curves(stage / "curves.png", lens, film, field)
+        curves(stage / "curves.png", lens, film, over_field)
         (stage / "lens.json").write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
     return facts
-
-
-def _fail(console: Console, error: BaseException, status: int) -> None:
-    text = " ".join(str(error).split())
-    console.print(f"focusjax: {text}", soft_wrap=True, highlight=False, markup=False)
-    raise typer.Exit(status)

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from focusjax.charts._beams import beam, field_curves, paths
+from focusjax.charts._beams import FieldCurves, beam, paths
 from focusjax.optics import RGB_WAVELENGTHS, Prescription, first_order, line
 
 _COLOURS = ("#c0392b", "#27ae60", "#2c5fb3")
@@ -35,7 +35,7 @@ def cross_section(path: Path, lens: Prescription, film: float, field: float) -> 
         if indices[number] != indices[number + 1]:
             axes.plot(z, y, color="#30506b", lw=1.0)
     for share, colour in zip((0.0, 0.7, 1.0), _COLOURS[::-1], strict=True):
-        for points in paths(lens, share * field, np.linspace(-1.2, 1.2, 13), film):
+        for points in paths(lens, share * field, 11, film):
             axes.plot(*points.T, color=colour, lw=0.6)
     radius, place = float(lens.semi_diameters[lens.stop]), vertices[lens.stop]
     highest = float(np.max(lens.semi_diameters))
@@ -102,7 +102,7 @@ def _highlight(lens: Prescription, field: float, distance: float, film: float) -
     return points - 0.5 * (points.max(axis=0) + points.min(axis=0)) if len(points) else points
 
 
-def curves(path: Path, lens: Prescription, film: float, field: float) -> None:
+def curves(path: Path, lens: Prescription, film: float, over_field: FieldCurves) -> None:
     """Spherical aberration, field curvature and astigmatism, distortion, and focus by wavelength."""
     figure = _figure(11.0, 3.4)
     spherical, curvature, distorted, colour = figure.subplots(1, 4)
@@ -117,13 +117,12 @@ def curves(path: Path, lens: Prescription, film: float, field: float) -> None:
         spherical.plot(focus[order], height[upper][order] / radius, color=tint, label=f"{wavelength:.0f} nm")
     spherical.set(xlabel="focus from film, mm", ylabel="share of the pupil", title="spherical")
     spherical.legend(fontsize=6)
-    fields = np.linspace(0.0, field, 15)
-    tangential, sagittal, distortion = field_curves(lens, fields, film)
-    curvature.plot(tangential, np.degrees(fields), color="black", label="tangential")
-    curvature.plot(sagittal, np.degrees(fields), color="black", ls="--", label="sagittal")
+    degrees = np.degrees(over_field.angles)
+    curvature.plot(over_field.tangential, degrees, color="black", label="tangential")
+    curvature.plot(over_field.sagittal, degrees, color="black", ls="--", label="sagittal")
     curvature.set(xlabel="focus from film, mm", ylabel="field, °", title="field and astigmatism")
     curvature.legend(fontsize=6)
-    distorted.plot(distortion, np.degrees(fields), color="black")
+    distorted.plot(over_field.distortion, degrees, color="black")
     distorted.set(xlabel="%", title="distortion")
     wavelengths = np.linspace(420.0, 680.0, 27)
     places = [float(first_order(lens, jnp.asarray(w)).back_focal_distance) for w in wavelengths]

@@ -42,7 +42,8 @@ def _prescription(config: Config, name: str) -> Prescription:
         ValueError: no file's name, and no lens that comes along.
     """
     if Path(name).suffix.lower() in LENS_FILES:
-        return load_lens(config.source.parent / name)
+        folder = config.source.parent
+        return load_lens(folder / name, glass=[folder / file for file in config.lens.glass])
     try:
         return lens_preset(name)
     except ValueError as error:

@@ -84,6 +84,9 @@ class LensTable(Look):
         default=None,
         description="a real lens: a .dat, .zmx or .json file, or the name of one that comes along",
     )
+    glass: Annotated[tuple[str, ...], Strict(False)] = Field(
+        default=(), description="AGF catalogues for the prescription's glasses, relative to the config"
+    )
     spectral: bool = Field(
         default=False, description="true to trace red, green and blue through the glass of a prescription"
     )
@@ -107,7 +110,7 @@ class LensTable(Look):
     @model_validator(mode="after")
     def _real_lens_alone(self) -> "LensTable":
         if self.prescription is None:
-            own = ("spectral", "spectral_bands", "fit_px")
+            own = ("glass", "spectral", "spectral_bands", "fit_px")
             idle = [key for key in own if key in self.model_fields_set]
             if idle:
                 raise ValueError(f"has {idle[0]}, which is about a prescription, and none; name one")

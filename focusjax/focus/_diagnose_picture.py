@@ -175,9 +175,11 @@ def _open_sentences(sensed: Sensitivity) -> list[str]:
             for name, share in zip(sensed.names, sensed.turn, strict=True)
             if name != "focus" and share**2 > _PARTLY_OPEN
         ]
+        they = "turn" if len(turning) > 1 else "turns"
+        are = "are" if len(turning) > 1 else "is"
         lines.append(
             f"The points lie on one line in the picture, {sensed.line:.0f} degrees from level: the"
-            f" {' and '.join(turning)} that turns the plane in focus about it is undetermined."
+            f" {' and '.join(turning)} that {they} the plane in focus about it {are} undetermined."
         )
         # What is open besides turning about that line.
         _, sizes, across = np.linalg.svd(rest - np.outer(rest @ sensed.turn, sensed.turn))

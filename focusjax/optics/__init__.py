@@ -6,7 +6,9 @@ from focusjax.optics._catalogue import index_glass as index_glass
 from focusjax.optics._glass import FRAUNHOFER as FRAUNHOFER
 from focusjax.optics._glass import RGB_WAVELENGTHS as RGB_WAVELENGTHS
 from focusjax.optics._glass import AbstractGlass as AbstractGlass
+from focusjax.optics._glass import Conrady as Conrady
 from focusjax.optics._glass import ConstantIndex as ConstantIndex
+from focusjax.optics._glass import Herzberger as Herzberger
 from focusjax.optics._glass import ModelGlass as ModelGlass
 from focusjax.optics._glass import PowerSeries as PowerSeries
 from focusjax.optics._glass import Sellmeier as Sellmeier
@@ -15,6 +17,7 @@ from focusjax.optics._glass import air as air
 from focusjax.optics._group import focused_by_group as focused_by_group
 from focusjax.optics._group import shifted_group as shifted_group
 from focusjax.optics._height_field import HeightField as HeightField
+from focusjax.optics._lens_text import LensFileError as LensFileError
 from focusjax.optics._load import LENS_FILES as LENS_FILES
 from focusjax.optics._load import PRESETS as PRESETS
 from focusjax.optics._load import lens_preset as lens_preset
@@ -30,7 +33,8 @@ from focusjax.optics._prescription import Prescription as Prescription
 from focusjax.optics._prescription import line as line
 from focusjax.optics._prescription import make_prescription as make_prescription
 from focusjax.optics._prescription import singlet as singlet
-from focusjax.optics._rows import LensFileError as LensFileError
+from focusjax.optics._read_agf import GlassFile as GlassFile
+from focusjax.optics._read_agf import read_agf as read_agf
 from focusjax.optics._seidel import SeidelSums as SeidelSums
 from focusjax.optics._seidel import seidel_sums as seidel_sums
 from focusjax.optics._surfaces import AbstractSurface as AbstractSurface

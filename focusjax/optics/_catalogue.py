@@ -15,17 +15,35 @@ import jax.numpy as jnp
 from focusjax.optics._glass import AbstractGlass, ConstantIndex, ModelGlass, PowerSeries, Sellmeier, air
 
 _AIR = {"", "air", "vacuum", "occluder"}
+_ALIASES = {
+    "f_silica": "silica",
+    "fused_silica": "silica",
+    "fusedsilica": "silica",
+    "sio2": "silica",
+    "calcium_fluoride": "caf2",
+    "acrylic": "pmma",
+    "polycarbonate": "polycarb",
+    "polystyrene": "polystyr",
+    "zeonex_e48r": "e48r",
+}
+"""Other names, in lower case, of what the table has."""
+
+
+class UnknownGlassError(ValueError):
+    """There is no glass of that name; the message has the nearest names."""
 
 
 def find_glass(name: str) -> AbstractGlass:
     """The glass of a catalogue name or code.
 
     Args:
-        name: a name as in the table, in any case ("N-BK7", "F2"); "air"; index and Abbe number
+        name: a name as in the table, in any case ("N-BK7", "F2"); an old name of Schott, whose glass of today
+            is called N- and so ("BK7"); another usual name ("SIO2", "F_SILICA"); "air"; index and Abbe number
             ("1.5168/64.17"); or an index alone ("1.67"), which has no dispersion.
 
     Raises:
-        ValueError: an unknown name, with the nearest there are; an index below 1; an Abbe number not above 0.
+        UnknownGlassError: an unknown name, with the nearest there are.
+        ValueError: an index below 1; an Abbe number not above 0.
 
     Example:
         >>> import jax.numpy as jnp
@@ -38,14 +56,14 @@ def find_glass(name: str) -> AbstractGlass:
     if re.fullmatch(r"[-+.\d][-+.\deE]*(/[-+.\d][-+.\deE]*)?", text):
         index, _, abbe = text.partition("/")
         return index_glass(_number(index, name), _number(abbe, name) if abbe else None)
-    glass = _table().get(text.lower())
-    if glass is None:
-        names = glass_names()
-        lower = {known.lower(): known for known in names}
-        near = [lower[found] for found in difflib.get_close_matches(text.lower(), lower, n=3, cutoff=0.4)]
-        hint = f"; did you mean {', '.join(near)}?" if near else f"; known are {', '.join(names)}"
-        raise ValueError(f"there is no glass {name!r}{hint}")
-    return glass
+    rows, lower = _rows(), text.lower()
+    row = rows.get(lower) or rows.get(_ALIASES.get(lower, f"n-{lower}"))
+    if row is None:
+        near = difflib.get_close_matches(lower, rows, n=3, cutoff=0.4)
+        found = ", ".join(rows[key]["glass"] for key in near)
+        hint = f"; did you mean {found}?" if near else f"; {len(rows)} are known, see glass_names()"
+        raise UnknownGlassError(f"there is no glass {name!r}{hint}")
+    return _from_row(row)
 
 
 def index_glass(n_d: float, v_d: float | None = None) -> AbstractGlass:
@@ -66,7 +84,7 @@ def index_glass(n_d: float, v_d: float | None = None) -> AbstractGlass:
 
 def glass_names() -> list[str]:
     """The names in the table, as it has them."""
-    return [row["glass"] for row in _rows()]
+    return [row["glass"] for row in _rows().values()]
 
 
 def _number(text: str, name: str) -> float:
@@ -77,13 +95,10 @@ def _number(text: str, name: str) -> float:
 
 
 @functools.cache
-def _rows() -> list[dict[str, str]]:
+def _rows() -> dict[str, dict[str, str]]:
+    """The rows of the table by the glass's name in lower case."""
     table = resources.files("focusjax.optics").joinpath("data/glass_dispersion.csv")
-    return list(csv.DictReader(table.read_text("utf-8").splitlines()))
-
-
-def _table() -> dict[str, AbstractGlass]:
-    return {row["glass"].lower(): _from_row(row) for row in _rows()}
+    return {row["glass"].lower(): row for row in csv.DictReader(table.read_text("utf-8").splitlines())}
 
 
 def _from_row(row: dict[str, str]) -> AbstractGlass:

@@ -87,6 +87,40 @@ class PowerSeries(AbstractGlass):
         return jnp.sqrt(self.constant + jnp.sum(self.factors * (wavelength * 1e-3) ** exponents))
 
 
+class Herzberger(AbstractGlass):
+    """n = A + B H + C H^2 + D L^2 + E L^4 + F L^6 with H = 1 / (L^2 - 0.028), L in micrometres.
+
+    Attributes:
+        factors: A to F [6].
+    """
+
+    factors: Float[Array, "6"]
+
+    def index(self, wavelength: Float[Array, ""]) -> Float[Array, ""]:
+        square = (wavelength * 1e-3) ** 2
+        pole = 1.0 / (square - 0.028)
+        terms = jnp.stack([jnp.ones_like(square), pole, pole**2, square, square**2, square**3])
+        return jnp.sum(self.factors * terms)
+
+
+class Conrady(AbstractGlass):
+    """n = n_0 + A / L + B / L^3.5, L the wavelength in micrometres.
+
+    Attributes:
+        constant: n_0.
+        first: A in micrometres.
+        second: B in micrometres^3.5.
+    """
+
+    constant: Float[Array, ""]
+    first: Float[Array, ""]
+    second: Float[Array, ""]
+
+    def index(self, wavelength: Float[Array, ""]) -> Float[Array, ""]:
+        micrometres = wavelength * 1e-3
+        return self.constant + self.first / micrometres + self.second * micrometres**-3.5
+
+
 class ModelGlass(AbstractGlass):
     """A glass known by n_d and V_d only: Cauchy's n = A + B / L^2 through both.
 

@@ -2,14 +2,16 @@
 
 import dataclasses
 import difflib
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
+from focusjax.optics._lens_text import LensFileError, LensText
 from focusjax.optics._prescription import Prescription
+from focusjax.optics._read_agf import glass_finder
 from focusjax.optics._read_json import read_json
 from focusjax.optics._read_pbrt import read_pbrt
 from focusjax.optics._read_zemax import read_zemax
-from focusjax.optics._rows import LensFileError
 
 _READERS = {".dat": read_pbrt, ".zmx": read_zemax, ".json": read_json}
 LENS_FILES = tuple(_READERS)
@@ -44,10 +46,14 @@ PRESETS = {
 """Lenses that come with the package, by name; `data/CREDITS.md` says where they are from."""
 
 
-def load_lens(path: str | Path) -> Prescription:
+def load_lens(path: str | Path, *, glass: Sequence[str | Path] = ()) -> Prescription:
     """A lens file: pbrt (.dat), Zemax sequential (.zmx) or DeepLens (.json).
 
     What is not taken as it stands in the file is told by a `UserWarning`, by file and line.
+
+    Args:
+        path: the lens file.
+        glass: AGF catalogues in which its glasses are looked up, before the table of `find_glass`.
 
     Raises:
         LensFileError: another ending, or a file that cannot be read; the message names file and line.
@@ -59,7 +65,7 @@ def load_lens(path: str | Path) -> Prescription:
             f"{path}: {path.suffix or 'no ending'} is no lens file that is known; expected .dat (pbrt), .zmx"
             " (Zemax) or .json (DeepLens)"
         )
-    return reader(path)
+    return reader(LensText(path, glass_finder(glass)))
 
 
 def lens_preset(name: str) -> Prescription:

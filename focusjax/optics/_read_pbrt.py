@@ -1,14 +1,13 @@
 """The lens files of pbrt (`.dat`): four columns, from the scene's side to the film's, in millimetres."""
 
-from pathlib import Path
-
+from focusjax.optics._lens_text import LensText
 from focusjax.optics._prescription import Prescription
-from focusjax.optics._rows import LensText, Row, from_rows
+from focusjax.optics._rows import Row, from_rows
 
 _COLUMNS = ("radius", "thickness", "index", "aperture diameter")
 
 
-def read_pbrt(path: Path) -> Prescription:
+def read_pbrt(text: LensText) -> Prescription:
     """Radius, distance to the next surface, index after it, and diameter; radius and index 0 are the stop.
 
     A radius of 0 with an index is a plane. What follows `#` is a comment. Indices have no dispersion.
@@ -16,7 +15,6 @@ def read_pbrt(path: Path) -> Prescription:
     Raises:
         LensFileError: a line that is not four numbers, or a lens that cannot be.
     """
-    text = LensText(path)
     rows: list[Row] = []
     for number, line in enumerate(text.lines, start=1):
         words = line.partition("#")[0].split()
@@ -40,4 +38,4 @@ def read_pbrt(path: Path) -> Prescription:
                 is_stop=is_stop,
             )
         )
-    return from_rows(text, rows, path.stem)
+    return from_rows(text, rows, text.path.stem)

@@ -2,14 +2,20 @@
 
 import dataclasses
 import math
-from pathlib import Path
 
+from focusjax.optics._catalogue import UnknownGlassError
+from focusjax.optics._lens_text import LensFileError, LensText
 from focusjax.optics._prescription import Prescription
-from focusjax.optics._rows import LensFileError, LensText, Row, from_rows
+from focusjax.optics._prescription import line as spectral_line
+from focusjax.optics._rows import Row, from_rows
 
 _UNITS = {"MM": 1.0, "CM": 10.0, "METER": 1000.0, "M": 1000.0, "IN": 25.4}
 _TYPES = ("STANDARD", "EVENASPH")
 _MODEL = "___BLANK"
+_PLACEHOLDER = (1.5, 40.0)
+"""The n_d and V_d that Zemax writes beside the name of a glass whose numbers are in a catalogue."""
+_DISAGREE = 1e-3
+"""Of n_d between file and catalogue that is told of."""
 _POWERS = 8
 """Of r^2 that the parameters of an even asphere are factors of."""
 
@@ -29,7 +35,7 @@ class _Block:
     parameters: dict[int, tuple[float, int]] = dataclasses.field(default_factory=dict)
 
 
-def read_zemax(path: Path) -> Prescription:
+def read_zemax(text: LensText) -> Prescription:
     """The surfaces between the object and the image, with the stop that the file marks.
 
     Read are UNIT, MODE, FNUM, ENPD, NAME and, of surfaces, TYPE, STOP, CURV, CONI, PARM, DISZ, GLAS and DIAM.
@@ -39,9 +45,8 @@ def read_zemax(path: Path) -> Prescription:
 
     Raises:
         LensFileError: a surface type, mode or unit that is not supported, a mirror, numbers that are none, an
-            unknown glass without index, or a lens that cannot be.
+            unknown glass without index or with Zemax's placeholder for it, or a lens that cannot be.
     """
-    text = LensText(path)
     blocks: list[_Block] = []
     unit, name, openings = 1.0, "", {}
     for number, line in enumerate(text.lines, start=1):
@@ -66,7 +71,9 @@ def read_zemax(path: Path) -> Prescription:
         elif blocks:
             _surface_line(text, number, blocks[-1], key, rest)
     if len(blocks) < 3:
-        raise LensFileError(f"{path}: has {len(blocks)} surfaces; expected an object, a lens and an image")
+        raise LensFileError(
+            f"{text.path}: has {len(blocks)} surfaces; expected an object, a lens and an image"
+        )
     for block in blocks[1:-1]:
         block.row.coefficients = _polynomial(text, block)
     inner = [block.row for block in blocks[1:-1]]
@@ -78,7 +85,7 @@ def read_zemax(path: Path) -> Prescription:
         for row in inner:
             row.semi_diameter = None if row.is_stop else row.semi_diameter
     pupil = openings["ENPD"] * unit if "ENPD" in openings else None
-    return from_rows(text, inner, name or path.stem, f_number=openings.get("FNUM"), pupil_diameter=pupil)
+    return from_rows(text, inner, name or text.path.stem, f_number=openings.get("FNUM"), pupil_diameter=pupil)
 
 
 def _surface_line(text: LensText, number: int, block: _Block, key: str, rest: list[str]) -> None:
@@ -157,13 +164,29 @@ def _glass_line(text: LensText, number: int, row: Row, rest: list[str]) -> None:
             raise text.refuse(number, "a model glass has no index and Abbe number")
         row.glass = text.index(number, *stated)
         return
+    placeholder = tuple(stated) == _PLACEHOLDER
     try:
         row.glass = text.glass(number, name)
-    except LensFileError:
+    except UnknownGlassError as error:
+        if placeholder:
+            raise text.refuse(
+                number,
+                f"{error}, and n_d = 1.5 with V_d = 40 is what Zemax writes where a catalogue has the glass's"
+                " numbers; give the AGF catalogue that has it (--glass FILE, glass in [lens] of a config), or"
+                " write its n_d and V_d there",
+            ) from None
         if not usable:
-            raise
+            raise text.refuse(number, error) from None
         text.warn_of_stand_in(number, name, *stated)
         row.glass = text.index(number, *stated)
+        return
+    found = float(row.glass.index(spectral_line()))
+    if usable and not placeholder and abs(found - stated[0]) > _DISAGREE:
+        text.warn(
+            number,
+            f"glass {name} has n_d = {stated[0]:g} in the file and {found:.6g} in the"
+            " catalogue, which is taken",
+        )
 
 
 def _to_millimetres(row: Row, unit: float) -> None:

@@ -1,15 +1,13 @@
 """What all readers of lens files share: rows with the line they come from, made into a prescription."""
 
 import dataclasses
-import math
-import warnings
-from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 
-from focusjax.optics._catalogue import find_glass, index_glass
+from focusjax.optics._catalogue import find_glass
 from focusjax.optics._glass import AbstractGlass, ConstantIndex
+from focusjax.optics._lens_text import LensFileError, LensText
 from focusjax.optics._meeting import narrowed_to_meet
 from focusjax.optics._paraxial import first_order
 from focusjax.optics._prescription import Prescription, SurfaceError, check_surfaces, line, make_prescription
@@ -17,10 +15,6 @@ from focusjax.optics._surfaces import AbstractSurface, Conic, EvenAsphere
 
 _ROUNDING = 1e-5
 """By which a beam may seem wider than what it was made to pass, in single precision."""
-
-
-class LensFileError(ValueError):
-    """A lens file that cannot be read; the message names the file and the line."""
 
 
 @dataclasses.dataclass
@@ -55,77 +49,6 @@ class Row:
         if not any(self.coefficients):
             return Conic(curvature, conic)
         return EvenAsphere(curvature, conic, jnp.asarray(self.coefficients, dtype=float))
-
-
-class LensText:
-    """A lens file's lines, and refusals that name the one at fault.
-
-    Attributes:
-        path: the file.
-        lines: its text, line by line.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        try:
-            data = path.read_bytes()
-        except OSError as error:
-            raise LensFileError(f"{path}: {error.strerror or error}") from None
-        wide = data[:2] in (b"\xff\xfe", b"\xfe\xff")
-        try:
-            self.lines = data.decode("utf-16" if wide else "utf-8-sig").splitlines()
-        except UnicodeDecodeError as error:
-            if wide:
-                raise LensFileError(
-                    f"{path}: begins as UTF-16 text, but is none from byte {error.start} of {len(data)} on;"
-                    " was it cut off while it was copied?"
-                ) from None
-            self.lines = data.decode("latin-1").splitlines()
-
-    def refuse(self, line: int, why: object) -> LensFileError:
-        """The error to raise about a line, counted from 1."""
-        return LensFileError(f"{self.path}, line {line}: {why}")
-
-    def number(self, line: int, text: object, what: str) -> float:
-        """A finite number, or a refusal that says what was expected there."""
-        try:
-            value = float(str(text))
-        except ValueError:
-            raise self.refuse(line, f"{what} is {text!r}; expected a number") from None
-        if not math.isfinite(value):
-            raise self.refuse(line, f"{what} is {text!r}; expected a finite number")
-        return value
-
-    def glass(self, line: int, name: str) -> AbstractGlass:
-        """A glass by name, or a refusal with the nearest names."""
-        try:
-            return find_glass(name)
-        except ValueError as error:
-            raise self.refuse(line, error) from None
-
-    def index(self, line: int, n_d: float, v_d: float | None) -> AbstractGlass:
-        """A medium by its index and Abbe number."""
-        try:
-            return index_glass(n_d, v_d)
-        except ValueError as error:
-            raise self.refuse(line, error) from None
-
-    def opening(self, line: int, value: float) -> float:
-        """A semi-diameter, positive."""
-        if not value > 0:
-            raise self.refuse(line, f"an aperture is {value:g}; expected a positive one")
-        return value
-
-    def warn(self, line: int, what: str) -> None:
-        """Say of a line, counted from 1, that it is not taken as it stands."""
-        warnings.warn(f"{self.path}, line {line}: {what}", UserWarning, stacklevel=2)
-
-    def warn_of_stand_in(self, line: int, name: str, n_d: float, v_d: float) -> None:
-        """Say that a glass of the file is known by two numbers only."""
-        self.warn(
-            line,
-            f"glass {name!r} is not in the catalogue; taken by the file's n_d = {n_d:g} and V_d = {v_d:g}",
-        )
 
 
 def from_rows(

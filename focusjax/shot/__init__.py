@@ -18,6 +18,7 @@ from focusjax.shot._render import FrameSettings as FrameSettings
 from focusjax.shot._render import MotionSettings as MotionSettings
 from focusjax.shot._render import RenderedFrames as RenderedFrames
 from focusjax.shot._render import render_frames as render_frames
+from focusjax.shot._report import SETTING_NAMES as SETTING_NAMES
 from focusjax.shot._sequence import VertexSequence as VertexSequence
 from focusjax.shot._sequence import load_vertex_sequence as load_vertex_sequence
 from focusjax.shot._solve import Shot as Shot

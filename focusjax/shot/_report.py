@@ -37,13 +37,14 @@ _TEMPLATES = jinja2.Environment(
     trim_blocks=True,
     lstrip_blocks=True,
 )
-_NAMES = {
+SETTING_NAMES = {
     "focus_per_m": ("Focus", "dioptres"),
     "f_number": ("f-number", ""),
     "focal_length_mm": ("Focal length", "mm"),
     "tilt_deg": ("Tilt", "°"),
     "swing_deg": ("Swing", "°"),
 }
+"""What people call the settings of a shot, and their units."""
 
 
 def save_report(
@@ -74,7 +75,7 @@ def save_report(
     }
     title = config.title or config.source.stem.replace("_", " ").capitalize()
     text = _TEMPLATES.get_template("shot.html.j2").render(
-        title=title, facts=facts, pictures=embedded, names=_NAMES
+        title=title, facts=facts, pictures=embedded, names=SETTING_NAMES
     )
     (folder / "report.html").write_text(text, encoding="utf-8")
     return facts

@@ -21,6 +21,7 @@ from focusjax.optics import (
     line,
     load_lens,
     make_prescription,
+    read_agf,
     singlet,
     sphere,
 )
@@ -34,6 +35,11 @@ def zemax(*, glass="GLAS N-BK7 0 0 1.5168 64.17", surface="TYPE STANDARD", stop=
         f"SURF 1\n{surface}\nCURV 0.02\n{stop}\nDISZ 5\n{glass}\n{more}\n"
         "SURF 2\nTYPE STANDARD\nCURV -0.02\nDISZ 45\nDIAM 9 1\nSURF 3\nTYPE STANDARD\nCURV 0\nDISZ 0\n"
     )
+
+
+ASPHERE = (
+    '{"type": "Aspheric", "r": 9, "roc": 50, "k": -1.5, "ai": [0, 1e-6, 2e-9], "d_next": 5, "mat2": "F2"}'
+)
 
 
 def json_lens(surface='{"type": "Spheric", "r": 9, "roc": -50, "d_next": 2, "mat2": "air"}'):
@@ -181,12 +187,132 @@ def test_glass_without_an_entry_is_taken_by_its_index(write):
             json_lens('{"type": "Spheric", "r": 0, "roc": 5, "d_next": 1}'),
             "line 3: an aperture is 0",
         ),
+        (
+            "a.json",
+            json_lens('{"type": "Spheric", "r": 9, "roc": -50, "d_next": 2}'),
+            'line 3: the surface has no "mat2"; expected a glass',
+        ),
+        ("a.json", json_lens(ASPHERE.replace("[0, 1e-6, 2e-9]", "3")), 'line 3: "ai" is 3; expected a list'),
         ("a.step", "", r"a.step: .step is no lens file that is known"),
     ],
 )
 def test_bad_files_are_refused_by_file_and_line(write, name, text, message):
     with pytest.raises(LensFileError, match=message):
         load_lens(write(name, text))
+
+
+AGF = """CC a few glasses
+NM N-BK7X 2 517642.251 1.5168 64.17 0 1 -
+CD 1.03961212 6.00069867E-3 2.31792344E-1 2.00179144E-2 1.01046945 1.03560653E2 0 0 0 0
+LD 0.31 2.5
+NM SCHOTTISH 1 0 1.5168 64.17 0 1
+CD 2.271890 -1.01080E-2 1.05925E-2 2.08200E-4 -7.64700E-6 4.24100E-7
+LD 0.35 2.0
+NM STRANGE 13 0 1.6 40 0 1
+CD 1 2 3
+NM LYING 2 0 1.7 64.17 0 1
+CD 1.03961212 6.00069867E-3 2.31792344E-1 2.00179144E-2 1.01046945 1.03560653E2
+NM TORN 2 0 x 64.17 0 1
+CD 1 2
+NM BARE 2 0 1.5 64.17 0 1
+"""
+
+
+def test_a_placeholder_of_zemax_is_not_taken_as_glass(write):
+    """It writes 1.5 and 40 beside every glass that it has in a catalogue."""
+    text = zemax(glass="GLAS N-BK7X 0 0 1.5 4.0E+1 0 0 0 0 0 0")
+    with pytest.raises(LensFileError, match=r"line 12: there is no glass 'N-BK7X'.*1\.5.*--glass FILE"):
+        load_lens(write("a.zmx", text))
+    lens = load_lens(write("a.zmx", text), glass=[write("more.agf", AGF)])
+    for name in ("d", "F", "C"):
+        np.testing.assert_allclose(lens.glasses[0].index(line(name)), GLASS.index(line(name)), rtol=1e-6)
+    # What the table has is taken from there, placeholder or not.
+    known = load_lens(write("a.zmx", zemax(glass="GLAS S-TIM28 0 0 1.5 4.0E+1")))
+    assert float(known.glasses[0].index(line())) == pytest.approx(1.68893, abs=1e-5)
+    assert float(abbe_number(known.glasses[0])) == pytest.approx(31.07, abs=0.01)
+
+
+def test_a_glass_that_the_file_says_otherwise_is_told_of(write):
+    with pytest.warns(UserWarning, match="line 12: glass N-BK7 has n_d = 1.6 in the file and 1.5168 in the"):
+        load_lens(write("a.zmx", zemax(glass="GLAS N-BK7 0 0 1.6 64.17")))
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("STRANGE", "line 8: glass STRANGE has the dispersion formula 13; supported are 1, 2"),
+        ("LYING", "line 10: glass LYING has n_d = 1.7, but its formula 2 gives 1.5168; expected both alike"),
+        ("TORN", "line 12: n_d of glass TORN is 'x'; expected a number"),
+        ("BARE", "line 14: glass BARE has no coefficients; expected a line CD"),
+    ],
+)
+def test_glass_that_a_catalogue_does_not_give_is_refused_when_it_is_asked_for(write, name, message):
+    catalogue = write("more.agf", AGF)
+    with pytest.raises(LensFileError, match=rf"more\.agf, {message}"):
+        load_lens(write("a.zmx", zemax(glass=f"GLAS {name} 0 0 1.5 40")), glass=[catalogue])
+
+
+def test_files_that_are_no_catalogue(write):
+    for text, message in (("", "has no glass; expected an AGF"), ("NM A 2\n", "line 1: NM ends early")):
+        with pytest.raises(LensFileError, match=message):
+            read_agf(write("a.agf", text))
+
+
+def formula_line(formula, coefficients):
+    """n_d by the formulas as Zemax's manual has them, in plain floats."""
+    c, w = [*coefficients, *[0.0] * 10], FRAUNHOFER["d"] * 1e-3
+    pole = 1 / (w**2 - 0.028)
+    n = {
+        1: lambda: (c[0] + c[1] * w**2 + sum(c[i] * w ** (2 - 2 * i) for i in range(2, 6))) ** 0.5,
+        3: lambda: c[0] + c[1] * pole + c[2] * pole**2 + c[3] * w**2 + c[4] * w**4 + c[5] * w**6,
+        4: lambda: (1 + c[0] + c[1] * w**2 / (w**2 - c[2] ** 2) + c[3] / (w**2 - c[4] ** 2)) ** 0.5,
+        5: lambda: c[0] + c[1] / w + c[2] / w**3.5,
+        6: lambda: (1 + sum(c[i] * w**2 / (w**2 - c[i + 1]) for i in range(0, 8, 2))) ** 0.5,
+    }[formula]()
+    return n, f"NM G {formula} 0 {n:.12f} 50 0 1\nCD {' '.join(map(str, coefficients))}\nLD 0.3 2\n"
+
+
+@pytest.mark.parametrize(
+    ("formula", "coefficients"),
+    [
+        (1, (2.271890, -1.01080e-2, 1.05925e-2, 2.08200e-4, -7.64700e-6, 4.24100e-7)),
+        (3, (1.5, 5e-3, 1e-5, -3e-3, 2e-5, -1e-6)),
+        (4, (0.2, 1.05, 0.1, -0.01, 9.0)),
+        (5, (1.49, 1.2e-2, 4e-4)),
+        (6, (1.0, 6e-3, 0.2, 2e-2, 0.9, 100.0, 0.01, 150.0)),
+    ],
+)
+def test_dispersion_formulas_are_those_of_the_manual(write, formula, coefficients):
+    wanted, text = formula_line(formula, coefficients)
+    glass = read_agf(write("a.agf", text)).find("g")
+    np.testing.assert_allclose(glass.index(line()), wanted, rtol=1e-9)
+    # Glass disperses: blue is bent more.
+    assert float(glass.index(line("F"))) > float(glass.index(line("C")))
+
+
+def test_common_names_of_glass():
+    for name, same in (("BK7", "N-BK7"), ("SIO2", "SILICA"), ("F_SILICA", "SILICA"), ("acrylic", "PMMA")):
+        assert eqx.tree_equal(find_glass(name), find_glass(same))
+    # Malitson's own: 1.4585, 67.8.
+    assert float(find_glass("SILICA").index(line())) == pytest.approx(1.45846, abs=1e-5)
+
+
+def test_aspheres_of_json_files(write):
+    text = json_lens().replace(
+        '{"type": "Spheric", "r": 9, "roc": 50, "d_next": 5, "mat2": "N-BK7"}', ASPHERE
+    )
+    front = load_lens(write("a.json", text)).surfaces[0]
+    assert float(front.conic) == -1.5
+    np.testing.assert_allclose(front.coefficients, [0.0, 1e-6, 2e-9])
+    with pytest.warns(UserWarning, match=r"line 2: surfaces\[0\] is of the type Spheric, but has k = -1.5"):
+        named = load_lens(write("a.json", text.replace("Aspheric", "Spheric")))
+    assert eqx.tree_equal(named.surfaces[0], front)
+
+
+def test_a_stop_without_a_medium_is_in_that_before_it(write):
+    wanted = load_lens(write("a.json", json_lens()))
+    text = json_lens().replace('"d_next": 40, "mat2": "air"', '"d_next": 40')
+    assert eqx.tree_equal(load_lens(write("a.json", text)), wanted)
 
 
 def facing(*, semi_diameters=(9.0, 8.5), stop=3.0, top=""):
@@ -304,7 +430,7 @@ def test_prescriptions_that_make_no_sense():
 
 
 def test_glasses_have_the_numbers_of_the_catalogue():
-    assert len(glass_names()) == 46
+    assert len(glass_names()) == 1586
     # Schott's own for N-BK7.
     for name, wanted in (("d", 1.51680), ("F", 1.52238), ("C", 1.51432), ("g", 1.52668)):
         assert round(float(GLASS.index(line(name))), 5) == wanted

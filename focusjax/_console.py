@@ -1,0 +1,47 @@
+"""What commands say on the terminal: text as it is, without markup, and warnings and errors in one line."""
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import NoReturn
+
+import typer
+from rich.console import Console
+
+_NO_ROOM = 28
+"""The number of the system's error that a disk is full."""
+
+
+def say(console: Console, text: str) -> None:
+    """A line of text, whose brackets are no markup: names in it are the user's."""
+    console.print(text, soft_wrap=True, highlight=False, markup=False)
+
+
+def fail(console: Console, error: BaseException, status: int) -> NoReturn:
+    """The error's first paragraph on one line, and out with the exit status."""
+    say(console, f"focusjax: {sentence(error)}")
+    raise typer.Exit(status)
+
+
+def sentence(error: BaseException) -> str:
+    """The first paragraph of an error on one line; of the system's errors what, and about which file."""
+    if isinstance(error, OSError) and error.strerror:
+        about = f"{error.filename}: " if error.filename is not None else ""
+        remedy = "; make room there, or choose another place" if error.errno == _NO_ROOM else ""
+        return f"{about}{error.strerror}{remedy}"
+    return " ".join(str(error).split("\n\n")[0].split()) or type(error).__name__
+
+
+@contextmanager
+def warnings_told(console: Console) -> Iterator[None]:
+    """Our own warnings as one line each; those of other libraries say nothing to a user."""
+
+    def show(message: Warning | str, category: type[Warning], *rest: object, **more: object) -> None:
+        if category is UserWarning:
+            say(console, f"Warning: {message}")
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        warnings.filterwarnings("default", category=UserWarning, module="focusjax|__main__")
+        warnings.showwarning = show
+        yield

@@ -1,15 +1,17 @@
 """What commands say on the terminal: text as it is, without markup, and warnings and errors in one line."""
 
+import errno
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import NoReturn
 
 import typer
 from rich.console import Console
 
-_NO_ROOM = 28
-"""The number of the system's error that a disk is full."""
+_NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+"""The system's errors that a disk, or one's share of it, is full."""
 
 
 def say(console: Console, text: str) -> None:
@@ -17,17 +19,23 @@ def say(console: Console, text: str) -> None:
     console.print(text, soft_wrap=True, highlight=False, markup=False)
 
 
-def fail(console: Console, error: BaseException, status: int) -> NoReturn:
-    """The error's first paragraph on one line, and out with the exit status."""
-    say(console, f"focusjax: {sentence(error)}")
+def fail(console: Console, error: BaseException, status: int, place: Path | None = None) -> NoReturn:
+    """The error's first paragraph on one line, and out with the exit status; see `sentence`."""
+    say(console, f"focusjax: {sentence(error, place)}")
     raise typer.Exit(status)
 
 
-def sentence(error: BaseException) -> str:
-    """The first paragraph of an error on one line; of the system's errors what, and about which file."""
+def sentence(error: BaseException, place: Path | None = None) -> str:
+    """The first paragraph of an error on one line; of the system's errors what, and about which file.
+
+    Args:
+        error: what went wrong.
+        place: the folder that was written to, for errors of the system that name no file, as a full disk.
+    """
     if isinstance(error, OSError) and error.strerror:
-        about = f"{error.filename}: " if error.filename is not None else ""
-        remedy = "; make room there, or choose another place" if error.errno == _NO_ROOM else ""
+        file = error.filename if error.filename is not None else place
+        about = f"{file}: " if file is not None else ""
+        remedy = "; make room there, or choose another place" if error.errno in _NO_ROOM else ""
         return f"{about}{error.strerror}{remedy}"
     return " ".join(str(error).split("\n\n")[0].split()) or type(error).__name__
 

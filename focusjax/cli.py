@@ -101,7 +101,7 @@ def shot(
     except ConfigError as error:
         fail(errors, error, BAD_INPUT)
     except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        fail(errors, error, FAILED)
+        fail(errors, error, FAILED, folder)
     except Exception as error:
         fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
     tell_shot(console, solved)
@@ -198,7 +198,7 @@ def speed_error(
     except (ConfigError, bench.ChoiceError) as error:
         fail(errors, error, BAD_INPUT)
     except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        fail(errors, error, FAILED)
+        fail(errors, error, FAILED, out)
     except Exception as error:
         fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
     for found in results.cases:
@@ -231,7 +231,7 @@ def _do(
     except ConfigError as error:
         fail(errors, error, BAD_INPUT)
     except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        fail(errors, error, FAILED)
+        fail(errors, error, FAILED, folder)
     except Exception as error:
         fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
     tell_outcome(console, outcome, folder)

@@ -1,5 +1,6 @@
 """The command line from outside: files, exit statuses, and the sentence for everything that goes wrong."""
 
+import codecs
 import json
 import os
 import re
@@ -14,6 +15,7 @@ from boxes_config import CONFIG, write_boxes
 from typer.testing import CliRunner
 
 from focusjax.cli import app
+from focusjax.config import load_config
 from focusjax.io import load_exr
 
 ROOT = Path(__file__).parents[1]
@@ -145,6 +147,16 @@ BAD_MESHES = {
     ("overrides", "status", "sentence"),
     [
         (["scene.objects.0.file=gone.ply"], 2, r"mesh file .*gone\.ply does not exist; check the path"),
+        (["scene.objects.0.file=gone.ply"], 2, r"boxes\.toml: scene\.objects\.0: mesh file"),
+        (["scene.objects.1.file=''"], 2, r"scene\.objects\.1: mesh file .* is a folder; name a file in it"),
+        (
+            ["camera.resolution=[1, 2000]"],
+            2,
+            r"toml: camera has resolution = \[1, 2000\], which makes a sensor 36 mm wide 72000 mm high, for a"
+            r" field of view of 179\.8 degrees from top to bottom; expected 160 at most, so give a smaller",
+        ),
+        (["camera.resolution=[10, 600]"], 2, r"2160 mm high"),
+        (["title=" + "[" * 3000 + "]" * 3000], 2, r"is nested too deep to read; write it flatter"),
         (["scene.objects.0.file=garbage.ply"], 2, r"mesh file .*garbage\.ply cannot be read"),
         (["scene.objects.0.file=empty.obj"], 2, r"mesh file .*empty\.obj "),
         (["scene.objects.0.file=nan.obj"], 2, r"nan\.obj has 1 vertices with NaN or infinite coordinates"),
@@ -201,6 +213,58 @@ def test_bad_input_is_one_sentence_and_writes_nothing(scene_folder, tmp_path, ov
     assert complaint.startswith("focusjax: ")
     assert complaint.count("\n") == 1
     assert "Traceback" not in complaint
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["post [/x]", "ring [left]", "[bold]", "a\\", "[link=x]y[/link]"])
+def test_names_are_no_markup(scene_folder, tmp_path, name):
+    """Neither lost nor taken as commands to the terminal, once everything is done."""
+    folder = tmp_path / "out [red]"
+    status, printed, complaint = focusjax(
+        "solve", scene_folder / "boxes.toml", "--out", folder, "--set", f"focus.0.name={json.dumps(name)}"
+    )
+    assert (status, complaint) == (0, "")
+    assert name in printed
+    assert "out [red]" in printed
+    assert (folder / "report.json").exists()
+
+
+@pytest.mark.parametrize(("command", "said"), [("shot", "[shot]"), ("batch", "[batch]")])
+def test_help_keeps_its_brackets(command, said):
+    status, printed, _ = focusjax(command, "--help")
+    assert status == 0
+    assert said in printed
+    assert "\\[" not in printed
+
+
+def test_a_config_may_begin_with_a_byte_order_mark(scene_folder, tmp_path):
+    marked = scene_folder / "marked.toml"
+    marked.write_bytes(codecs.BOM_UTF8 + (scene_folder / "boxes.toml").read_bytes())
+    assert load_config(marked).camera == load_config(scene_folder / "boxes.toml").camera
+
+
+def test_a_config_nested_too_deep_is_one_sentence(tmp_path):
+    deep = tmp_path / "deep.toml"
+    deep.write_text("title = " + "[" * 3000 + "]" * 3000)
+    status, printed, complaint = focusjax("run", deep, "--out", tmp_path / "out")
+    assert (status, printed) == (2, "")
+    assert complaint == f"focusjax: {deep}: has tables or arrays nested too deep to read; write it flatter\n"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has a device that is always full")
+def test_a_full_disk_is_told_with_its_folder(scene_folder, tmp_path, monkeypatch):
+    """Writing to a full disk fails without the file's name."""
+
+    def save(stage, outcome):
+        with open("/dev/full", "w") as stream:
+            stream.write("x")
+
+    monkeypatch.setattr("focusjax.cli.save_outcome", save)
+    status, printed, complaint = focusjax("solve", scene_folder / "boxes.toml", "--out", tmp_path / "out")
+    assert (status, printed) == (1, "")
+    assert complaint == (
+        f"focusjax: {tmp_path / 'out'}: No space left on device; make room there, or choose another place\n"
+    )
     assert not list(tmp_path.iterdir())
 
 

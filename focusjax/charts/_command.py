@@ -62,7 +62,7 @@ def command(
         with warnings_told(errors):
             facts = draw_lens(chosen, folder)
     except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        fail(errors, error, _FAILED)
+        fail(errors, error, _FAILED, folder)
     except Exception as error:
         fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), _FAILED)
     table = Table(title=Text(chosen.name), show_header=False)

@@ -155,14 +155,17 @@ def _object(table: ObjectTable, number: int, folder: Path) -> SceneObject:
         "opacity": table.opacity,
         "smooth_angle": table.smooth_angle_deg,
     }
-    return load_mesh(
-        folder / table.file,
-        name=table.name or f"{Path(table.file).stem}",
-        translate=table.translate,
-        rotate=table.rotate_deg,
-        scale=table.scale,
-        **{key: value for key, value in overrides.items() if value is not None},
-    )
+    try:
+        return load_mesh(
+            folder / table.file,
+            name=table.name or f"{Path(table.file).stem}",
+            translate=table.translate,
+            rotate=table.rotate_deg,
+            scale=table.scale,
+            **{key: value for key, value in overrides.items() if value is not None},
+        )
+    except ValueError as error:
+        raise ValueError(f"scene.objects.{number}: {error}") from error
 
 
 def _light(table: DirectionalTable | PointTable) -> AbstractLight:
@@ -177,7 +180,10 @@ def _background(table: SceneTable, folder: Path) -> AbstractBackground:
         return constant_background(background.colour)
     if isinstance(background, GradientTable):
         return gradient_background(background.bottom, background.horizon, background.top)
-    return image_background(folder / background.file, gain=background.gain, turn=background.turn_deg)
+    try:
+        return image_background(folder / background.file, gain=background.gain, turn=background.turn_deg)
+    except ValueError as error:
+        raise ValueError(f"scene.background: {error}") from error
 
 
 def faces_of(scene: Scene, name: str, key: str) -> range:

@@ -19,6 +19,9 @@ from focusjax.config._values import Table
 from focusjax.config._view import CameraTable, LensTable
 from focusjax.config._wishes import FocusTable
 
+_LARGEST = 16 << 20
+"""Bytes of the largest config that is read."""
+
 
 class Config(Table):
     """Everything one run needs, as a person wrote it: a scene, a camera, a lens, and the wishes."""
@@ -187,7 +190,7 @@ def parse_config(text: str, source: Path | str) -> Config:
     source = Path(source)
     try:
         data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise _no_toml(source, error) from None
     return _checked(data, source)
 
@@ -201,7 +204,9 @@ def _checked(data: dict[str, Any], source: Path) -> Config:
     return config
 
 
-def _no_toml(path: Path, error: ValueError) -> ConfigError:
+def _no_toml(path: Path, error: Exception) -> ConfigError:
+    if isinstance(error, RecursionError):
+        return ConfigError(f"{path}: has tables or arrays nested too deep to read; write it flatter")
     return ConfigError(f"{path}: this is not valid TOML ({error}); mend that line")
 
 
@@ -213,12 +218,16 @@ def read_toml(path: Path) -> dict[str, Any]:
     """
     try:
         with path.open("rb") as stream:
-            return tomllib.load(stream)
+            data = stream.read(_LARGEST + 1)
+        if len(data) > _LARGEST:
+            raise ConfigError(f"{path}: is larger than {_LARGEST >> 20} MiB; expected a config file")
+        # Editors on Windows begin files with a byte-order mark, which TOML does not know.
+        return tomllib.loads(data.decode("utf-8-sig"))
     except FileNotFoundError:
         raise ConfigError(f"{path}: there is no such config file; check the path") from None
     except OSError as error:
         raise ConfigError(f"{path}: the config cannot be read ({error.strerror}); check the path") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise _no_toml(path, error) from None
 
 
@@ -259,3 +268,5 @@ def toml_value(text: str) -> Any:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text.strip()
+    except RecursionError:
+        raise ConfigError(f"{text:.40}...: is nested too deep to read; write it flatter") from None

@@ -14,6 +14,9 @@ Row = Annotated[tuple[Number, Number, Number, Number], Strict(False)]
 Movement = Annotated[float, Field(ge=-45, le=45, allow_inf_nan=False)]
 Pixels = Annotated[int, Field(ge=1, le=32768)]
 
+_HALF_FIELD_DEG = 80.0
+"""From the axis to the top of a frame that is higher than wide; beyond, pictures in perspective grow fast."""
+
 
 class CameraTable(Table):
     """`[camera]`: where the camera stands, what it sees, and how many pixels the picture has."""
@@ -48,6 +51,26 @@ class CameraTable(Table):
             raise ValueError("has no full pose; give both position and look_at, or a matrix")
         if (self.focal_length_mm is None) == (self.field_of_view_deg is None):
             raise ValueError("needs exactly one of focal_length_mm and field_of_view_deg")
+        return self
+
+    @model_validator(mode="after")
+    def _frame_within_sight(self) -> "CameraTable":
+        """The sensor's width and the resolution say how high the sensor is, which may be metres."""
+        width, height = self.resolution
+        tall = self.sensor_width_mm * height / width
+        focal = self.focal_length_mm
+        if focal is None:
+            assert self.field_of_view_deg is not None
+            focal = self.sensor_width_mm / 2.0 / math.tan(math.radians(self.field_of_view_deg) / 2.0)
+        # What is wide as well was meant so: the field of view across is given, or nearly.
+        half = math.degrees(math.atan(tall / 2.0 / focal))
+        if height > width and half > _HALF_FIELD_DEG:
+            raise ValueError(
+                f"has resolution = [{width}, {height}], which makes a sensor {self.sensor_width_mm:g} mm wide"
+                f" {tall:g} mm high, for a field of view of {2.0 * half:.4g} degrees from top to bottom;"
+                f" expected {2.0 * _HALF_FIELD_DEG:g} at most, so give a smaller sensor_width_mm or a longer"
+                " focal length"
+            )
         return self
 
 

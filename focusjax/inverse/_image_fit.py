@@ -42,8 +42,10 @@ class ImageFit:
         rms_error: root mean square of picture less target, over the values that count, by their weight.
         standard_errors: of each free parameter by name, from the residual and the slopes of the picture at
             the solution, whatever part of it is noisier: "focus" in 1/m (of the disparity), "f_number",
-            "tilt" and "swing" in radians, and "gain". Infinite where nothing tells. Errors of the geometry
-            are not in them.
+            "tilt" and "swing" in radians, and "gain". Infinite where nothing tells. They count what differs
+            from pixel to pixel only: errors of the geometry are not in them, nor is the bias of a picture
+            traced through layers, by which a fit without `exact` may be off by several of them. With `exact`
+            those of the f-number may still be too small.
         at_limits: parameters that ended at a limit of what they may be: of the focus range, of the opening
             that the layers serve (peel for a wider lens), or of 45 degrees of tilt.
         levels: how each level went, the last that of single pixels.

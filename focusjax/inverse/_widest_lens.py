@@ -37,7 +37,7 @@ def widest_lens(
         -2.0
     """
     if not 0 < min_focus_distance < math.inf:
-        raise ValueError(f"min_focus_distance is {min_focus_distance} m; expected a positive length")
+        raise ValueError(f"min_focus_distance is {min_focus_distance:g} m; expected a positive length")
     if not 0 < f_number < math.inf:
         raise ValueError(f"f-number is {f_number}; expected a positive number such as 2.8")
     if not 0 <= max_tilt < math.pi / 2:

@@ -14,6 +14,12 @@ from focusjax.lens._ray_bounds import STEEPEST
 from focusjax.lens._transfer import Transfer
 
 _RAYS = 1 << 14
+_WORST = 48
+"""Rays with the largest errors, of lines and of outlines each, near which worse ones are looked for."""
+_NEAR = 192
+"""Rays that are looked at near each of them."""
+_REACHES = (0.06, 0.015, 0.004)
+"""Shares of frame and opening within which they lie, one after the other."""
 _PLASTIC = 1.1673039782614187
 """The root of x^5 = x + 1; multiples of its powers are spread evenly over a cube in four dimensions."""
 
@@ -23,7 +29,8 @@ class FitError(eqx.Module):
 
     Attributes:
         disparities: in 1/m [2], the least and the largest for which the next are.
-        worst: pixels [2] by which a ray that gets through is off at most.
+        worst: pixels [2] by which a ray that gets through is off at most: the largest error over frame and
+            opening, their edges and corners, and ever nearer to the worst rays found.
         rms: root of the mean square [2], by the light along them.
         outline: pixels [2] by which the outline of what gets through is off at most.
         light: the share of all light that goes where it should not or is missing where it should be.
@@ -75,13 +82,30 @@ def fit_error(
         errors = jnp.linalg.norm(places - landed(slope, crossing), axis=-1)
         return jnp.where(light > 0.0, errors, 0.0), outline, light, jnp.abs(light - claimed)
 
+    def worse(points: Array, found: Array, reach: float) -> tuple[Array, Array]:
+        """Points near the worst ones, these among them, and the errors of their lines and outlines [n, 4]."""
+        chosen = jax.lax.top_k(found.T, _WORST)[1].reshape(-1)
+        steps = reach * (2.0 * spread[:_NEAR] - 1.0).at[0].set(0.0)
+        near = jnp.clip(points[chosen][:, None] + steps[None], 0.0, 1.0).reshape(-1, 4)
+        errors, outline, _, _ = jax.vmap(one)(near)
+        return near, jnp.concatenate([errors, outline], axis=1)
+
     errors, outline, light, wrong = jax.vmap(one)(spread)
     total = light.sum()
+    # Polynomials are farthest off at the ends of what they are for: half of all numbers are 0 or 1 here.
+    edges = jnp.clip(2.0 * spread - 0.5, 0.0, 1.0)
+    at_edges = jnp.concatenate(jax.vmap(one)(edges)[:2], axis=1)
+    points = jnp.concatenate([spread, edges])
+    found = jnp.concatenate([jnp.concatenate([errors, outline], axis=1), at_edges])
+    largest = found.max(axis=0)
+    for reach in _REACHES:
+        points, found = worse(points, found, reach)
+        largest = jnp.maximum(largest, found.max(axis=0))
     return FitError(
         disparities=disparities,
-        worst=errors.max(axis=0),
+        worst=largest[:2],
         rms=jnp.sqrt(light @ errors**2 / total),
-        outline=outline.max(axis=0),
+        outline=largest[2:],
         light=wrong.sum() / total,
     )
 

@@ -12,6 +12,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from focusjax._arguments import real_number, require_kind
+from focusjax._words import shown
 from focusjax.geometry import Camera
 from focusjax.lens._aperture import AbstractAperture, Disk
 from focusjax.lens._film import RINGS, film_for
@@ -110,7 +111,7 @@ def in_terms_of(
     """
     distance = real_number(focus_distance, "focus distance in metres", "a positive distance or infinity")
     if not distance > 0:
-        raise ValueError(f"focus distance is {distance} m; expected a positive distance or infinity")
+        raise ValueError(f"focus distance is {shown(distance)} m; expected a positive distance or infinity")
     lens = with_focal_length(prescription, float(camera.focal_length) * 1e3)
     if f_number is not None:
         lens = opened_to(lens, real_number(f_number, "f-number", "a positive number such as 2.8"))
@@ -120,8 +121,8 @@ def in_terms_of(
     film, scale = film_distance(lens, lens.indices(line()), disparity * 1e-3)
     if not 0 < float(scale) < float("inf"):
         raise ValueError(
-            f"focus distance {distance} m is within the front focal point of {lens.name}, where it forms no"
-            " real image; focus farther away or use a shorter focal length"
+            f"focus distance {shown(distance)} m is within the front focal point of {lens.name}, where it forms"
+            " no real image; focus farther away or use a shorter focal length"
         )
     if not float(film) > 0:
         raise ValueError(f"the film of {lens.name} would be {-float(film):.3g} mm inside the lens")

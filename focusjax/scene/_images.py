@@ -67,7 +67,8 @@ def read_image(path: str | Path) -> Float[np.ndarray, "h w 3"]:
     """
     path = Path(path)
     if not path.is_file():
-        raise ValueError(f"image file {path} does not exist; check the path")
+        wrong = "is a folder; name a file in it" if path.is_dir() else "does not exist; check the path"
+        raise ValueError(f"image file {path} {wrong}")
     try:
         if path.suffix.lower() == ".exr":
             with OpenEXR.File(str(path)) as opened:

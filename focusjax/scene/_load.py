@@ -160,7 +160,8 @@ def _remarks() -> Iterator[list[str]]:
 def _read(path: Path, assets: _Assets) -> list[tuple[trimesh.Trimesh, Float[np.ndarray, "4 4"]]]:
     """The meshes of the file, each with its matrix file_from_mesh."""
     if not path.is_file():
-        raise ValueError(f"mesh file {path} does not exist; check the path")
+        wrong = "is a folder; name a file in it" if path.is_dir() else "does not exist; check the path"
+        raise ValueError(f"mesh file {path} {wrong}")
     ending = path.suffix.lower().lstrip(".")
     if ending not in mesh_formats():
         raise ValueError(

@@ -58,9 +58,24 @@ def test_rays_are_as_near_as_they_say(gauss):
     lit = (np.asarray(fitted.weight) > 0) & (np.asarray(exact.weight) > 0)
     for end, w in enumerate((0.0, 1.0 / NEAREST)):
         off = np.linalg.norm(np.asarray(fitted.a - exact.a + (fitted.b - exact.b) * w), axis=1)[lit]
-        # Over other rays than those that were looked at. Observed: 0.0102 px of 0.0114, RMS 0.0021 of 0.0019.
-        assert off.max() <= 1.3 * float(gauss.error.worst[end]) <= 1.3 * 0.05
+        # Over other rays than those that were looked at. Observed: 0.0121 px of 0.0125, RMS 0.0021 of 0.0019.
+        assert off.max() <= float(gauss.error.worst[end]) <= 0.05
         assert np.sqrt((off**2).mean()) == pytest.approx(float(gauss.error.rms[end]), rel=0.15)
+
+
+def test_no_ray_is_farther_off_than_the_worst_error(gauss):
+    """Of 200,000 others (observed: 0.97 of it), many of them at the edges of frame and opening, where errors are largest."""
+    random = np.random.default_rng(11)
+    square = random.random((200_000, 4))
+    square = np.where(random.random(square.shape) < 0.3, np.round(square), square)
+    worst = np.zeros(2)
+    for part in np.split(square, 10):
+        fitted, exact = (rays_over_the_frame(each, jnp.asarray(part)) for each in (gauss, gauss.exact))
+        lit = (np.asarray(fitted.weight) > 0) & (np.asarray(exact.weight) > 0)
+        for end, w in enumerate((0.0, 1.0 / NEAREST)):
+            off = np.asarray(fitted.a - exact.a + (fitted.b - exact.b) * w)[lit]
+            worst[end] = max(worst[end], np.linalg.norm(off, axis=1).max())
+    assert (worst <= np.asarray(gauss.error.worst)).all()
 
 
 def test_outlines_are_those_of_the_rims(gauss):

@@ -7,12 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from focusjax.batch._errors import BatchError
-from focusjax.io import UNFINISHED, load_json
-
-try:
-    import fcntl
-except ImportError:  # Windows has no such locks.
-    fcntl = None
+from focusjax.io import UNFINISHED, FolderInUseError, load_json, sole_use
 
 Existing = Literal["refuse", "resume", "overwrite"]
 """What to do about results that are there already."""
@@ -20,7 +15,6 @@ Existing = Literal["refuse", "resume", "overwrite"]
 ITEM_FILE = "item.json"
 """In every item's folder: what the item was, and how it went."""
 SUMMARY_FILES = ("summary.csv", "summary.json", "summary.html")
-_LOCK = ".lock"
 
 
 @contextmanager
@@ -34,7 +28,7 @@ def batch_folder(folder: Path, names: Sequence[str], existing: Existing) -> Iter
             what batches left there, and nothing else.
 
     Raises:
-        BatchError: the folder cannot be written to, is refused, is used by another batch, or has a folder
+        BatchError: the folder cannot be written to, is refused, is used by another run, or has a folder
             of an item's name that is from no batch.
     """
     with ExitStack() as held:
@@ -47,13 +41,15 @@ def batch_folder(folder: Path, names: Sequence[str], existing: Existing) -> Iter
                     " --overwrite to start anew, or choose another with --out"
                 )
             folder.mkdir(parents=True, exist_ok=True)
-            held.enter_context(_sole_use(folder))
+            held.enter_context(sole_use(folder))
             for name in names:
                 if (folder / name).exists() and not (folder / name / ITEM_FILE).exists():
                     raise BatchError(f"{folder / name} is from no batch; move it, or choose another --out")
             _remove_unfinished(folder)
             if existing == "overwrite":
                 _remove_results(folder)
+        except FolderInUseError as error:
+            raise BatchError(str(error)) from None
         except OSError as error:
             raise BatchError(
                 f"folder {folder} cannot be used ({error.strerror}); choose another with --out"
@@ -70,7 +66,7 @@ def done_before(folder: Path) -> dict[str, Any] | None:
 
 
 def _files_in(folder: Path) -> list[str]:
-    return sorted(path.name for path in folder.iterdir() if path.name != _LOCK)
+    return sorted(path.name for path in folder.iterdir())
 
 
 def _remove_results(folder: Path) -> None:
@@ -85,21 +81,3 @@ def _remove_results(folder: Path) -> None:
 def _remove_unfinished(folder: Path) -> None:
     for path in folder.glob(f"{UNFINISHED}*"):
         shutil.rmtree(path, ignore_errors=True)
-
-
-@contextmanager
-def _sole_use(folder: Path) -> Iterator[None]:
-    """Hold the folder's lock, which the system lets go when this process ends, however it ends."""
-    path = folder / _LOCK
-    with path.open("w") as stream:
-        if fcntl is not None:
-            try:
-                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise BatchError(
-                    f"another batch is writing to {folder}; wait for it, or choose another with --out"
-                ) from None
-        try:
-            yield
-        finally:
-            path.unlink(missing_ok=True)

@@ -10,3 +10,5 @@ from focusjax.io._images import save_png as save_png
 from focusjax.io._json import for_json as for_json
 from focusjax.io._json import json_text as json_text
 from focusjax.io._json import load_json as load_json
+from focusjax.io._sole_use import FolderInUseError as FolderInUseError
+from focusjax.io._sole_use import sole_use as sole_use

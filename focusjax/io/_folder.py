@@ -7,6 +7,8 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from focusjax.io._sole_use import sole_use
+
 UNFINISHED = ".unfinished-"
 """How the names of temporary folders start."""
 
@@ -17,7 +19,8 @@ def staged_folder(path: Path | str, *, owned: Sequence[str] = ()) -> Iterator[Pa
 
     The temporary folder lies inside `path`, so that each move is one atomic rename; files of the same
     name from an earlier run are replaced. When the block raises, nothing in `path` changes, and the
-    folders that were made for it are removed again.
+    folders that were made for it are removed again. Nobody else may write to `path` meanwhile: of two runs
+    into one folder the second is refused, so that it holds all of one and nothing of the other.
 
     Args:
         path: the output folder.
@@ -25,18 +28,25 @@ def staged_folder(path: Path | str, *, owned: Sequence[str] = ()) -> Iterator[Pa
             make again are removed, so that a folder never mixes two runs.
 
     Raises:
+        FolderInUseError: on entry, when another run is writing to `path`.
         ValueError: on entry, when `path` cannot be made or written to.
     """
     path = Path(path)
     made = _missing_folders(path)
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        stage = Path(tempfile.mkdtemp(prefix=UNFINISHED, dir=path))
-    except OSError as error:
-        _remove_empty(made)
-        raise ValueError(
-            f"output folder {path} is not writable ({error.strerror}); choose another with --out"
-        ) from error
+    with contextlib.ExitStack() as held:
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            held.enter_context(sole_use(path))
+            stage = Path(tempfile.mkdtemp(prefix=UNFINISHED, dir=path))
+        except OSError as error:
+            _remove_empty(made)
+            raise ValueError(
+                f"output folder {path} is not writable ({error.strerror}); choose another with --out"
+            ) from error
+        yield from _moved_when_done(path, stage, owned, made)
+
+
+def _moved_when_done(path: Path, stage: Path, owned: Sequence[str], made: list[Path]) -> Iterator[Path]:
     made_now: list[str] = []
     try:
         yield stage

@@ -121,8 +121,8 @@ def in_terms_of(
     film, scale = film_distance(lens, lens.indices(line()), disparity * 1e-3)
     if not 0 < float(scale) < float("inf"):
         raise ValueError(
-            f"focus distance {shown(distance)} m is within the front focal point of {lens.name}, where it forms"
-            " no real image; focus farther away or use a shorter focal length"
+            f"focus distance {shown(distance)} m is within the front focal point of {lens.name}, where it"
+            " forms no real image; focus farther away or use a shorter focal length"
         )
     if not float(film) > 0:
         raise ValueError(f"the film of {lens.name} would be {-float(film):.3g} mm inside the lens")

@@ -264,7 +264,7 @@ def test_two_batches_do_not_share_a_folder(config, tmp_path):
     def again(_):
         solve(make_items([config]), out, existing="resume")
 
-    with pytest.raises(BatchError, match=r"another batch is writing to .*out; wait for it, or choose"):
+    with pytest.raises(BatchError, match=r"another run is writing to .*out; wait for it, or choose"):
         run_batch(make_items([config]), out, solve_only=True, on_result=again)
 
 

@@ -1,8 +1,11 @@
 """A run's folder gets all of its files or none."""
 
+import subprocess
+import sys
+
 import pytest
 
-from focusjax.io import replace_file, staged_folder, whole_folder
+from focusjax.io import FolderInUseError, replace_file, staged_folder, whole_folder
 
 
 def test_files_arrive_together_and_replace_older_ones(tmp_path):
@@ -15,6 +18,63 @@ def test_files_arrive_together_and_replace_older_ones(tmp_path):
         assert (out / "a.txt").read_text() == "old"
     assert sorted(file.name for file in out.iterdir()) == ["a.txt", "b.txt"]
     assert (out / "a.txt").read_text() == "new"
+
+
+RACE = """
+import sys, time
+from pathlib import Path
+from focusjax.io import FolderInUseError, staged_folder
+
+out, mark, wait = Path(sys.argv[1]), sys.argv[2], float(sys.argv[3])
+try:
+    with staged_folder(out, owned=["extra.txt"]) as stage:
+        for number in range(40):
+            (stage / f"{number}.txt").write_text(mark)
+            time.sleep(wait)
+        if mark == "0":
+            (stage / "extra.txt").write_text(mark)
+except FolderInUseError as error:
+    sys.exit(str(error))
+"""
+
+
+def test_of_runs_into_one_folder_one_is_whole(tmp_path):
+    """Five processes at once: who is refused says so, and the folder holds all of one and no more."""
+    out = tmp_path / "out"
+    runs = [
+        subprocess.Popen(
+            [sys.executable, "-c", RACE, out, str(mark), "0.02"], stderr=subprocess.PIPE, text=True
+        )
+        for mark in range(5)
+    ]
+    said = [run.communicate()[1] for run in runs]
+    done = [mark for mark, run in enumerate(runs) if run.returncode == 0]
+    assert done
+    assert all(
+        "another run is writing to" in text for text, run in zip(said, runs, strict=True) if run.returncode
+    )
+    held = {file.name: file.read_text() for file in out.iterdir()}
+    marks = set(held.values())
+    assert len(marks) == 1
+    assert int(marks.pop()) in done
+    assert len(held) == 40 + ("extra.txt" in held)
+    assert ("extra.txt" in held) == (set(held.values()) == {"0"})
+
+
+def test_a_folder_in_use_is_refused_and_let_go(tmp_path):
+    def write():
+        with staged_folder(tmp_path / "out") as stage:
+            (stage / "a.txt").write_text("second")
+
+    with staged_folder(tmp_path / "out") as stage:
+        (stage / "a.txt").write_text("first")
+        with pytest.raises(
+            FolderInUseError, match=r"another run is writing to .*out; wait for it, or choose"
+        ):
+            write()
+    assert (tmp_path / "out" / "a.txt").read_text() == "first"
+    write()
+    assert (tmp_path / "out" / "a.txt").read_text() == "second"
 
 
 def fail_in(folder):

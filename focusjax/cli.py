@@ -60,24 +60,36 @@ SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the config, e.g. render.rays=16."),
 ]
+RootOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--root", metavar="DIR", help="Folder below which a config may name files; its own by default."
+    ),
+]
 
 
 @app.command()
-def run(config: ConfigArgument, out: OutOption = None, set_: SetOption = None) -> None:
+def run(
+    config: ConfigArgument, out: OutOption = None, set_: SetOption = None, root: RootOption = None
+) -> None:
     """Solve for the lens settings, then render the picture."""
-    _do(config, out, set_, solving=True, rendering=True)
+    _do(config, out, set_, root, solving=True, rendering=True)
 
 
 @app.command()
-def solve(config: ConfigArgument, out: OutOption = None, set_: SetOption = None) -> None:
+def solve(
+    config: ConfigArgument, out: OutOption = None, set_: SetOption = None, root: RootOption = None
+) -> None:
     """Solve for the lens settings only."""
-    _do(config, out, set_, solving=True, rendering=False)
+    _do(config, out, set_, root, solving=True, rendering=False)
 
 
 @app.command()
-def render(config: ConfigArgument, out: OutOption = None, set_: SetOption = None) -> None:
+def render(
+    config: ConfigArgument, out: OutOption = None, set_: SetOption = None, root: RootOption = None
+) -> None:
     """Render with the lens as the config has it."""
-    _do(config, out, set_, solving=False, rendering=True)
+    _do(config, out, set_, root, solving=False, rendering=True)
 
 
 @app.command()
@@ -85,6 +97,7 @@ def shot(
     config: ConfigArgument,
     out: OutOption = None,
     set_: SetOption = None,
+    root: RootOption = None,
     solve_only: Annotated[bool, typer.Option("--solve-only", help="Solve, and make no pictures.")] = False,
     frames: Annotated[
         str | None, typer.Option("--frames", metavar="N,N,...", help="Make pictures of these frames only.")
@@ -94,7 +107,7 @@ def shot(
     console, errors = Console(), Console(stderr=True)
     folder = out if out is not None else Path("out") / config.stem
     try:
-        read = load_config(config, set_ or ())
+        read = load_config(config, set_ or (), root=root)
         chosen = None if frames is None else _frames(frames)
         with _progress(errors) as tell, warnings_told(errors):
             solved, _ = film(read, folder, rendering=not solve_only, frames=chosen, progress=tell)
@@ -121,6 +134,7 @@ def export(
         Path | None, typer.Option("--out", metavar="FILE", help="The file; out/<config's name> by default.")
     ] = None,
     set_: SetOption = None,
+    root: RootOption = None,
     approximate: Annotated[
         bool, typer.Option("--approximate", help="Write the nearest camera that the target can have.")
     ] = False,
@@ -130,7 +144,7 @@ def export(
     try:
         suffix = exchange.target_named(to).suffix
         file = Path("out") / f"{config.stem}{suffix}" if out is None else out
-        read = load_config(config, set_ or ())
+        read = load_config(config, set_ or (), root=root)
         with _progress(errors) as tell, warnings_told(errors):
             exported = exchange.export_config(
                 read, file, to=to, shot=with_shot, approximate=approximate, progress=tell
@@ -171,13 +185,14 @@ def speed_error(
     cache: Annotated[
         Path | None, typer.Option("--cache", help="Folder that keeps converged pictures between runs.")
     ] = None,
+    root: RootOption = None,
 ) -> None:
     """Report the speed of every method against its error, on the scenes of some configs."""
     console, errors = Console(), Console(stderr=True)
     try:
         chosen = bench.chosen_methods(methods or ())
         pixels = None if size is None else _size(size)
-        read = [load_config(path) for path in configs]
+        read = [load_config(path, root=root) for path in configs]
         with (
             staged_folder(out, owned=bench.FILES) as stage,
             _progress(errors) as tell,
@@ -217,13 +232,19 @@ def main() -> None:
 
 
 def _do(
-    config_path: Path, out: Path | None, overrides: list[str] | None, *, solving: bool, rendering: bool
+    config_path: Path,
+    out: Path | None,
+    overrides: list[str] | None,
+    root: Path | None,
+    *,
+    solving: bool,
+    rendering: bool,
 ) -> None:
     """One command, from config to exit status."""
     console, errors = Console(), Console(stderr=True)
     folder = out if out is not None else Path("out") / config_path.stem
     try:
-        config = load_config(config_path, overrides or ())
+        config = load_config(config_path, overrides or (), root=root)
         with staged_folder(folder, owned=FILES) as stage, _progress(errors) as tell, warnings_told(errors):
             outcome = job.run(config, solving=solving, rendering=rendering, progress=tell)
             tell("save", None)

@@ -4,6 +4,7 @@ import codecs
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -227,6 +228,47 @@ def test_names_are_no_markup(scene_folder, tmp_path, name):
     assert name in printed
     assert "out [red]" in printed
     assert (folder / "report.json").exists()
+
+
+@pytest.fixture
+def apart(scene_folder, tmp_path):
+    """A config in a folder of its own, whose meshes are elsewhere."""
+    folder = tmp_path / "theirs"
+    folder.mkdir()
+    text = (scene_folder / "boxes.toml").read_text()
+    (folder / "boxes.toml").write_text(text.replace('file = "', f'file = "{scene_folder}/'))
+    return folder / "boxes.toml"
+
+
+def test_files_outside_the_root_are_refused(scene_folder, apart, tmp_path):
+    status, printed, complaint = focusjax("solve", apart, "--out", tmp_path / "out")
+    assert (status, printed) == (2, "")
+    assert re.search(
+        rf"boxes\.toml: scene\.objects\.0\.file is '{scene_folder}/.*', outside the folder {apart.parent},"
+        r" below which a config may name files; move it there, or allow more with --root DIR",
+        complaint,
+    )
+    assert not (tmp_path / "out").exists()
+    for root in (scene_folder, "/"):
+        assert focusjax("solve", apart, "--out", tmp_path / "out", "--root", root)[0] == 0
+
+
+def test_what_the_command_line_names_may_be_anywhere(scene_folder, tmp_path):
+    """A way out by .. or by a link is none for the config, but is for who runs it."""
+    names = [item.file for item in load_config(scene_folder / "boxes.toml").scene.objects]
+    folder = tmp_path / "theirs"
+    folder.mkdir()
+    text = (scene_folder / "boxes.toml").read_text()
+    for name in set(names) - {names[0]}:
+        shutil.copy(scene_folder / name, folder / name)
+    (folder / "boxes.toml").write_text(text)
+    (folder / names[0]).symlink_to(scene_folder / names[0])
+    options = ["--out", tmp_path / "out"]
+    assert "outside the folder" in focusjax("solve", folder / "boxes.toml", *options)[2]
+    for number, name in enumerate(names):
+        if name == names[0]:
+            options += ["--set", f"scene.objects.{number}.file={json.dumps(str(scene_folder / name))}"]
+    assert focusjax("solve", folder / "boxes.toml", *options)[0] == 0
 
 
 @pytest.mark.parametrize(("command", "said"), [("shot", "[shot]"), ("batch", "[batch]")])

@@ -107,6 +107,7 @@ ALLOWED = {
         "config",
         "job",
         "report",
+        "_console",
         "_settings",
         "_whole_file",
     },

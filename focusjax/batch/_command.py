@@ -45,6 +45,12 @@ def command(
     set_: Annotated[
         _MANY, typer.Option("--set", metavar="KEY=VALUE", help="Change a key of all configs.")
     ] = None,
+    root: Annotated[
+        Path | None,
+        typer.Option(
+            "--root", metavar="DIR", help="Folder below which configs may name files; their own by default."
+        ),
+    ] = None,
     jobs: Annotated[int, typer.Option("--jobs", help="Processes that share the work.")] = 1,
     solve_only: Annotated[
         bool, typer.Option("--solve-only", help="Solve for the lens settings and make no pictures.")
@@ -61,7 +67,7 @@ def command(
     """
     console, errors = Console(), Console(stderr=True)
     try:
-        items = _items(configs, grid or [], table, set_ or [])
+        items = _items(configs, grid or [], table, set_ or [], root)
         results = _run(console, errors, items, out, jobs, _existing(resume, overwrite), solve_only)
     except (ConfigError, BatchError) as error:
         fail(errors, error, _BAD_INPUT)
@@ -72,16 +78,18 @@ def command(
     _conclude(console, errors, results)
 
 
-def _items(configs: list[Path], grid: list[str], table: Path | None, overrides: list[str]) -> list[Item]:
+def _items(
+    configs: list[Path], grid: list[str], table: Path | None, overrides: list[str], root: Path | None
+) -> list[Item]:
     described = [path for path in configs if is_batch_file(path)]
     if not described:
-        return make_items(configs, grid=parse_grid(grid), table=table, overrides=overrides)
+        return make_items(configs, grid=parse_grid(grid), table=table, overrides=overrides, root=root)
     if len(configs) > 1 or grid or table is not None:
         raise BatchError(
             f"{described[0]} has a [batch] table, which says it all; leave out --grid, --table and other"
             " configs"
         )
-    return items_from_file(described[0], tuple(overrides))
+    return items_from_file(described[0], tuple(overrides), root=root)
 
 
 def _existing(resume: bool, overwrite: bool) -> Existing:

@@ -41,12 +41,15 @@ def is_batch_file(path: Path) -> bool:
     return "batch" in read_toml(path)
 
 
-def items_from_file(path: Path | str, overrides: tuple[str, ...] = ()) -> list[Item]:
+def items_from_file(
+    path: Path | str, overrides: tuple[str, ...] = (), *, root: Path | None = None
+) -> list[Item]:
     """The items that a file with a `[batch]` table describes.
 
     Args:
         path: a TOML file; paths in it are relative to it.
         overrides: `key=value` texts for all items; they come after those of the file.
+        root: as `make_items` takes it.
 
     Raises:
         ConfigError: a key or a value of the file that is wrong; and as `make_items`.
@@ -69,6 +72,7 @@ def items_from_file(path: Path | str, overrides: tuple[str, ...] = ()) -> list[I
         grid=axes,
         table=None if table.table is None else path.parent / table.table,
         overrides=[*(f"{key}={toml_text(value)}" for key, value in _dotted(table.set)), *overrides],
+        root=root,
     )
 
 

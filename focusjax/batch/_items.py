@@ -52,6 +52,7 @@ def make_items(
     grid: Mapping[str, Sequence[Any]] | None = None,
     table: Path | str | None = None,
     overrides: Sequence[str] = (),
+    root: Path | None = None,
 ) -> list[Item]:
     """Every config with every row of the table and every point of the grid, all of them checked.
 
@@ -63,6 +64,7 @@ def make_items(
         grid: values for each of some dotted config keys; all combinations are made.
         table: a CSV file, see `read_table`.
         overrides: `key=value` texts that go for all items, as `load_config` takes them.
+        root: the folder below which files must lie that the configs name; see `load_config`.
 
     Raises:
         ConfigError: a config, or an override for all items, that is wrong by itself.
@@ -93,7 +95,10 @@ def make_items(
     ]
     names = safe_names([plan.label for plan in plans], [_identity(plan) for plan in plans])
     _refuse_twins(names, plans)
-    return [Item(name, _load(plan, overrides), plan.changes) for name, plan in zip(names, plans, strict=True)]
+    return [
+        Item(name, _load(plan, overrides, root), plan.changes)
+        for name, plan in zip(names, plans, strict=True)
+    ]
 
 
 def _plan(
@@ -141,12 +146,12 @@ def _where(plan: _Plan) -> str:
     return plan.origins[0].split(", column ")[0] if plan.origins else str(plan.path)
 
 
-def _load(plan: _Plan, overrides: Sequence[str]) -> Config:
+def _load(plan: _Plan, overrides: Sequence[str], root: Path | None) -> Config:
     """The config of `plan`; the message of an error names what is to blame for it."""
     changes = [_override(change) for change in plan.changes]
 
     def attempt(count: int) -> Config:
-        return load_config(plan.path, [*overrides, *changes[:count]])
+        return load_config(plan.path, [*overrides, *changes[:count]], root=root)
 
     try:
         return attempt(len(changes))

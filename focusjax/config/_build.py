@@ -16,7 +16,6 @@ from focusjax.config._scene import (
     GradientTable,
     ObjectTable,
     PointTable,
-    SceneTable,
 )
 from focusjax.geometry import Camera, look_at, make_camera
 from focusjax.lens import (
@@ -47,9 +46,8 @@ def build_objects(config: Config) -> tuple[SceneObject, ...]:
     Raises:
         ConfigError: a mesh that cannot be used.
     """
-    folder = config.source.parent
     try:
-        return tuple(_object(table, number, folder) for number, table in enumerate(config.scene.objects))
+        return tuple(_object(table, number, config) for number, table in enumerate(config.scene.objects))
     except ValueError as error:
         raise located(error, config) from error
 
@@ -60,14 +58,13 @@ def build_scene(config: Config, objects: Sequence[SceneObject] | None = None) ->
     Raises:
         ConfigError: a mesh that cannot be used, or objects that cannot stand together.
     """
-    folder = config.source.parent
     loaded = build_objects(config) if objects is None else objects
     try:
         return make_scene(
             loaded,
             lights=[_light(table) for table in config.scene.lights],
             ambient=config.scene.ambient,
-            background=_background(config.scene, folder),
+            background=_background(config),
             unlit=config.scene.unlit,
         )
     except ValueError as error:
@@ -145,7 +142,7 @@ def build_lens(config: Config, camera: Camera, *, solved: bool) -> ThinLens | Ti
         raise located(error, config) from error
 
 
-def _object(table: ObjectTable, number: int, folder: Path) -> SceneObject:
+def _object(table: ObjectTable, number: int, config: Config) -> SceneObject:
     overrides = {
         "colour": table.colour,
         "emission": table.emission,
@@ -155,9 +152,11 @@ def _object(table: ObjectTable, number: int, folder: Path) -> SceneObject:
         "opacity": table.opacity,
         "smooth_angle": table.smooth_angle_deg,
     }
+    path = config.file(table.file, f"scene.objects.{number}.file")
     try:
         return load_mesh(
-            folder / table.file,
+            path,
+            within=config.folders(table.file),
             name=table.name or f"{Path(table.file).stem}",
             translate=table.translate,
             rotate=table.rotate_deg,
@@ -174,14 +173,15 @@ def _light(table: DirectionalTable | PointTable) -> AbstractLight:
     return point_light(table.position, table.intensity)
 
 
-def _background(table: SceneTable, folder: Path) -> AbstractBackground:
-    background = table.background
+def _background(config: Config) -> AbstractBackground:
+    background = config.scene.background
     if isinstance(background, ConstantTable):
         return constant_background(background.colour)
     if isinstance(background, GradientTable):
         return gradient_background(background.bottom, background.horizon, background.top)
+    path = config.file(background.file, "scene.background.file")
     try:
-        return image_background(folder / background.file, gain=background.gain, turn=background.turn_deg)
+        return image_background(path, gain=background.gain, turn=background.turn_deg)
     except ValueError as error:
         raise ValueError(f"scene.background: {error}") from error
 

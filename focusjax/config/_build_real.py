@@ -42,8 +42,8 @@ def _prescription(config: Config, name: str) -> Prescription:
         ValueError: no file's name, and no lens that comes along.
     """
     if Path(name).suffix.lower() in LENS_FILES:
-        folder = config.source.parent
-        return load_lens(folder / name, glass=[folder / file for file in config.lens.glass])
+        glass = [config.file(file, "lens.glass") for file in config.lens.glass]
+        return load_lens(config.file(name, "lens.prescription"), glass=glass)
     try:
         return lens_preset(name)
     except ValueError as error:

@@ -51,10 +51,7 @@ def build_focus_points(config: Config, scene: Scene) -> tuple[FocusPoint, ...]:
             f" pixel = [{config.camera.resolution[0] // 2}, {config.camera.resolution[1] // 2}], sharp = true"
         )
     try:
-        return tuple(
-            _focus_point(table, number, scene, config.source.parent)
-            for number, table in enumerate(config.focus)
-        )
+        return tuple(_focus_point(table, number, scene, config) for number, table in enumerate(config.focus))
     except ValueError as error:
         raise located(error, config) from error
 
@@ -115,9 +112,9 @@ def _priors(config: Config) -> dict[str, Prior]:
     return found
 
 
-def _focus_point(table: FocusTable, number: int, scene: Scene, folder: Path) -> FocusPoint:
+def _focus_point(table: FocusTable, number: int, scene: Scene, config: Config) -> FocusPoint:
     return FocusPoint(
-        where=_where(table, number, scene, folder),
+        where=_where(table, number, scene, config),
         wish=_wish(table),
         weight=table.weight,
         tolerance=1.0 if (given := _diameter(table, "tolerance")) is None else given,
@@ -154,7 +151,7 @@ def _diameter(table: FocusTable, kind: str) -> Diameter | None:
     return None
 
 
-def _where(table: FocusTable, number: int, scene: Scene, folder: Path) -> Attachment:
+def _where(table: FocusTable, number: int, scene: Scene, config: Config) -> Attachment:
     if table.pixel is not None:
         return AtPixel(*table.pixel)
     if table.point is not None:
@@ -177,7 +174,9 @@ def _where(table: FocusTable, number: int, scene: Scene, folder: Path) -> Attach
         return OnTriangle(faces[table.triangle], table.barycentric)
     more = {} if table.samples is None else {"samples": table.samples}
     if table.mask is not None:
-        return OnMask(_read_mask(folder / table.mask, f"focus.{number}.mask"), **more)
+        return OnMask(
+            _read_mask(config.file(table.mask, f"focus.{number}.mask"), f"focus.{number}.mask"), **more
+        )
     if table.depth_m is not None:
         return InDepthRange(*table.depth_m, **more)
     assert table.object is not None

@@ -2,7 +2,7 @@
 
 import math
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -40,6 +40,8 @@ class Config(Table):
     shot: ShotTable | None = Field(default=None, description="a [shot] table with the number of frames")
     shutter: ShutterTable | None = Field(default=None, description="a [shutter] table, of a [shot]")
     _source: Path = PrivateAttr(Path())
+    _root: Path | None = PrivateAttr(None)
+    _named: frozenset[str] = PrivateAttr(frozenset())
 
     @model_validator(mode="before")
     @classmethod
@@ -160,15 +162,40 @@ class Config(Table):
         """The file this config was read from; relative paths in it start at that file's folder."""
         return self._source
 
+    def file(self, name: str, key: str) -> Path:
+        """The path of a file that the config names: relative to the config, and within the root.
 
-def load_config(path: Path | str, overrides: Sequence[str] = ()) -> Config:
+        Args:
+            name: as the config has it.
+            key: where, for the message.
+
+        Raises:
+            ValueError: a path that leads out of the root, and that no override names.
+        """
+        path = self._source.parent / name
+        root = self._source.parent if self._root is None else self._root
+        if name not in self._named and not path.resolve().is_relative_to(root.resolve()):
+            raise ValueError(
+                f"{key} is {name!r}, outside the folder {root.resolve()}, below which a config may name"
+                " files; move it there, or allow more with --root DIR"
+            )
+        return path
+
+    def folders(self, name: str) -> tuple[Path, ...]:
+        """The folders from which what a file of the config names in its turn may be read."""
+        root = self._source.parent if self._root is None else self._root
+        return (root, (self._source.parent / name).parent) if name in self._named else (root,)
+
+
+def load_config(path: Path | str, overrides: Sequence[str] = (), *, root: Path | str | None = None) -> Config:
     """Read and check the config at `path`.
 
     Args:
         path: a TOML file.
         overrides: `key=value` strings, later ones winning. The key is a dotted path in which tables of
             an array go by number from 0 (`focus.0.blur_px=12`); the value is TOML, or plain text when it
-            is not.
+            is not. Files that they name may lie anywhere.
+        root: the folder below which all other files must lie; the config's own by default.
 
     Raises:
         ConfigError: an unreadable file, a broken override, an unknown key or a value out of place. The
@@ -178,10 +205,10 @@ def load_config(path: Path | str, overrides: Sequence[str] = ()) -> Config:
     data = read_toml(path)
     for override in overrides:
         _apply(data, override)
-    return _checked(data, path)
+    return _checked(data, path, overrides, root)
 
 
-def parse_config(text: str, source: Path | str) -> Config:
+def parse_config(text: str, source: Path | str, *, root: Path | str | None = None) -> Config:
     """As `load_config`, of text that is not written to `source` yet, where its relative paths start.
 
     Raises:
@@ -192,16 +219,31 @@ def parse_config(text: str, source: Path | str) -> Config:
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise _no_toml(source, error) from None
-    return _checked(data, source)
+    return _checked(data, source, (), root)
 
 
-def _checked(data: dict[str, Any], source: Path) -> Config:
+def _checked(
+    data: dict[str, Any], source: Path, overrides: Sequence[str], root: Path | str | None
+) -> Config:
     try:
         config = Config.model_validate(data)
     except ValidationError as error:
         raise ConfigError(sentence_for(error, Config, source)) from None
     config._source = source
+    config._root = None if root is None else Path(root)
+    config._named = frozenset(
+        text for override in overrides for text in _texts(toml_value(override.partition("=")[2]))
+    )
     return config
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Every text within a value."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        for each in value.values() if isinstance(value, dict) else value:
+            yield from _texts(each)
 
 
 def _no_toml(path: Path, error: Exception) -> ConfigError:

@@ -1,5 +1,7 @@
 """Pictures as linear light: decoding of sRGB, and image files of 8, 16 or 32 bits per channel."""
 
+import io
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +9,30 @@ import OpenEXR
 from jaxtyping import Float
 from PIL import Image
 from scipy.ndimage import distance_transform_edt
+
+from focusjax.scene._sizes import check_pixels
+
+
+def open_picture(source: str | Path | io.BytesIO) -> Image.Image:
+    """A picture that is not decoded yet.
+
+    Raises:
+        ValueError: it has too many pixels.
+        OSError: no picture.
+    """
+    with warnings.catch_warnings():
+        # Pillow warns of large pictures; the limit here says what is too large.
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+        try:
+            picture = Image.open(source)
+        except Image.DecompressionBombError as error:
+            raise ValueError(f"{error}; make it smaller") from None
+    try:
+        check_pixels(picture.size)
+    except ValueError:
+        picture.close()
+        raise
+    return picture
 
 
 def decode_srgb(values: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
@@ -63,7 +89,7 @@ def read_image(path: str | Path) -> Float[np.ndarray, "h w 3"]:
     OpenEXR files hold linear light already; every other format is decoded from sRGB.
 
     Raises:
-        ValueError: the file does not exist or is not a picture.
+        ValueError: the file does not exist, is not a picture, or has too many pixels.
     """
     path = Path(path)
     if not path.is_file():
@@ -71,6 +97,9 @@ def read_image(path: str | Path) -> Float[np.ndarray, "h w 3"]:
         raise ValueError(f"image file {path} {wrong}")
     try:
         if path.suffix.lower() == ".exr":
+            with OpenEXR.File(str(path), header_only=True) as opened:
+                low, high = opened.header()["dataWindow"]
+                check_pixels((int(high[0] - low[0]) + 1, int(high[1] - low[1]) + 1))
             with OpenEXR.File(str(path)) as opened:
                 channels = opened.channels()
                 if "RGB" in channels or "RGBA" in channels:
@@ -78,7 +107,7 @@ def read_image(path: str | Path) -> Float[np.ndarray, "h w 3"]:
                 else:
                     pixels = np.stack([channels[name].pixels for name in "RGB"], axis=-1)
                 return np.array(pixels, dtype=np.float32)
-        with Image.open(path) as picture:
+        with open_picture(path) as picture:
             return texture_of(picture)
     except Exception as error:
         raise ValueError(f"image file {path} cannot be read: {error}") from error

@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from jaxtyping import Float
-from PIL import Image
 from trimesh.exchange.load import mesh_formats
 from trimesh.resolvers import FilePathResolver
 
-from focusjax.scene._images import decode_srgb
+from focusjax.scene._images import decode_srgb, open_picture
 from focusjax.scene._material import UNTEXTURED, opacity_of, shininess_of, triple
 from focusjax.scene._object import DEFAULT_SMOOTH_ANGLE, SceneObject, assemble
 from focusjax.scene._part import Part, check_part
 from focusjax.scene._placement import placement
+from focusjax.scene._sizes import check_bytes, check_mesh
 from focusjax.scene._visual import TextureTable, part_of
 
 _DATA = {".mtl", ".bin", ".glb", ".gltf", ".obj"}
@@ -40,6 +40,7 @@ def load_mesh(
     reflectance: object = None,
     opacity: float | None = None,
     smooth_angle: float | None = None,
+    within: Sequence[Path] | None = None,
 ) -> SceneObject:
     """A mesh file (glb, gltf, obj, ply, stl, off and more) as one object of a scene.
 
@@ -64,10 +65,13 @@ def load_mesh(
         opacity: 0 to 1, instead of all that the file says of opacity; 1 makes it opaque all over.
         smooth_angle: degrees up to which edges are shaded smooth. By default the file's normals
             are used, and 40 degrees where it has none.
+        within: folders from which files may be read that the mesh file names, such as textures; from anywhere
+            by default.
 
     Raises:
-        ValueError: the file is missing, cannot be read or holds no triangles, or none with an area;
-            vertices that are not finite; faces out of range; a bad value.
+        ValueError: the file is missing, too large, cannot be read or holds no triangles, or none with an
+            area; it names a file outside `within`; vertices that are not finite; faces out of range; a bad
+            value.
 
     Warns:
         UserWarning: a texture the file refers to is missing, damaged, or has no texture coordinates
@@ -75,7 +79,7 @@ def load_mesh(
     """
     path = Path(path)
     what = f"mesh file {path}"
-    parts, textures = _parts(path, what)
+    parts, textures = _parts(path, what, within)
     return assemble(
         path.stem if name is None else name,
         [_overridden(part, colour, emission, specular, shininess, reflectance, opacity) for part in parts],
@@ -88,9 +92,9 @@ def load_mesh(
     )
 
 
-def _parts(path: Path, what: str) -> tuple[list[Part], TextureTable]:
+def _parts(path: Path, what: str, within: Sequence[Path] | None) -> tuple[list[Part], TextureTable]:
     """The checked pieces of a mesh file, where its scene graph has them, and the pictures they refer to."""
-    assets = _Assets(str(path))
+    assets = _Assets(str(path), within)
     geometries = _read(path, assets)
     textures = TextureTable(source=what, find=assets.get)
     linear_colours = path.suffix.lower() in (".glb", ".gltf")
@@ -103,24 +107,46 @@ def _parts(path: Path, what: str) -> tuple[list[Part], TextureTable]:
 
 
 class _Assets(FilePathResolver):
-    """Finds files beside the mesh, and remembers those that are missing or damaged.
+    """Finds files beside the mesh, and remembers those that are missing, damaged or not to be read.
 
     trimesh carries on without a texture it cannot load, and says so in its debug log only.
     """
 
-    def __init__(self, source: str):
+    def __init__(self, source: str, within: Sequence[Path] | None):
         super().__init__(source, allow_anywhere=True)
         self.missing: dict[str, str] = {}
+        self.outside: list[str] = []
+        self._within = None if within is None else [folder.resolve() for folder in within]
+
+    def namespaced(self, namespace: str) -> "_Assets":
+        made = _Assets(str(Path(self.parent) / namespace), self._within)
+        made.missing, made.outside = self.missing, self.outside
+        return made
+
+    def absolute(self, name: str) -> Path:
+        path = super().absolute(name)
+        if not self._allowed(path):
+            raise ValueError(f"{name} is outside the folders that may be read")
+        if path.is_file():
+            check_bytes(path)
+        return path
+
+    def _allowed(self, path: Path) -> bool:
+        return self._within is None or any(path.is_relative_to(folder) for folder in self._within)
 
     def get(self, name: str) -> bytes:
         try:
             data = super().get(name)
         except Exception:
+            # A path from another machine leads nowhere here; one that leads somewhere is refused.
+            path = super().absolute(name)
+            if path.exists() and not self._allowed(path):
+                self.outside.append(name)
             self.missing[name] = "does not exist"
             raise
         if Path(name).suffix.lower() not in _DATA:
             try:
-                Image.open(io.BytesIO(data)).verify()
+                open_picture(io.BytesIO(data)).verify()
             except Exception:
                 self.missing[name] = "is not a readable picture (png and jpg always are)"
         return data
@@ -168,6 +194,10 @@ def _read(path: Path, assets: _Assets) -> list[tuple[trimesh.Trimesh, Float[np.n
             f"mesh file {path} has an unknown format {ending!r}; expected glb, gltf, obj, ply, stl or off"
         )
     try:
+        check_mesh(path)
+    except ValueError as error:
+        raise ValueError(f"mesh file {path} is too large: {error}") from None
+    try:
         # Unprocessed: processing would drop vertices that are not finite and merge others unasked.
         with _remarks() as remarks:
             scene = trimesh.load_scene(str(path), resolver=assets, process=False)
@@ -182,10 +212,12 @@ def _read(path: Path, assets: _Assets) -> list[tuple[trimesh.Trimesh, Float[np.n
             " export the mesh again"
         ) from error
     except Exception as error:
+        _refuse_outside(path, assets)
         reason = f"{type(error).__name__}: {error}".rstrip(": ")
         raise ValueError(
             f"mesh file {path} cannot be read ({reason}); is it a complete {ending} file?"
         ) from error
+    _refuse_outside(path, assets)
     undecoded = [remark for remark in remarks if "placeholder zeros" in remark]
     if undecoded:
         raise ValueError(
@@ -210,6 +242,15 @@ def _read(path: Path, assets: _Assets) -> list[tuple[trimesh.Trimesh, Float[np.n
     if not found:
         raise ValueError(f"mesh file {path} has no faces; expected a mesh of triangles")
     return found
+
+
+def _refuse_outside(path: Path, assets: _Assets) -> None:
+    """A stranger's file that asks for files elsewhere may be up to something."""
+    if assets.outside:
+        raise ValueError(
+            f"mesh file {path} refers to {assets.outside[0]}, outside the folders that may be read; move it"
+            " there, or allow more with --root DIR"
+        )
 
 
 def _moved(part: Part, matrix: Float[np.ndarray, "4 4"]) -> Part:

@@ -17,12 +17,14 @@ from focusjax.scene._images import (
     decode_srgb,
     fill_hidden,
     opacity_of,
+    open_picture,
     texture_of,
     unit_range,
 )
 from focusjax.scene._material import UNTEXTURED, Material
 from focusjax.scene._object import DEFAULT_ALBEDO
 from focusjax.scene._part import Part
+from focusjax.scene._sizes import check_pixels
 
 
 @dataclass
@@ -56,6 +58,7 @@ class TextureTable:
         key = (id(image), opaque)
         if key not in self._numbers:
             try:
+                check_pixels(image.size)
                 picture = texture_of(image)
                 opacity = None if opaque else opacity_of(image)
             except (OSError, SyntaxError, ValueError) as error:
@@ -81,7 +84,7 @@ class TextureTable:
     def opacity_file(self, name: str) -> int:
         """The number of the opacity map in the file `name`, or -1 with a warning when it cannot be used."""
         try:
-            with Image.open(io.BytesIO(self.find(name))) as image:
+            with open_picture(io.BytesIO(self.find(name))) as image:
                 alpha = opacity_of(image)
                 return self.add_opacity(brightness_of(image) if alpha is None else alpha)
         except Exception as error:

@@ -10,6 +10,9 @@ from jaxtyping import Float
 
 from focusjax.scene import SceneObject, load_mesh
 
+_MOST_BYTES = 4 << 30
+"""Of all arrays of a file, unpacked."""
+
 
 @dataclasses.dataclass(frozen=True)
 class VertexSequence:
@@ -103,7 +106,13 @@ def load_vertex_sequence(
 
 def _array(path: Path) -> Float[np.ndarray, "s n 3"]:
     try:
-        loaded = np.load(path, allow_pickle=False)
+        if path.suffix.lower() == ".npz":
+            with zipfile.ZipFile(path) as packed:
+                size = sum(part.file_size for part in packed.infolist())
+            if size > _MOST_BYTES:
+                raise ValueError(f"it holds {size} bytes; expected at most {_MOST_BYTES}")
+        # Mapped, so that a file shorter than it says is refused before memory is taken.
+        loaded = np.load(path, allow_pickle=False, mmap_mode="r")
     except FileNotFoundError:
         raise ValueError(f"vertex sequence {path} does not exist; check the path") from None
     except (OSError, ValueError, zipfile.BadZipFile) as error:

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from focusjax._console import fail, say
 from focusjax.config import ConfigError
 
 _BAD_INPUT = 2
@@ -15,6 +16,12 @@ _INSTALL = "the page needs NiceGUI, which is not installed; install it with: pip
 
 def command(
     config: Annotated[Path, typer.Argument(help="A TOML file.", metavar="CONFIG")],
+    root: Annotated[
+        Path | None,
+        typer.Option(
+            "--root", metavar="DIR", help="Folder below which a config may name files; its own by default."
+        ),
+    ] = None,
     host: Annotated[
         str | None,
         typer.Option("--host", help="Listen there for other machines, too; the address then has a token."),
@@ -25,15 +32,15 @@ def command(
     """Click what should be sharp on a page in the browser, and see the lens and the picture."""
     console, errors = Console(), Console(stderr=True)
     if importlib.util.find_spec("nicegui") is None:
-        _fail(errors, _INSTALL)
+        fail(errors, ModuleNotFoundError(_INSTALL), _BAD_INPUT)
     from focusjax.studio._serve import serve
     from focusjax.studio._session import Session
     from focusjax.studio._studio import Studio
 
     try:
-        session = Session(config)
+        session = Session(config, root=root)
     except ConfigError as error:
-        _fail(errors, str(error))
+        fail(errors, error, _BAD_INPUT)
     studio = Studio(session)
     studio.warm_up()
     serve(
@@ -41,12 +48,5 @@ def command(
         host=host,
         port=port,
         show=show,
-        tell=lambda address: console.print(
-            f"Studio: {address}  (Ctrl-C stops it)", soft_wrap=True, highlight=False
-        ),
+        tell=lambda address: say(console, f"Studio: {address}  (Ctrl-C stops it)"),
     )
-
-
-def _fail(console: Console, text: str) -> None:
-    console.print(f"focusjax: {text}", soft_wrap=True, highlight=False, markup=False)
-    raise typer.Exit(_BAD_INPUT)

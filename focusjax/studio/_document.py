@@ -31,13 +31,13 @@ class Document:
         problem: why it cannot be used, in one sentence; empty where it can.
     """
 
-    def __init__(self, path: Path):
-        """Read the config at `path`.
+    def __init__(self, path: Path, *, root: Path | None = None):
+        """Read the config at `path`, whose files lie below `root` (see `load_config`).
 
         Raises:
             ConfigError: the file cannot be read as text.
         """
-        self.path = path
+        self.path, self._root = path, root
         self.text = self._on_disk = _read(path)
         self._done: list[str] = []
         self._undone: list[str] = []
@@ -92,7 +92,7 @@ class Document:
             EditError: it is no usable config; nothing is changed.
         """
         try:
-            config = parse_config(text, self.path)
+            config = parse_config(text, self.path, root=self._root)
         except ConfigError as error:
             raise EditError(str(error)) from None
         if text == self.text:
@@ -146,7 +146,7 @@ class Document:
 
     def _look_at_text(self) -> None:
         try:
-            self.config, self.problem = parse_config(self.text, self.path), ""
+            self.config, self.problem = parse_config(self.text, self.path, root=self._root), ""
         except ConfigError as error:
             self.config, self.problem = None, str(error)
 

@@ -185,7 +185,7 @@ def _draft_camera(answer: Answer) -> Camera:
         return camera
     size = (DRAFT_WIDTH, max(1, round(height * DRAFT_WIDTH / width)))
     table = config.camera.model_copy(update={"resolution": size})
-    smaller = build_camera(_with_source(config, table))
+    smaller = build_camera(config.model_copy(update={"camera": table}))
     # Where framing was solved for, its focal length, shift and rise.
     return dataclasses.replace(
         smaller,
@@ -193,13 +193,6 @@ def _draft_camera(answer: Answer) -> Camera:
         sensor_width=camera.sensor_width,
         principal_point=camera.principal_point * jnp.asarray([size[0] / width, size[1] / height]),
     )
-
-
-def _with_source(config: Config, camera: object) -> Config:
-    """The config with another `[camera]`."""
-    changed = config.model_copy(update={"camera": camera})
-    changed._source = config.source
-    return changed
 
 
 def _draft_lens(answer: Answer, camera: Camera) -> AbstractLens:

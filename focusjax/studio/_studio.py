@@ -153,7 +153,6 @@ class Studio:
             return
         limit = answer_.config.focus[0].model_copy(update=_NO_WISH | {"at_most_px": 1e3, "name": "warm-up"})
         config = answer_.config.model_copy(update={"focus": (*answer_.config.focus, limit)})
-        config._source = answer_.config.source
         answer(config, answer_.stage)
 
     def _paint(self, answer: Answer, cancelled: IsCancelled) -> None:

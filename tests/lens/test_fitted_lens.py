@@ -64,7 +64,7 @@ def test_rays_are_as_near_as_they_say(gauss):
 
 
 def test_no_ray_is_farther_off_than_the_worst_error(gauss):
-    """Of 200,000 others (observed: 0.97 of it), many at the edges of frame and opening, where errors are large."""
+    """Of 200,000 others (observed: 0.97 of it), many at the edges of frame and opening."""
     random = np.random.default_rng(11)
     square = random.random((200_000, 4))
     square = np.where(random.random(square.shape) < 0.3, np.round(square), square)

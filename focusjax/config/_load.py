@@ -222,9 +222,7 @@ def parse_config(text: str, source: Path | str, *, root: Path | str | None = Non
     return _checked(data, source, (), root)
 
 
-def _checked(
-    data: dict[str, Any], source: Path, overrides: Sequence[str], root: Path | str | None
-) -> Config:
+def _checked(data: dict[str, Any], source: Path, overrides: Sequence[str], root: Path | str | None) -> Config:
     try:
         config = Config.model_validate(data)
     except ValidationError as error:

@@ -88,7 +88,8 @@ def _single_settings(lens: AbstractLens) -> Iterator[tuple[str, Any]]:
 def _numeric(value: Any) -> bool:
     if isinstance(value, bool | int | float):
         return True
-    return eqx.is_array_like(value) and jnp.issubdtype(jnp.result_type(value), jnp.number)
+    kinds = (jnp.number, jnp.bool_)
+    return eqx.is_array_like(value) and any(jnp.issubdtype(jnp.result_type(value), kind) for kind in kinds)
 
 
 def _arrays(part: Any, name: str = "") -> Iterator[tuple[str, Any, int]]:

@@ -85,6 +85,8 @@ from focusjax.lens import thin_lens as thin_lens
 from focusjax.lens import tilt_shift_lens as tilt_shift_lens
 from focusjax.optics import lens_preset as lens_preset
 from focusjax.optics import load_lens as load_lens
+from focusjax.photo import Photo as Photo
+from focusjax.photo import load_photo as load_photo
 from focusjax.scene import Scene as Scene
 from focusjax.scene import constant_background as constant_background
 from focusjax.scene import directional_light as directional_light

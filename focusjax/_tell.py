@@ -16,6 +16,7 @@ from focusjax.report import (
     f_number,
     glass_facts,
     glass_sentences,
+    guessed_sentence,
     metres,
     movements,
     quality_facts,
@@ -84,6 +85,8 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
             f" umbra {len(saving.umbra)}, which spares {100 * saving.samples_saved:.0f} % of the samples.",
             highlight=False,
         )
+    if outcome.guessed is not None:
+        console.print(guessed_sentence(outcome.guessed), highlight=False, markup=False)
     quality = quality_facts(outcome)
     chosen = None if quality is None else quality_sentence(quality)
     if chosen is not None:

@@ -1,9 +1,9 @@
-"""The command line: `focusjax run`, `solve`, `render`, `batch`, `shot`, `studio`, `export`, and more."""
+"""The command line: `focusjax run`, `solve`, `render`, `refocus`, `batch`, `shot`, `studio`, `export`, and more."""
 
 import logging
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -16,8 +16,9 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from focusjax import batch, bench, charts, exchange, job, studio
 from focusjax._arguments import ArgumentError
 from focusjax._console import fail, say, warnings_told
+from focusjax._refocus import refocus_config
 from focusjax._tell import comparison, tell_outcome, tell_shot
-from focusjax.config import ConfigError, load_config
+from focusjax.config import Config, ConfigError, load_config
 from focusjax.io import staged_folder
 from focusjax.report import FILES, save_outcome
 from focusjax.shot import film
@@ -34,6 +35,7 @@ _STAGES = {
     "plan": "Planning rays",
     "render": "Tracing rays",
     "examine": "Examining the picture",
+    "guess": "Counting what was guessed",
     "pinhole": "Sharp view",
     "develop": "Developing",
     "expose": "Adding frames up",
@@ -90,6 +92,91 @@ def render(
 ) -> None:
     """Render with the lens as the config has it."""
     _do(config, out, set_, root, solving=False, rendering=True)
+
+
+@app.command()
+def refocus(
+    photo: Annotated[
+        Path, typer.Argument(help="A photograph with depth: jpg, png, heic or exr.", metavar="PHOTO")
+    ],
+    depth: Annotated[
+        Path | None, typer.Option("--depth", help="Its depth map, where that is a file of its own.")
+    ] = None,
+    depth_unit: Annotated[
+        str | None, typer.Option("--depth-unit", metavar="m|mm|1/m|px|relative", help="What its values are.")
+    ] = None,
+    depth_scale: Annotated[
+        float | None, typer.Option("--depth-scale", help="What a stored value of 1 is in that unit.")
+    ] = None,
+    depth_invalid: Annotated[
+        float | None, typer.Option("--depth-invalid", help="The stored value that marks holes.")
+    ] = None,
+    depth_focal_px: Annotated[
+        float | None, typer.Option("--depth-focal-px", help="For px: focal length in the depth map's pixels.")
+    ] = None,
+    depth_offset_px: Annotated[
+        float | None, typer.Option("--depth-offset-px", help="For px: what is added to disparities.")
+    ] = None,
+    baseline_m: Annotated[
+        float | None, typer.Option("--baseline-m", help="For px: distance of the two cameras in metres.")
+    ] = None,
+    anchor: Annotated[
+        list[str] | None,
+        typer.Option("--anchor", metavar="X,Y,METRES", help="For relative: a known distance; give two."),
+    ] = None,
+    focal_length_35mm: Annotated[
+        float | None, typer.Option("--focal-length-35mm", help="mm as on 36 x 24 mm film, if EXIF has none.")
+    ] = None,
+    focal_length_px: Annotated[
+        float | None, typer.Option("--focal-length-px", help="The same in pixels of the photograph.")
+    ] = None,
+    sharp: Annotated[
+        list[str] | None, typer.Option("--sharp", metavar="X,Y", help="A pixel to be sharp; may be repeated.")
+    ] = None,
+    blur: Annotated[
+        list[str] | None,
+        typer.Option("--blur", metavar="X,Y=N", help="A pixel to be blurred by N pixels; may be repeated."),
+    ] = None,
+    focus_distance: Annotated[
+        float | None, typer.Option("--focus-distance", help="Metres, in place of wishes.")
+    ] = None,
+    f_number: Annotated[
+        float | None, typer.Option("--f-number", help="Of a lens on 36 x 24 mm film; left out, solved for.")
+    ] = None,
+    highlight_stops: Annotated[
+        float | None, typer.Option("--highlight-stops", help="How much brighter white is than it was stored.")
+    ] = None,
+    out: OutOption = None,
+    set_: SetOption = None,
+) -> None:
+    """Refocus a photograph with depth."""
+
+    def read() -> Config:
+        settings = {
+            "depth_unit": depth_unit,
+            "depth_scale": depth_scale,
+            "depth_invalid": depth_invalid,
+            "depth_focal_px": depth_focal_px,
+            "depth_offset_px": depth_offset_px,
+            "baseline_m": baseline_m,
+            "focal_length_35mm": focal_length_35mm,
+            "focal_length_px": focal_length_px,
+            "highlight_stops": highlight_stops,
+        }
+        return refocus_config(
+            photo,
+            depth,
+            settings,
+            sharp=sharp or (),
+            blur=blur or (),
+            anchors=anchor or (),
+            focus_distance_m=focus_distance,
+            f_number=f_number,
+            overrides=set_ or (),
+        )
+
+    folder = out if out is not None else Path("out") / photo.stem
+    _carry_out(read, folder, solving=focus_distance is None, rendering=True)
 
 
 @app.command()
@@ -241,10 +328,20 @@ def _do(
     rendering: bool,
 ) -> None:
     """One command, from config to exit status."""
-    console, errors = Console(), Console(stderr=True)
     folder = out if out is not None else Path("out") / config_path.stem
+    _carry_out(
+        lambda: load_config(config_path, overrides or (), root=root),
+        folder,
+        solving=solving,
+        rendering=rendering,
+    )
+
+
+def _carry_out(read: Callable[[], Config], folder: Path, *, solving: bool, rendering: bool) -> None:
+    """What a config asks for, into `folder`, to exit status."""
+    console, errors = Console(), Console(stderr=True)
     try:
-        config = load_config(config_path, overrides or (), root=root)
+        config = read()
         with staged_folder(folder, owned=FILES) as stage, _progress(errors) as tell, warnings_told(errors):
             outcome = job.run(config, solving=solving, rendering=rendering, progress=tell)
             tell("save", None)

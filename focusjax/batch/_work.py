@@ -94,7 +94,10 @@ class Worker:
     def _scene_of(self, task: Task) -> Any:
         """The item's scene: the one before, if that is of the same table, folder and files."""
         config = task.item.config
-        key = (config.scene, config.source.parent.resolve(), tuple(task.fingerprint["files"].items()))
+        files = tuple(task.fingerprint["files"].items())
+        # A photograph is prepared for a lens.
+        widest = None if config.scene.photo is None else config.widest_f_number
+        key = (config.scene, widest, config.source.parent.resolve(), files)
         if key != self._key:
             # Let go of one scene before there are two.
             self._key = self._scene = None

@@ -9,6 +9,7 @@ from focusjax.config._build_exposure import build_choices as build_choices
 from focusjax.config._build_exposure import build_film as build_film
 from focusjax.config._build_exposure import build_zones as build_zones
 from focusjax.config._build_look import build_look as build_look
+from focusjax.config._build_photo import build_photo as build_photo
 from focusjax.config._build_real import build_real_lens as build_real_lens
 from focusjax.config._build_surface import build_control_points as build_control_points
 from focusjax.config._build_surface import build_focal_surface as build_focal_surface
@@ -18,12 +19,17 @@ from focusjax.config._errors import ConfigError as ConfigError
 from focusjax.config._errors import sentence_for as sentence_for
 from focusjax.config._exposure import ExposureTable as ExposureTable
 from focusjax.config._load import Config as Config
+from focusjax.config._load import config_of as config_of
 from focusjax.config._load import load_config as load_config
 from focusjax.config._load import parse_config as parse_config
 from focusjax.config._load import read_toml as read_toml
+from focusjax.config._load import set_keys as set_keys
 from focusjax.config._load import toml_value as toml_value
+from focusjax.config._reach import Reach as Reach
+from focusjax.config._reach import texts as texts
 from focusjax.config._refusals import refusals_located as refusals_located
 from focusjax.config._render import RenderTable as RenderTable
 from focusjax.config._shot import ShotTable as ShotTable
 from focusjax.config._shot import values_of as values_of
 from focusjax.config._values import Table as Table
+from focusjax.config._wishes import FocusTable as FocusTable

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from focusjax.config._build_look import build_aperture
+from focusjax.config._build_photo import build_photo
 from focusjax.config._errors import ConfigError
 from focusjax.config._load import Config
 from focusjax.config._scene import (
@@ -53,11 +54,16 @@ def build_objects(config: Config) -> tuple[SceneObject, ...]:
 
 
 def build_scene(config: Config, objects: Sequence[SceneObject] | None = None) -> Scene:
-    """Put the meshes of `[scene]` together, which are loaded when they are not given.
+    """Put the meshes of `[scene]` together, which are loaded when they are not given; or its photograph.
 
     Raises:
-        ConfigError: a mesh that cannot be used, or objects that cannot stand together.
+        ConfigError: a mesh or photograph that cannot be used, or objects that cannot stand together.
     """
+    if config.scene.photo is not None:
+        photo = build_photo(config)
+        # The same pupil behind another focal length has another f-number.
+        longer = float(photo.camera.focal_length) / float(build_camera(config).focal_length)
+        return photo.scene(f_number=config.widest_f_number * longer)
     loaded = build_objects(config) if objects is None else objects
     try:
         return make_scene(
@@ -152,11 +158,11 @@ def _object(table: ObjectTable, number: int, config: Config) -> SceneObject:
         "opacity": table.opacity,
         "smooth_angle": table.smooth_angle_deg,
     }
-    path = config.file(table.file, f"scene.objects.{number}.file")
+    path = config.reach.file(table.file, f"scene.objects.{number}.file")
     try:
         return load_mesh(
             path,
-            within=config.folders(table.file),
+            within=config.reach.folders(table.file),
             name=table.name or f"{Path(table.file).stem}",
             translate=table.translate,
             rotate=table.rotate_deg,
@@ -179,7 +185,7 @@ def _background(config: Config) -> AbstractBackground:
         return constant_background(background.colour)
     if isinstance(background, GradientTable):
         return gradient_background(background.bottom, background.horizon, background.top)
-    path = config.file(background.file, "scene.background.file")
+    path = config.reach.file(background.file, "scene.background.file")
     try:
         return image_background(path, gain=background.gain, turn=background.turn_deg)
     except ValueError as error:

@@ -40,8 +40,8 @@ def build_film(config: Config) -> AbstractFilm:
             return film_preset(table.preset, rms_granularity=table.rms_granularity)
         assert table.curve is not None
         return film(
-            load_curve(config.file(table.curve, "film.curve")),
-            paper=None if table.paper is None else load_curve(config.file(table.paper, "film.paper")),
+            load_curve(config.reach.file(table.curve, "film.curve")),
+            paper=None if table.paper is None else load_curve(config.reach.file(table.paper, "film.paper")),
             rms_granularity=table.rms_granularity,
             sensitivity=LUMINANCE if table.black_and_white else None,
         )

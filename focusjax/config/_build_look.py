@@ -46,7 +46,7 @@ def build_aperture(config: Config) -> AbstractAperture:
     """
     table = config.lens.aperture
     if isinstance(table, ImageTable):
-        shape = mask(read_image(config.file(table.file, "lens.aperture.file")).mean(axis=-1))
+        shape = mask(read_image(config.reach.file(table.file, "lens.aperture.file")).mean(axis=-1))
     else:
         shape = Disk()
         if isinstance(table, PolygonTable):
@@ -120,9 +120,9 @@ def _profiled(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLen
             assert table.name is not None
             profile = lens_profile(table.name)
         elif table.lens is None:
-            profile = load_profile(config.file(table.file, "file"))
+            profile = load_profile(config.reach.file(table.file, "file"))
         else:
-            path = config.file(table.file, "file")
+            path = config.reach.file(table.file, "file")
             # Vignetting is of one opening and distance, and a pinhole has none.
             radius = float(lens.parallax(camera)) / float(camera.focal_px)
             profile = load_lensfun(

@@ -42,8 +42,8 @@ def _prescription(config: Config, name: str) -> Prescription:
         ValueError: no file's name, and no lens that comes along.
     """
     if Path(name).suffix.lower() in LENS_FILES:
-        glass = [config.file(file, "lens.glass") for file in config.lens.glass]
-        return load_lens(config.file(name, "lens.prescription"), glass=glass)
+        glass = [config.reach.file(file, "lens.glass") for file in config.lens.glass]
+        return load_lens(config.reach.file(name, "lens.prescription"), glass=glass)
     try:
         return lens_preset(name)
     except ValueError as error:

@@ -175,7 +175,7 @@ def _where(table: FocusTable, number: int, scene: Scene, config: Config) -> Atta
     more = {} if table.samples is None else {"samples": table.samples}
     if table.mask is not None:
         return OnMask(
-            _read_mask(config.file(table.mask, f"focus.{number}.mask"), f"focus.{number}.mask"), **more
+            _read_mask(config.reach.file(table.mask, f"focus.{number}.mask"), f"focus.{number}.mask"), **more
         )
     if table.depth_m is not None:
         return InDepthRange(*table.depth_m, **more)

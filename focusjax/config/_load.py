@@ -2,7 +2,7 @@
 
 import math
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,6 +10,8 @@ from pydantic import Field, PrivateAttr, Strict, ValidationError, model_validato
 
 from focusjax.config._errors import ConfigError, key_path, sentence_for
 from focusjax.config._exposure import ExposureTable, FilmTable
+from focusjax.config._photo_camera import with_camera_of_photo
+from focusjax.config._reach import Reach, texts
 from focusjax.config._render import RenderTable
 from focusjax.config._scene import SceneTable
 from focusjax.config._shot import ShotTable
@@ -39,9 +41,7 @@ class Config(Table):
     film: FilmTable | None = Field(default=None, description="a [film] table")
     shot: ShotTable | None = Field(default=None, description="a [shot] table with the number of frames")
     shutter: ShutterTable | None = Field(default=None, description="a [shutter] table, of a [shot]")
-    _source: Path = PrivateAttr(Path())
-    _root: Path | None = PrivateAttr(None)
-    _named: frozenset[str] = PrivateAttr(frozenset())
+    _reach: Reach = PrivateAttr(Reach())
 
     @model_validator(mode="before")
     @classmethod
@@ -158,33 +158,30 @@ class Config(Table):
         return None if self.exposure is None else self.exposure.time
 
     @property
+    def widest_f_number(self) -> float:
+        """The f-number of the widest lens that a photograph is prepared for.
+
+        By `widest_f_number` of `[scene.photo]`, or else by the f-numbers that the lens has or may get.
+        """
+        table, lens = self.scene.photo, self.lens
+        if table is not None and table.widest_f_number is not None:
+            return table.widest_f_number
+        found = [] if lens.f_number is None else [lens.f_number]
+        if lens.aperture_radius_mm and self.camera.focal_length_mm is not None:
+            found.append(self.camera.focal_length_mm / (2.0 * lens.aperture_radius_mm))
+        if "f_number" in self.solve.free or lens.sharp_from_m is not None:
+            found.append(self.solve.f_number_min)
+        return min(found, default=self.solve.f_number_min)
+
+    @property
     def source(self) -> Path:
         """The file this config was read from; relative paths in it start at that file's folder."""
-        return self._source
+        return self._reach.source
 
-    def file(self, name: str, key: str) -> Path:
-        """The path of a file that the config names: relative to the config, and within the root.
-
-        Args:
-            name: as the config has it.
-            key: where, for the message.
-
-        Raises:
-            ValueError: a path that leads out of the root, and that no override names.
-        """
-        path = self._source.parent / name
-        root = self._source.parent if self._root is None else self._root
-        if name not in self._named and not path.resolve().is_relative_to(root.resolve()):
-            raise ValueError(
-                f"{key} is {name!r}, outside the folder {root.resolve()}, below which a config may name"
-                " files; move it there, or allow more with --root DIR"
-            )
-        return path
-
-    def folders(self, name: str) -> tuple[Path, ...]:
-        """The folders from which what a file of the config names in its turn may be read."""
-        root = self._source.parent if self._root is None else self._root
-        return (root, (self._source.parent / name).parent) if name in self._named else (root,)
+    @property
+    def reach(self) -> Reach:
+        """Where the files that it names may lie."""
+        return self._reach
 
 
 def load_config(path: Path | str, overrides: Sequence[str] = (), *, root: Path | str | None = None) -> Config:
@@ -203,9 +200,9 @@ def load_config(path: Path | str, overrides: Sequence[str] = (), *, root: Path |
     """
     path = Path(path)
     data = read_toml(path)
-    for override in overrides:
-        _apply(data, override)
-    return _checked(data, path, overrides, root)
+    set_keys(data, overrides)
+    named = [toml_value(override.partition("=")[2]) for override in overrides]
+    return config_of(data, Reach(path, None if root is None else Path(root), frozenset(texts(named))))
 
 
 def parse_config(text: str, source: Path | str, *, root: Path | str | None = None) -> Config:
@@ -219,29 +216,24 @@ def parse_config(text: str, source: Path | str, *, root: Path | str | None = Non
         data = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise _no_toml(source, error) from None
-    return _checked(data, source, (), root)
+    return config_of(data, Reach(source, None if root is None else Path(root)))
 
 
-def _checked(data: dict[str, Any], source: Path, overrides: Sequence[str], root: Path | str | None) -> Config:
+def config_of(data: dict[str, Any], reach: Reach) -> Config:
+    """The config that `data` says; `reach.source` is its file, or what stands for one in messages.
+
+    A `[scene.photo]` brings the camera that took it; what `[camera]` says goes before.
+
+    Raises:
+        ConfigError: as `load_config`.
+    """
+    source = reach.source
     try:
-        config = Config.model_validate(data)
+        config = Config.model_validate(with_camera_of_photo(data, reach))
     except ValidationError as error:
         raise ConfigError(sentence_for(error, Config, source)) from None
-    config._source = source
-    config._root = None if root is None else Path(root)
-    config._named = frozenset(
-        text for override in overrides for text in _texts(toml_value(override.partition("=")[2]))
-    )
+    config._reach = reach
     return config
-
-
-def _texts(value: Any) -> Iterator[str]:
-    """Every text within a value."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, dict | list):
-        for each in value.values() if isinstance(value, dict) else value:
-            yield from _texts(each)
 
 
 def _no_toml(path: Path, error: Exception) -> ConfigError:
@@ -269,6 +261,16 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path}: the config cannot be read ({error.strerror}); check the path") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise _no_toml(path, error) from None
+
+
+def set_keys(data: dict[str, Any], overrides: Sequence[str]) -> None:
+    """Set `key=value` strings inside `data`, in place; see `load_config`.
+
+    Raises:
+        ConfigError: one that cannot be set.
+    """
+    for override in overrides:
+        _apply(data, override)
 
 
 def _apply(data: dict[str, Any], override: str) -> None:

@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Strict, model_validator
 
+from focusjax.config._photo import PhotoTable
 from focusjax.config._values import Light, NotNegative, Number, Share, Table, Vector
 
 
@@ -85,9 +86,10 @@ class ImageTable(Table):
 class SceneTable(Table):
     """`[scene]`: everything that can be seen, and the light it is seen by."""
 
-    objects: Annotated[tuple[ObjectTable, ...], Strict(False), Field(min_length=1)] = Field(
-        description="at least one [[scene.objects]] table with a file"
+    objects: Annotated[tuple[ObjectTable, ...], Strict(False)] = Field(
+        default=(), description="at least one [[scene.objects]] table with a file"
     )
+    photo: PhotoTable | None = Field(default=None, description="a [scene.photo] table, instead of objects")
     ambient: Light = Field(default=0.0, description="light from everywhere, linear, for example 0.3")
     lights: Annotated[
         tuple[Annotated[DirectionalTable | PointTable, Field(discriminator="kind")], ...], Strict(False)
@@ -99,10 +101,23 @@ class SceneTable(Table):
     unlit: bool = Field(default=False, description="true to show colours as they are, without lights")
 
     @model_validator(mode="after")
+    def _objects_or_a_photograph(self) -> "SceneTable":
+        if self.photo is None and not self.objects:
+            raise ValueError(
+                "has nothing to see; give at least one [[scene.objects]] table, or a [scene.photo]"
+            )
+        others = [name for name in self.model_fields_set if name not in ("photo", "unlit")]
+        if self.photo is not None and others:
+            raise ValueError(
+                f"has a photo, which has its own objects and light, and {min(others)}; leave one out"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _some_light(self) -> "SceneTable":
         lit = bool(self.lights) or self.ambient not in (0.0, (0.0, 0.0, 0.0))
         if self.unlit and lit:
             raise ValueError("is unlit and has lights; remove unlit, or the lights and the ambient light")
-        if not self.unlit and not lit:
+        if not self.unlit and not lit and self.photo is None:
             raise ValueError("has no light; add a [[scene.lights]] table, ambient light, or unlit = true")
         return self

@@ -6,6 +6,7 @@ from focusjax.job._exposed import open_for_light as open_for_light
 from focusjax.job._exposed import solve_exposed as solve_exposed
 from focusjax.job._glass import ThroughGlass as ThroughGlass
 from focusjax.job._glass import left_to_quality as left_to_quality
+from focusjax.job._guessed import Guessed as Guessed
 from focusjax.job._photograph import Development as Development
 from focusjax.job._photograph import Photograph as Photograph
 from focusjax.job._photograph import find_development as find_development

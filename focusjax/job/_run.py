@@ -33,6 +33,7 @@ from focusjax.focus import (
 from focusjax.geometry import Camera
 from focusjax.job._exposed import ExposedLens, ExposedSolution
 from focusjax.job._glass import ThroughGlass, left_to_quality, through_glass
+from focusjax.job._guessed import Guessed, guessed_shares, warn_of_holes
 from focusjax.job._photograph import Photograph, take_photograph
 from focusjax.job._picture import Picture, Progress, make_picture
 from focusjax.job._solving import solved_lens, solved_surface
@@ -69,6 +70,7 @@ class Outcome:
         seconds: wall-clock seconds per stage, without compiling.
         compile_seconds: seconds per stage that went into compiling.
         exposed: how focus and light share the f-number, when the config's exposure has a priority.
+        guessed: how much of a photograph with depth is a guess, when its picture was traced.
     """
 
     config: Config
@@ -84,6 +86,7 @@ class Outcome:
     compile_seconds: dict[str, float]
     glass: ThroughGlass | None = None
     exposed: ExposedLens | ExposedSolution | None = None
+    guessed: Guessed | None = None
 
     @property
     def middle_lens(self) -> ThinLens | TiltShiftLens:
@@ -136,6 +139,8 @@ def run(
         disparity = np.asarray(disparity_map(scene, camera) if disparity is None else disparity)
         points = _find(config, wishes, scene, camera, disparity) if wishes else None
         surface = _control_surface(config, scene, camera, lens, disparity)
+        if config.scene.photo is not None:
+            warn_of_holes(config, config.focus, scene, camera)
     solution = None
     if surface is not None and solving:
         assert points is not None
@@ -164,13 +169,16 @@ def run(
     if config.lens.prescription is not None:
         with watch.stage("glass"):
             glass = through_glass(config, camera, lens, points if solving else None, disparity, fit=rendering)
-    picture, photograph = None, None
+    picture, photograph, guessed = None, None, None
     if rendering:
         look = build_look(config, camera, lens) if glass is None else glass.traced
         choose = glass is not None and left_to_quality(config)
         picture = make_picture(config.render, scene, camera, look, like, watch, tell, choose_lens=choose)
         if glass is not None and picture.lens_plan is not None:
             glass = glass.planned(picture.lens_plan)
+        if config.scene.photo is not None and picture.method == "trace":
+            with watch.stage("guess"):
+                guessed = guessed_shares(config.render, scene, camera, look, picture)
         if config.exposure is not None or config.film is not None:
             with watch.stage("develop"):
                 middle = _in_the_middle(lens, camera)
@@ -194,6 +202,7 @@ def run(
         compile_seconds=watch.compile_seconds,
         glass=glass,
         exposed=exposed,
+        guessed=guessed,
     )
 
 

@@ -29,6 +29,7 @@ _STAGES = {
     "plan": "plan rays",
     "render": "trace rays",
     "examine": "examine the picture",
+    "guess": "count what was guessed",
     "pinhole": "sharp view",
     "develop": "expose and develop",
     "compile": "compile",

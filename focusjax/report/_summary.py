@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from focusjax.focus import Diagnosis, Result, SurfaceDiagnosis, SurfaceSolution, diagnose
 from focusjax.io import for_json
-from focusjax.job import Examined, Outcome, room_for_more, shutter
+from focusjax.job import Examined, Guessed, Outcome, room_for_more, shutter
 from focusjax.lens import FocalSurfaceLens, as_tilt_shift, depth_of_field
 from focusjax.report._glass import glass_facts
 from focusjax.report._quality import quality_facts
@@ -36,6 +36,7 @@ def summary(outcome: Outcome) -> dict[str, Any]:
             "solver": _solver(outcome),
             "diagnosis": _diagnosis(outcome),
             "picture": _picture(outcome),
+            "guessed": _guessed(outcome),
             "seconds": outcome.seconds | {"compile": sum(outcome.compile_seconds.values())},
             "compile_seconds": outcome.compile_seconds,
         }
@@ -257,6 +258,28 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
         "quality": quality_facts(outcome),
         "largest_blur_px": float(np.abs(outcome.blur).max()),
     }
+
+
+def _guessed(outcome: Outcome) -> dict[str, Any] | None:
+    """How much of the light of a photograph with depth is a guess."""
+    if outcome.guessed is None:
+        return None
+    return {
+        "light_share": outcome.guessed.light,
+        "depth_share": outcome.guessed.depth,
+        "sentence": guessed_sentence(outcome.guessed),
+    }
+
+
+def guessed_sentence(found: Guessed) -> str:
+    """The shares in words."""
+    behind = (
+        f"{100 * found.light:.1f} % of the light in this picture was guessed: it comes from behind"
+        " foregrounds or from beyond the frame of the photograph."
+    )
+    if found.depth < 5e-4:
+        return behind
+    return f"{behind} The depth of another {100 * found.depth:.1f} % was not measured."
 
 
 def _examined(found: Examined | None) -> dict[str, Any] | None:

@@ -59,6 +59,12 @@ class Atlas(eqx.Module):
         coarser = jnp.minimum(number + 1, self.first_level[texture] + highest)
         return number, coarser, level - finer
 
+    def texel_centre(self, texture: Int[Array, ""], uv: Float[Array, "2"]) -> Float[Array, "2"]:
+        """The centre of the level-0 texel that `uv` is in."""
+        level = self.first_level[texture]
+        size = jnp.stack([self.width[level], self.height[level]])
+        return (jnp.floor(uv * size) + 0.5) / size
+
     def bilinear(
         self, level: Int[Array, ""], uv: Float[Array, "2"]
     ) -> tuple[Float[Array, "c"], Float[Array, "c 2"]]:

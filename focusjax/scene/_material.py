@@ -27,6 +27,8 @@ class Material:
         opacity_texture: number of the opacity picture, or -1.
         cutoff: the picture only cuts the surface out: it is there where the picture holds at least this
             much. None where it blends.
+        pixels: the texels of the texture are means over pixels: samples no larger than a texel see the one
+            they are in, unchanged, and not a mixture with those around it.
     """
 
     base_colour: Float[np.ndarray, "3"]
@@ -38,6 +40,7 @@ class Material:
     opacity: float = 1.0
     opacity_texture: int = UNTEXTURED
     cutoff: float | None = None
+    pixels: bool = False
 
     def cut_at(self, cutoff: float) -> "Material":
         """This material, there where its opacity is at least `cutoff` and nowhere else (glTF's MASK)."""

@@ -155,6 +155,7 @@ class Scene:
                 texture=jnp.asarray([material.texture + 1 for material in self.materials], dtype=jnp.int32),
                 uv=planes(self.uv),
                 texels_per_metre=jnp.asarray(_texel_density(self, sizes), dtype=float),
+                pixels=jnp.asarray([m.pixels for m in self.materials]) if used("pixels") else None,
             )
         return Shader(
             faces=tuple(jnp.asarray(corner, dtype=jnp.int32) for corner in self.faces.T),

@@ -2,12 +2,15 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.scene._atlas import Atlas
 from focusjax.scene._gloss import Gloss
 from focusjax.scene._lights import AbstractLight
 from focusjax.scene._vectors import Planes, dot, unit
+
+_ONE_TEXEL = 1.05
+"""Footprint in texels up to which a sample is no larger than a texel: rounding, and a little."""
 
 
 class Texturing(eqx.Module):
@@ -18,12 +21,25 @@ class Texturing(eqx.Module):
         texture: picture of each material [m].
         uv: texture coordinates of the vertices.
         texels_per_metre: level-0 texels along a metre of each face [t].
+        pixels: whether the texels of each material [m] are looked at as they are; None where of no material.
     """
 
     atlas: Atlas
     texture: Int[Array, "_"]
     uv: Planes
     texels_per_metre: Float[Array, "_"]
+    pixels: Bool[Array, "_"] | None = None
+
+    def look_up(
+        self, material: Int[Array, ""], uv: Float[Array, "2"], footprint: Float[Array, ""]
+    ) -> Float[Array, "3"]:
+        """Colour of a material at `uv` over a square of `footprint` texels."""
+        texture = self.texture[material]
+        if self.pixels is not None:
+            own = self.pixels[material] & (footprint <= _ONE_TEXEL)
+            uv = jnp.where(own, self.atlas.texel_centre(texture, uv), uv)
+            footprint = jnp.where(own, 0.0, footprint)
+        return self.atlas(texture, uv, footprint)
 
 
 class SurfacePoint(eqx.Module):
@@ -112,7 +128,7 @@ class Shader(eqx.Module):
         if self.texturing is not None:
             look_up = self.texturing
             footprint = extent * look_up.texels_per_metre[triangle]
-            albedo = albedo * look_up.atlas(look_up.texture[material], blend(look_up.uv), footprint)
+            albedo = albedo * look_up.look_up(material, blend(look_up.uv), footprint)
         own = jnp.zeros_like(albedo) if self.emission is None else constant(self.emission)
         first, second, third = at_corners(self.positions)
         point = barycentric[0] * first + barycentric[1] * second + barycentric[2] * third

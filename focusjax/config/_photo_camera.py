@@ -1,0 +1,45 @@
+"""The camera of a photograph, where a config has a `[scene.photo]` and says nothing else."""
+
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from focusjax.config._errors import ConfigError
+from focusjax.config._photo import PhotoTable
+from focusjax.config._reach import Reach
+from focusjax.photo import photo_camera
+
+_POSE = ("matrix", "position", "look_at", "up")
+_LENGTH = ("focal_length_mm", "field_of_view_deg")
+
+
+def with_camera_of_photo(data: dict[str, Any], reach: Reach) -> dict[str, Any]:
+    """`data` with a `[camera]` that has what the photograph says, where it says nothing itself.
+
+    Raises:
+        ConfigError: the photograph cannot be read, or does not say its focal length.
+    """
+    scene, camera = data.get("scene"), data.get("camera", {})
+    if not isinstance(scene, dict) or "photo" not in scene or not isinstance(camera, dict):
+        return data
+    try:
+        table = PhotoTable.model_validate(scene["photo"])
+    except ValidationError:
+        # Refused where all tables are looked at.
+        return data
+    try:
+        taken = photo_camera(
+            reach.file(table.file, "scene.photo.file"),
+            focal_length_35mm=table.focal_length_35mm,
+            focal_length_px=table.focal_length_px,
+        )
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+    filled: dict[str, Any] = {"resolution": [taken.width, taken.height]}
+    if not any(key in camera for key in _POSE):
+        filled["matrix"] = np.asarray(taken.world_from_camera, dtype=float).tolist()
+    if not any(key in camera for key in (*_LENGTH, "sensor_width_mm")):
+        filled["focal_length_mm"] = 1000 * float(taken.focal_length)
+        filled["sensor_width_mm"] = 1000 * float(taken.sensor_width)
+    return {**data, "camera": {**filled, **camera}}

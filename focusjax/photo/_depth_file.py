@@ -1,0 +1,115 @@
+"""Depth maps from files, as stored: PNG, TIFF, NPY, PFM and OpenEXR."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+from jaxtyping import Float
+from PIL import Image
+
+from focusjax.photo._errors import PhotoError
+
+_KINDS = "expected a PNG or TIFF of 8 or 16 bits, NPY, PFM, or OpenEXR with a channel Z"
+_DEPTH_CHANNELS = ("Z", "depth.Z", "Depth.Z", "depth", "Y")
+
+
+@dataclass(frozen=True)
+class StoredDepth:
+    """A depth map before units.
+
+    Attributes:
+        values: as stored [h, w]; NaN where the file itself has nothing.
+        step: smallest difference that the file can tell, 0 for floats.
+        is_exact: whether its edges are those of the picture: rendered, not measured.
+        source: the file, for messages.
+        unit: where the file says it; None where it has to be declared.
+    """
+
+    values: Float[np.ndarray, "h w"]
+    step: float
+    is_exact: bool
+    source: str
+    unit: str | None = None
+
+
+def read_depth(path: Path) -> StoredDepth:
+    """The depth map at `path`.
+
+    Raises:
+        PhotoError: no such file, one that cannot be read, or of several channels.
+    """
+    if not path.is_file():
+        raise PhotoError(f"{path}: there is no such depth map; check the path")
+    kind = path.suffix.lower()
+    try:
+        if kind == ".npy":
+            return _of_array(np.load(path, allow_pickle=False), path)
+        if kind == ".pfm":
+            return StoredDepth(_read_pfm(path.read_bytes(), path), 0.0, False, str(path))
+        if kind == ".exr":
+            return StoredDepth(_read_exr(path), 0.0, True, str(path))
+        with Image.open(path) as opened:
+            opened.load()
+            return _of_array(np.asarray(_grey(opened, path)), path)
+    except PhotoError:
+        raise
+    except Exception as error:
+        raise PhotoError(f"{path}: this depth map cannot be read ({error}); {_KINDS}") from error
+
+
+def _grey(image: Image.Image, path: Path) -> Image.Image:
+    """An image of one channel, of three equal ones too."""
+    if image.mode in ("L", "I;16", "I;16B", "I", "F"):
+        return image
+    if image.mode == "LA":
+        return image.getchannel(0)
+    if image.mode in ("RGB", "RGBA"):
+        first, *rest = (np.asarray(image.getchannel(k)) for k in range(3))
+        if all((first == other).all() for other in rest):
+            return image.getchannel(0)
+    raise PhotoError(
+        f"{path}: this depth map is a colour picture ({image.mode}); expected one channel of depth, not a"
+        " rendering of it in false colours, so export the grey map"
+    )
+
+
+def _of_array(values: np.ndarray, path: Path) -> StoredDepth:
+    values = values[..., 0] if values.ndim == 3 and values.shape[2] == 1 else values
+    if values.ndim != 2 or values.size == 0 or values.dtype.kind not in "fiu":
+        raise PhotoError(
+            f"{path}: the array has shape {values.shape} of {values.dtype}; expected numbers [h, w]"
+        )
+    whole = values.dtype.kind in "iu"
+    return StoredDepth(values.astype(np.float64), 1.0 if whole else 0.0, False, str(path))
+
+
+def _read_pfm(data: bytes, path: Path) -> Float[np.ndarray, "h w"]:
+    """Grey PFM: three lines of text, then rows from the bottom up; a negative scale is little-endian."""
+    lines = data.split(b"\n", 3)
+    if len(lines) < 4 or lines[0].strip() != b"Pf":
+        raise PhotoError(f"{path}: this is not a grey PFM file (it starts with {data[:2]!r}, expected b'Pf')")
+    width, height = (int(text) for text in lines[1].split())
+    scale = float(lines[2])
+    if not 0 < width * height <= 1 << 28:
+        raise PhotoError(f"{path}: the PFM file is of {width} x {height} pixels; expected at most 2^28")
+    wanted = 4 * width * height
+    if len(lines[3]) < wanted:
+        raise PhotoError(
+            f"{path}: the PFM file is cut off ({len(lines[3])} of {wanted} bytes); copy it again"
+        )
+    rows = np.frombuffer(lines[3][:wanted], dtype="<f4" if scale < 0 else ">f4").reshape(height, width)
+    return np.flipud(rows).astype(np.float64)
+
+
+def _read_exr(path: Path) -> Float[np.ndarray, "h w"]:
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        for part in file.parts:
+            channels = part.channels
+            found = next((name for name in _DEPTH_CHANNELS if name in channels), None)
+            if found is not None:
+                return np.array(channels[found].pixels, dtype=np.float64)
+            if len(channels) == 1:
+                return np.array(next(iter(channels.values())).pixels, dtype=np.float64)
+        names = ", ".join(name for part in file.parts for name in part.channels)
+    raise PhotoError(f"{path}: there is no depth channel among {names}; expected one named Z")

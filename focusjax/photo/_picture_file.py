@@ -1,0 +1,215 @@
+"""The colours of a photograph: read, turned upright, and made linear."""
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from PIL import ExifTags, Image, ImageOps
+
+from focusjax.photo._errors import PhotoError
+from focusjax.scene import read_image
+
+SRGB, LINEAR = "srgb", "linear"
+_BRIGHT = 0.8
+"""Linear value from which on highlights are expanded."""
+_FILM_DIAGONAL_MM = 43.2666
+"""Of 36 x 24 mm, which lengths "in 35 mm film" are about."""
+_TURNS = {
+    2: Image.Transpose.FLIP_LEFT_RIGHT,
+    3: Image.Transpose.ROTATE_180,
+    4: Image.Transpose.FLIP_TOP_BOTTOM,
+    5: Image.Transpose.TRANSPOSE,
+    6: Image.Transpose.ROTATE_270,
+    7: Image.Transpose.TRANSVERSE,
+    8: Image.Transpose.ROTATE_90,
+}
+
+
+@dataclass(frozen=True)
+class PictureFile:
+    """A picture as its file has it.
+
+    Attributes:
+        shown: values [h, w, 3] as stored, 0 to 1, upright; linear where `is_linear`.
+        is_linear: whether the file holds linear light.
+        orientation: the EXIF number by which it was turned upright, 1 for not at all.
+        focal_length_35mm: mm as on 36 x 24 mm film with the same diagonal; None where the file does not say.
+    """
+
+    shown: Float[np.ndarray, "h w 3"]
+    is_linear: bool
+    orientation: int
+    focal_length_35mm: float | None
+
+
+def read_picture(path: Path) -> PictureFile:
+    """The picture at `path`: JPEG, PNG, TIFF, WebP, HEIC or OpenEXR.
+
+    Raises:
+        PhotoError: no such file, or none that can be read.
+    """
+    if not path.is_file():
+        raise PhotoError(f"{path}: there is no such photograph; check the path")
+    if path.suffix.lower() == ".exr":
+        return PictureFile(read_exr(path), True, 1, None)
+    try:
+        if is_heif(path):
+            return _read_heif(path)
+        with Image.open(path) as opened:
+            opened.load()
+            return picture_of(opened, opened.getexif())
+    except PhotoError:
+        raise
+    except Exception as error:
+        raise PhotoError(
+            f"{path}: this photograph cannot be read ({error}); expected a whole JPEG, PNG, TIFF, HEIC or"
+            " OpenEXR file, so export it again"
+        ) from error
+
+
+def read_exr(path: Path) -> Float[np.ndarray, "h w 3"]:
+    """Linear colours of an OpenEXR file.
+
+    Raises:
+        PhotoError: it cannot be read, or has no colours.
+    """
+    try:
+        light = read_image(path)
+    except ValueError as error:
+        raise PhotoError(f"{path}: this OpenEXR file has no R, G and B to read ({error})") from error
+    if not np.isfinite(light).all():
+        raise PhotoError(
+            f"{path}: {int((~np.isfinite(light)).any(axis=2).sum())} pixels are not finite; repair the file"
+        )
+    return np.maximum(light, 0.0)
+
+
+def picture_of(image: Image.Image, exif: Image.Exif) -> PictureFile:
+    """An opened picture, upright."""
+    orientation = int(exif.get(ExifTags.Base.Orientation, 1) or 1)
+    size = image.size
+    turned = image.transpose(_TURNS[orientation]) if orientation in _TURNS else image
+    shown = np.asarray(turned.convert("RGB"), dtype=np.float32) / np.float32(255)
+    return PictureFile(shown, False, orientation, focal_length_of(exif, size))
+
+
+def is_heif(path: Path) -> bool:
+    """Whether a file is of the ISO base media format with a HEIF brand, whatever its name."""
+    with path.open("rb") as stream:
+        head = stream.read(12)
+    return head[4:8] == b"ftyp" and head[8:12] in (b"heic", b"heix", b"heim", b"heis", b"mif1", b"msf1")
+
+
+def open_heif(path: Path) -> Any:
+    """The file as pi-heif opens it, not decoded yet, stored values as they are.
+
+    Raises:
+        PhotoError: pi-heif is not installed.
+    """
+    try:
+        import pi_heif
+    except ImportError:
+        raise PhotoError(
+            f'{path}: HEIC files need pi-heif; install it with pip install "focusjax[photo]", or save the'
+            " photograph as a JPEG and its depth as a PNG"
+        ) from None
+    return pi_heif.open_heif(path)
+
+
+def _read_heif(path: Path) -> PictureFile:
+    opened = open_heif(path)
+    image = opened.to_pillow()
+    exif = Image.Exif()
+    if opened.info.get("exif"):
+        exif.load(opened.info["exif"])
+    # The decoder has turned the picture already, and says so by an orientation of 1 in what it gives.
+    turned = int(opened.info.get("original_orientation") or 1)
+    shown = np.asarray(image.convert("RGB"), dtype=np.float32) / np.float32(255)
+    return PictureFile(shown, False, turned, focal_length_of(exif, image.size))
+
+
+def focal_length_of(exif: Image.Exif, size: tuple[int, int]) -> float | None:
+    """Focal length in mm as on 36 x 24 mm film; None where EXIF does not tell.
+
+    From FocalLengthIn35mmFilm, or from FocalLength and the pixels per length in the focal plane.
+    """
+    more = exif.get_ifd(ExifTags.IFD.Exif)
+    film = _positive(more.get(ExifTags.Base.FocalLengthIn35mmFilm))
+    if film is not None:
+        return film
+    length = _positive(more.get(ExifTags.Base.FocalLength))
+    density = _positive(more.get(ExifTags.Base.FocalPlaneXResolution))
+    unit = {2: 25.4, 3: 10.0, 4: 1.0}.get(more.get(ExifTags.Base.FocalPlaneResolutionUnit, 2))
+    full = _positive(more.get(ExifTags.Base.ExifImageWidth)) or max(size)
+    if length is None or density is None or unit is None:
+        return None
+    focal_px = length * density / unit * max(size) / full
+    return focal_px * _FILM_DIAGONAL_MM / float(np.hypot(*size))
+
+
+def film_focal_px(focal_length_35mm: float, width: int, height: int) -> float:
+    """Focal length in pixels of one in mm as on 36 x 24 mm film: the diagonals of the pictures are equal."""
+    return focal_length_35mm / _FILM_DIAGONAL_MM * float(np.hypot(width, height))
+
+
+def film_width(width: int, height: int) -> float:
+    """Width in metres of a sensor of the picture's shape with the diagonal of 36 x 24 mm film."""
+    return _FILM_DIAGONAL_MM / 1000 * width / float(np.hypot(width, height))
+
+
+def _positive(value: Any) -> float | None:
+    try:
+        number = float(value)
+    except (TypeError, ValueError, ZeroDivisionError):
+        return None
+    return number if 0 < number < np.inf else None
+
+
+def linear_light(
+    picture: PictureFile, curve: str | float, highlight_stops: float
+) -> Float[np.ndarray, "h w 3"]:
+    """Linear light of the stored values.
+
+    Args:
+        picture: what was read.
+        curve: "srgb" (IEC 61966-2-1), "linear", or the exponent of a power curve, such as 2.2. Linear light in
+            files is taken as it is.
+        highlight_stops: by how many stops white is brighter than it could be stored. With m the largest of a
+            pixel's three values and t = (m - 0.8) / 0.2, cut to 0 to 1, light is multiplied by 2^(s t^2).
+    """
+    stored = picture.shown.astype(np.float32)
+    if picture.is_linear or curve == LINEAR:
+        light = stored
+    elif curve == SRGB:
+        light = np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4)
+    else:
+        light = stored ** float(curve)
+    if highlight_stops:
+        share = np.clip((light.max(axis=2, keepdims=True) - _BRIGHT) / (1.0 - _BRIGHT), 0.0, 1.0)
+        light = light * 2.0 ** (highlight_stops * share**2)
+    return light.astype(np.float32)
+
+
+def turned_upright(values: np.ndarray, orientation: int) -> np.ndarray:
+    """A map [h, w] of the stored picture, turned as the picture was."""
+    swap = {5: "t", 6: "cw", 7: "tv", 8: "ccw", 2: "lr", 3: "180", 4: "ud"}.get(orientation)
+    return {
+        None: lambda a: a,
+        "lr": np.fliplr,
+        "ud": np.flipud,
+        "180": lambda a: np.rot90(a, 2),
+        "cw": lambda a: np.rot90(a, -1),
+        "ccw": np.rot90,
+        "t": np.transpose,
+        "tv": lambda a: np.rot90(a, 2).T,
+    }[swap](values)
+
+
+def image_of(data: bytes) -> Image.Image:
+    """A picture from bytes, decoded and upright by its own EXIF."""
+    with Image.open(io.BytesIO(data)) as opened:
+        opened.load()
+        return ImageOps.exif_transpose(opened)

@@ -63,7 +63,8 @@ def aligned(
 def _nearest_known(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     if known.all():
         return values
-    index = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    index = np.zeros((2, *known.shape), dtype=np.int32)
+    distance_transform_edt(~known, return_distances=False, return_indices=True, indices=index)
     return values[*index]
 
 
@@ -81,7 +82,8 @@ def _enlarged(values: np.ndarray, known: np.ndarray, shape: tuple[int, int]) -> 
 
 def _holes_filled(depth: np.ndarray, there: np.ndarray, shown: np.ndarray, threshold: float) -> np.ndarray:
     """Holes by medians over disks that reach well past their borders."""
-    away = distance_transform_edt(~there)
+    away = np.zeros(there.shape)
+    distance_transform_edt(~there, distances=away)
     holes = np.flatnonzero(~there.ravel())
     reach = (1.5 * away.ravel()[holes] + 4.0).astype(np.float32)
     out = depth.copy()

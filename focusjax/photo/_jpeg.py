@@ -8,6 +8,7 @@ offset each. Dynamic Depth appends its pictures after the end of the primary one
 import base64
 import binascii
 from dataclasses import dataclass, field
+from typing import NoReturn
 from xml.parsers import expat
 
 from focusjax.photo._errors import PhotoError
@@ -107,7 +108,7 @@ def _parse(packet: bytes, found: JpegMetadata, source: str) -> None:
     names: list[str] = []
     texts: list[list[str]] = []
 
-    def refuse(*_: object) -> None:
+    def refuse(*_: object) -> NoReturn:
         raise PhotoError(
             f"{source}: its XMP declares a document type or an entity, which no camera does; it is not read,"
             " so save the photograph without metadata and give its depth as a file"

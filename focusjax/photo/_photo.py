@@ -29,6 +29,8 @@ from focusjax.photo._units import UNITS, DepthUnit, disparity_of
 from focusjax.scene import Scene
 
 _ALIGN_PX = 2.0
+_EDGE_PX = 3
+"""Pixels on either side of a silhouette that a camera and its software mix."""
 _SAME_SHAPE = 0.02
 """Share by which the shapes of a photograph and its depth may differ."""
 
@@ -152,7 +154,7 @@ def load_photo(
     light = linear_light(picture, curve, highlight_stops)
     shown = np.minimum(light, 1.0) ** (1 / 2.2) if picture.is_linear else picture.shown
     depth_map, measured = aligned(disparity, known, step, shown, reach)
-    return Photo(light, depth_map, measured, camera, 1 if exact else 2, path)
+    return Photo(light, depth_map, measured, camera, 1 if exact else _EDGE_PX, path)
 
 
 def _check_options(path: Path, curve: str | float, highlight_stops: float, align_px: float | None) -> None:
@@ -204,7 +206,7 @@ def _upright(
 ) -> Float[np.ndarray, "h w"]:
     """The depth map turned as the photograph was, if it was not already."""
     values, turn = stored.values, picture.orientation
-    stored_size = size[::-1] if turn >= 5 else size
+    stored_size = (size[1], size[0]) if turn >= 5 else size
     if embedded or (turn >= 5 and not _alike(values, size) and _alike(values, stored_size)):
         values = turned_upright(values, turn)
     elif turn > 1 and (turn < 5 or size[0] == size[1]):

@@ -175,8 +175,8 @@ def linear_light(
 
     Args:
         picture: what was read.
-        curve: "srgb" (IEC 61966-2-1), "linear", or the exponent of a power curve, such as 2.2. Linear light in
-            files is taken as it is.
+        curve: "srgb" (IEC 61966-2-1), "linear", or the exponent of a power curve, such as 2.2. Linear
+            light in files is taken as it is.
         highlight_stops: by how many stops white is brighter than it could be stored. With m the largest of a
             pixel's three values and t = (m - 0.8) / 0.2, cut to 0 to 1, light is multiplied by 2^(s t^2).
     """

@@ -24,6 +24,8 @@ _BORDER = 4
 """Pixels beyond the frame that are there however small the blur."""
 _FARTHEST = 0.02
 """Blur in pixels by which what is infinitely far may be off: triangles have to be somewhere."""
+_APART = 1.5
+"""Of the gap that makes a tear, how far apart what is behind has to be from what is before it."""
 _NEAR_SIDE = 4
 """Pixels around a tear within which a foreground's colour is looked for."""
 
@@ -79,17 +81,20 @@ def sheets(
     start = far_depth[..., None]
     known = trusted | far_band
     far = membrane(only_hidden, depth, known, start, start, step)[..., 0].astype(np.float32)
-    # A membrane may swing before what hides it.
-    far = np.where(behind & ~far_band, np.minimum(far, depth - step), far)
-    far = np.maximum(far, least)
-    nearest = _spread_colours(picture, carried, trusted, depth)
+    near = np.where(far_band & behind, _near_depth(depth, near_band, edge_px), depth)
+    # A membrane may swing before what hides it; layers take surfaces that are closer together for one.
+    apart = _APART * step
+    far = np.where(behind & ~far_band, np.minimum(far, near - apart), far)
+    behind &= (near - far >= 0.999 * apart) & (far >= least)
+    band, seen_behind = band & behind, far_band & behind
+    near, far = np.where(behind, near, depth), np.where(behind, far, depth)
+    nearest = _spread_colours(picture, behind, trusted)
     back = membrane(np.where(behind, far, np.nan), depth, trusted, picture, nearest, step)
     near_side = near_band | (
         binary_dilation(near_band, iterations=_NEAR_SIDE) & _as_near(depth, near_band, step)
     )
-    matte = mattes(picture, back.astype(np.float32), near_side, band & behind, near_band)
-    near = np.where(far_band & behind, _near_depth(depth, near_band, edge_px), depth)
-    return Sheets(border, near, far, behind, far_band, band & behind, matte)
+    matte = mattes(picture, back.astype(np.float32), near_side, band, near_band)
+    return Sheets(border, near, far, behind, seen_behind, band, matte)
 
 
 def _widened(
@@ -122,14 +127,13 @@ def _near_depth(depth: np.ndarray, near_band: np.ndarray, edge_px: int) -> np.nd
     return np.where(around > depth, around, depth).astype(np.float32)
 
 
-def _spread_colours(
-    picture: np.ndarray, carried: np.ndarray, trusted: np.ndarray, depth: np.ndarray
-) -> np.ndarray:
-    """A first guess of colours behind: those of the nearest pixel that is trusted and not nearer."""
-    edge = trusted & ~np.isfinite(carried)
+def _spread_colours(picture: np.ndarray, behind: np.ndarray, trusted: np.ndarray) -> np.ndarray:
+    """A first guess of colours behind: those of the nearest pixel that is trusted and hides nothing."""
+    edge = trusted & ~behind
     if not edge.any():
         return picture
-    index = distance_transform_edt(~edge, return_distances=False, return_indices=True)
+    index = np.zeros((2, *edge.shape), dtype=np.int32)
+    distance_transform_edt(~edge, return_distances=False, return_indices=True, indices=index)
     return picture[*index]
 
 
@@ -192,27 +196,28 @@ def _object(
 ) -> SceneObject:
     """Triangles with the near or the far picture on them."""
     height, width = pictures[0].shape[:2]
-    joined: dict[str, list[np.ndarray]] = {"vertices": [], "faces": [], "uv": [], "share": [], "number": []}
+    middle = np.asarray(camera.principal_point, dtype=float) + border
+    focal, pose = float(camera.focal_px), np.asarray(camera.world_from_camera, dtype=float)
+    found: list[dict[str, np.ndarray]] = []
     offset = 0
     for some, is_far in parts:
         corners, faces = triangles(some, width, shared=opacity is None)
         x, y, w = corners.T
-        middle = np.asarray(camera.principal_point, dtype=float) + border
-        focal = float(camera.focal_px)
-        scale = 1.0 / np.maximum(w, 1e-30)
-        local = np.stack([(x - middle[0]) / focal, -(y - middle[1]) / focal, -np.ones_like(x)], axis=1)
-        world = np.asarray(camera.world_from_camera, dtype=float)
-        joined["vertices"].append((local * scale[:, None]) @ world[:3, :3].T + world[:3, 3])
-        joined["uv"].append(np.stack([x / width, 1.0 - y / height], axis=1))
-        joined["faces"].append(faces + offset)
-        joined["number"].append(np.full(len(faces), int(is_far), dtype=np.int32))
-        if opacity is not None:
-            joined["share"].append(np.repeat(opacity[some.row, some.column], 4))
+        ahead = np.stack([(x - middle[0]) / focal, -(y - middle[1]) / focal, -np.ones_like(x)], axis=1)
+        share = np.ones(1) if opacity is None else opacity[some.row, some.column]
+        found.append(
+            {
+                "vertices": (ahead / w[:, None]) @ pose[:3, :3].T + pose[:3, 3],
+                "faces": faces + offset,
+                "uv": np.stack([x / width, 1.0 - y / height], axis=1),
+                "far": np.full(len(faces), is_far),
+                "share": np.repeat(share, 4),
+            }
+        )
         offset += len(corners)
-    arrays = {key: np.concatenate(values) for key, values in joined.items() if values}
+    arrays = {key: np.concatenate([each[key] for each in found]) for key in found[0]}
     count = len(arrays["vertices"])
-    used = np.unique(arrays["number"])
-    number = np.searchsorted(used, arrays["number"]).astype(np.int32)
+    used = [k for k in (0, 1) if (arrays["far"] == k).any()]
     return SceneObject(
         name=name,
         vertices=arrays["vertices"],
@@ -220,11 +225,13 @@ def _object(
         normals=np.broadcast_to(np.float32([0, 0, 1]), (count, 3)),
         uv=arrays["uv"],
         colours=np.broadcast_to(np.float32(1), (count, 3)),
-        face_material=number,
+        face_material=(
+            arrays["far"].astype(np.int32) if len(used) > 1 else np.zeros(len(arrays["far"]), np.int32)
+        ),
         materials=tuple(
             Material(np.ones(3), np.zeros(3), np.zeros(3), texture=place, pixels=True)
             for place in range(len(used))
         ),
         textures=tuple(pictures[k] for k in used),
-        vertex_opacity=arrays.get("share"),
+        vertex_opacity=None if opacity is None else arrays["share"],
     )

@@ -1,0 +1,125 @@
+"""A photograph with depth against the scene that it shows: quality of refocusing, and what was guessed.
+
+Scenes of configs are rendered sharp, with their depth at pixel centres. That picture alone is refocused: as
+a photograph, by `multilayer` and by `gather`; the truth is the lens in the real scene. "Seen" are pixels of
+which less than 1 % of the light was guessed, "inner" those farther from the frame than the widest blur reaches.
+Values are cut to 0 to 1, as a display shows them; highlights are kept in the sharp picture, or cut with
+`--display`, as a photograph has them.
+
+    python scripts/compare_photo.py
+"""
+
+import argparse
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from focusjax.baselines import gather, multilayer
+from focusjax.config import build_camera, build_scene, load_config
+from focusjax.layers import disparity_map, peel
+from focusjax.lens import thin_lens
+from focusjax.metrics import psnr, ssim
+from focusjax.photo import GUESS, HOLES, Photo
+from focusjax.trace import render, render_pinhole
+
+CONFIGS = [Path("configs") / f"{name}.toml" for name in ("still_life", "town", "tilted_row", "bars")]
+SEEN = 0.01
+
+
+def guessed_picture(scene, camera, lens, widest, rays):
+    """Light of guesses alone [h, w]."""
+    kept = (
+        set(np.unique(scene.face_material[list(scene.objects[GUESS])])) if GUESS in scene.objects else set()
+    )
+    dark = tuple(
+        each if k in kept else dataclasses.replace(each, base_colour=np.zeros(3))
+        for k, each in enumerate(scene.materials)
+    )
+    layers = peel(dataclasses.replace(scene, materials=dark), camera, widest)
+    return np.asarray(render(layers, lens, rays=rays)).sum(axis=2)
+
+
+def distances_at(disparity, shares):
+    """Focus distances at shares of the range of disparity."""
+    low, high = np.percentile(disparity[disparity > 0], [2, 98])
+    return [1.0 / (low + share * (high - low)) for share in shares]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--configs", nargs="*", type=Path, default=CONFIGS)
+    parser.add_argument("--size", default="320x240", help="in pixels")
+    parser.add_argument("--f-number", type=float, help="in place of the config's widest")
+    parser.add_argument("--focus", type=float, nargs="+", default=[0.0, 1.0], help="0 far, 1 near")
+    parser.add_argument("--rays", type=int, default=64)
+    parser.add_argument("--truth-rays", type=int, default=256)
+    parser.add_argument("--display", action="store_true", help="cut highlights of the sharp picture")
+    options = parser.parse_args()
+    size = [int(side) for side in options.size.split("x")]
+    table = Table(box=None, header_style="dim", title="PSNR in dB, SSIM")
+    for heading in (
+        "scene",
+        "focus",
+        "guessed",
+        "photo",
+        "multilayer",
+        "gather",
+        "seen",
+        "guessed part",
+        "inner",
+    ):
+        table.add_column(heading, justify="left" if heading == "scene" else "right")
+    for path in options.configs:
+        config = load_config(path, [f"camera.resolution={size}"])
+        scene, camera = build_scene(config), build_camera(config)
+        length = float(camera.focal_length)
+        number = options.f_number or min(config.widest_f_number, config.lens.f_number or np.inf)
+        focus = {"focal_length": length, "f_number": number}
+        widest = thin_lens(focus_distance=1.0, **focus)
+        truth = peel(scene, camera, widest, supersampling=2)
+        sharp, disparity = np.asarray(render_pinhole(truth)), np.asarray(disparity_map(scene, camera))
+        sharp = np.clip(sharp, 0.0, 1.0 if options.display else None)
+        there = disparity > 0
+        photo = Photo(sharp, disparity, np.ones_like(there), camera, 1, path)
+        guess = photo.scene(f_number=number)
+        assert HOLES not in guess.objects
+        layers = peel(guess, camera, widest)
+        reach = int(float(camera.focal_px) * float(widest.aperture_radius) * np.ptp(disparity)) + 1
+        inner = np.zeros(disparity.shape, dtype=bool)
+        inner[reach:-reach, reach:-reach] = True
+        for distance in distances_at(disparity, options.focus):
+            lens = thin_lens(focus_distance=distance, **focus)
+            real = np.clip(np.asarray(render(truth, lens, rays=options.truth_rays)), 0.0, 1.0)
+            raw = np.asarray(render(layers, lens, rays=options.rays))
+            share = guessed_picture(guess, camera, lens, widest, 16) / np.maximum(raw.sum(axis=2), 1e-9)
+            ours = np.clip(raw, 0.0, 1.0)
+            others = [multilayer(sharp, disparity, camera, lens, layers=32)]
+            others += [np.asarray(gather(sharp, disparity, camera, lens, taps=128))]
+            seen = share < SEEN
+            masks = (seen, ~seen, inner)
+            table.add_row(
+                path.stem,
+                f"{distance:.3g} m",
+                f"{100 * (share * raw.sum(axis=2)).sum() / raw.sum():.1f} %",
+                *(
+                    f"{psnr(image, real):.2f} {ssim(image, real):.4f}"
+                    for image in (ours, *(np.clip(other, 0.0, 1.0) for other in others))
+                ),
+                *(
+                    " / ".join(
+                        f"{psnr(image, real, mask=mask):.1f}" if mask.any() else "-"
+                        for image in (ours, *(np.clip(other, 0.0, 1.0) for other in others))
+                    )
+                    for mask in masks
+                ),
+            )
+    Console(width=200).print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,198 @@
+"""Depth files and their units: values by hand, holes, and a sentence for everything that cannot be used."""
+
+import warnings
+
+import numpy as np
+import OpenEXR
+import pytest
+from depth_photos import disk_scene, jpeg, png
+from PIL import Image
+
+from focusjax.photo import PhotoError, load_photo
+from focusjax.photo._depth_file import read_depth
+from focusjax.photo._units import DepthUnit, disparity_of
+
+WIDTH, HEIGHT = 48, 36
+
+
+@pytest.fixture
+def photo_file(tmp_path):
+    file = tmp_path / "photo.jpg"
+    file.write_bytes(jpeg(disk_scene()[0]))
+    return file
+
+
+def load(photo_file, name, **settings):
+    return load_photo(
+        photo_file, depth=photo_file.parent / name, focal_length_35mm=26, align_px=0, **settings
+    )
+
+
+def pfm(values, order):
+    head = f"Pf\n{values.shape[1]} {values.shape[0]}\n{'-1.0' if order == '<' else '1.0'}\n".encode()
+    return head + np.flipud(values).astype(f"{order}f4").tobytes()
+
+
+@pytest.mark.parametrize("kind", ["8 bit", "16 bit", "npy", "pfm little", "pfm big", "exr"])
+def test_every_kind_of_file_gives_the_same_disparity(photo_file, kind):
+    _, depth = disk_scene()
+    folder = photo_file.parent
+    if kind == "8 bit":
+        (folder / "d.png").write_bytes(png((depth * 100).astype(np.uint8)))
+        name, settings = "d.png", {"depth_unit": "m", "depth_scale": 0.01}
+    elif kind == "16 bit":
+        Image.fromarray((depth * 1000).astype(np.uint16)).save(folder / "d.png")
+        name, settings = "d.png", {"depth_unit": "mm"}
+    elif kind == "npy":
+        np.save(folder / "d.npy", 1 / depth)
+        name, settings = "d.npy", {"depth_unit": "1/m"}
+    elif kind == "exr":
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        with OpenEXR.File(header, {"Z": depth.astype(np.float32)}) as file:
+            file.write(str(folder / "d.exr"))
+        name, settings = "d.exr", {"depth_unit": "m"}
+    else:
+        (folder / "d.pfm").write_bytes(pfm(depth, "<" if "little" in kind else ">"))
+        name, settings = "d.pfm", {"depth_unit": "m"}
+    found = load(photo_file, name, **settings)
+    np.testing.assert_allclose(found.disparity, 1 / depth, rtol=1e-6)
+    assert found.measured.all()
+
+
+def test_stereo_disparity_and_anchors(photo_file):
+    _, depth = disk_scene()
+    pixels = 900.0 * 0.2 / depth - 30.0
+    np.save(photo_file.parent / "d.npy", pixels * 4)
+    found = load(
+        photo_file,
+        "d.npy",
+        depth_unit="px",
+        depth_scale=0.25,
+        depth_focal_px=900,
+        baseline_m=0.2,
+        depth_offset_px=30,
+    )
+    np.testing.assert_allclose(found.disparity, 1 / depth, rtol=1e-6)
+    np.save(photo_file.parent / "r.npy", 200 - 50 / depth)
+    for anchors in ([(24, 18, 0.5), (2, 2, 2.0)], [(100, 0.5), (175, 2.0)]):
+        found = load(photo_file, "r.npy", depth_unit="relative", anchors=anchors)
+        np.testing.assert_allclose(found.disparity, 1 / depth, rtol=1e-5)
+
+
+def test_holes_are_no_depth(photo_file):
+    _, depth = disk_scene()
+    depth = depth.copy()
+    depth[5:10, 5:10], depth[0, 0], depth[0, 1] = np.nan, -3, np.inf
+    np.save(photo_file.parent / "d.npy", depth)
+    found = load(photo_file, "d.npy", depth_unit="m")
+    assert not found.measured[5:10, 5:10].any()
+    assert not found.measured[0, 0]
+    assert (~found.measured).sum() == 26
+    # Infinitely far is a depth.
+    assert found.disparity[0, 1] == 0
+    np.testing.assert_allclose(found.disparity[5:10, 5:10], 0.5, rtol=1e-6)
+    assert np.isfinite(found.disparity).all()
+
+
+def refused(photo_file, name="d.png", **settings):
+    with pytest.raises(PhotoError) as caught:
+        load(photo_file, name, **settings)
+    return str(caught.value)
+
+
+def test_what_is_missing_or_contradicts_itself_is_refused_in_words(photo_file):
+    folder = photo_file.parent
+    _, depth = disk_scene()
+    (folder / "d.png").write_bytes(png((depth * 100).astype(np.uint8)))
+    said = refused(photo_file)
+    assert "d.png: nothing says what the values of this depth map mean; give depth_unit" in said
+    assert "focal length of the stereo pair" in refused(photo_file, depth_unit="px")
+    assert "needs two anchors, and has 0" in refused(photo_file, depth_unit="relative")
+    said = refused(photo_file, depth_unit="relative", anchors=[(1, 1, 2.0), (3, 1, 1.0)])
+    assert "both anchors have the value 200" in said
+    assert "no such depth map" in refused(photo_file, "none.png", depth_unit="m")
+    (folder / "cut.png").write_bytes((folder / "d.png").read_bytes()[:60])
+    assert "cut.png: this depth map cannot be read" in refused(photo_file, "cut.png", depth_unit="m")
+    (folder / "cut.pfm").write_bytes(pfm(depth, "<")[:-9])
+    assert "the PFM file is cut off" in refused(photo_file, "cut.pfm", depth_unit="m")
+    Image.fromarray(disk_scene()[0]).save(folder / "colour.png")
+    assert "is a colour picture (RGB)" in refused(photo_file, "colour.png", depth_unit="m")
+    np.save(folder / "empty.npy", np.full((HEIGHT, WIDTH), np.nan))
+    assert "no value of this depth map is valid" in refused(photo_file, "empty.npy", depth_unit="m")
+    np.save(folder / "wide.npy", np.ones((HEIGHT, 2 * WIDTH)))
+    said = refused(photo_file, "wide.npy", depth_unit="m")
+    assert "the depth map is 96 x 36 pixels" in said
+    assert "photograph photo.jpg 48 x 36" in said
+
+
+def test_greys_called_metres_get_a_warning(photo_file):
+    grey = np.linspace(30, 255, WIDTH * HEIGHT).reshape(HEIGHT, WIDTH).astype(np.uint8)
+    (photo_file.parent / "d.png").write_bytes(png(grey))
+    with pytest.warns(UserWarning, match=r"values of 0 to 255 look like 8-bit greys, not metres"):
+        load(photo_file, "d.png", depth_unit="m")
+
+
+def test_the_photograph_itself_is_refused_in_words(tmp_path):
+    file = tmp_path / "photo.jpg"
+    with pytest.raises(PhotoError, match="there is no such photograph"):
+        load_photo(file)
+    whole = jpeg(disk_scene()[0])
+    file.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(PhotoError, match="this photograph cannot be read"):
+        load_photo(file)
+    file.write_bytes(whole)
+    with pytest.raises(PhotoError, match="there is no depth in this photograph"):
+        load_photo(file)
+    np.save(tmp_path / "d.npy", disk_scene()[1])
+    with pytest.raises(PhotoError, match="EXIF does not say the focal length"):
+        load_photo(file, depth=tmp_path / "d.npy", depth_unit="m")
+    with pytest.raises(PhotoError, match="the curve is 'log'"):
+        load_photo(file, depth=tmp_path / "d.npy", depth_unit="m", curve="log")
+
+
+def exif(orientation, film_mm=None):
+    made = Image.Exif()
+    made[0x0112] = orientation
+    if film_mm is not None:
+        made.get_ifd(0x8769)[0xA405] = film_mm
+    return made
+
+
+@pytest.mark.parametrize("upright_depth", [False, True])
+def test_exif_turns_the_photograph_and_its_depth(tmp_path, upright_depth):
+    picture, depth = disk_scene()
+    depth = depth.copy()
+    depth[:6] = 4.0
+    file = tmp_path / "photo.jpg"
+    # Orientation 6: shown after a quarter turn clockwise.
+    file.write_bytes(jpeg(picture, exif(6, 26)))
+    np.save(tmp_path / "d.npy", np.rot90(depth, -1) if upright_depth else depth)
+    found = load_photo(file, depth=tmp_path / "d.npy", depth_unit="m", align_px=0)
+    assert (found.camera.width, found.camera.height) == (HEIGHT, WIDTH)
+    np.testing.assert_allclose(found.disparity[:, -6:], 0.25, rtol=1e-6)
+    np.testing.assert_allclose(float(found.camera.focal_px), 26 / 43.2666 * np.hypot(48, 36), rtol=1e-5)
+    file.write_bytes(jpeg(picture, exif(3, 26)))
+    with pytest.raises(PhotoError, match=r"EXIF turns this photograph \(orientation 3\)"):
+        load_photo(file, depth=tmp_path / "d.npy", depth_unit="m")
+
+
+def test_light_is_linear_and_highlights_grow_by_the_stated_rule(tmp_path):
+    grey = np.full((HEIGHT, WIDTH, 3), 188, np.uint8)
+    grey[0] = 255
+    Image.fromarray(grey).save(tmp_path / "p.png")
+    np.save(tmp_path / "d.npy", disk_scene()[1])
+    rest = {"depth": tmp_path / "d.npy", "depth_unit": "m", "focal_length_px": 40, "align_px": 0}
+    assert load_photo(tmp_path / "p.png", **rest).light[9, 9, 0] == pytest.approx(0.5029, abs=1e-4)
+    assert load_photo(tmp_path / "p.png", curve=2.0, **rest).light[9, 9, 0] == pytest.approx((188 / 255) ** 2)
+    brighter = load_photo(tmp_path / "p.png", highlight_stops=3, **rest).light
+    assert brighter[0, 0, 0] == pytest.approx(8.0)
+    assert brighter[9, 9, 0] == pytest.approx(0.5029, abs=1e-4)
+
+
+def test_the_step_of_stored_values_becomes_one_of_disparity(tmp_path):
+    (tmp_path / "d.png").write_bytes(png(np.full((4, 4), 100, np.uint8)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = disparity_of(read_depth(tmp_path / "d.png"), DepthUnit("m", scale=0.02), (4, 4))
+    assert found[0][0, 0] == pytest.approx(0.5)
+    assert found[2] == pytest.approx(0.02 / 4)

@@ -1,0 +1,135 @@
+"""The scene of a photograph: sharp it is the photograph again, and behind the disk the wall goes on."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from depth_photos import FAR_M, NEAR_M, disk_scene
+from scipy.ndimage import shift
+
+from focusjax.geometry import make_camera
+from focusjax.layers import disparity_map, peel
+from focusjax.lens import thin_lens
+from focusjax.photo import GUESS, HOLES, SEEN, Photo
+from focusjax.photo._scene import sheets
+from focusjax.photo._tears import links
+from focusjax.trace import render, render_pinhole
+
+WIDTH, HEIGHT = 64, 48
+CAMERA = make_camera(np.eye(4), width=WIDTH, height=HEIGHT, focal_length=0.035)
+
+
+def photo(light=None, depth=None, measured=None):
+    picture, usual = disk_scene(WIDTH, HEIGHT)
+    light = (picture / 255.0).astype(np.float32) if light is None else light
+    depth = usual if depth is None else depth
+    measured = np.ones(depth.shape, bool) if measured is None else measured
+    return Photo(light, (1 / depth).astype(np.float32), measured, CAMERA, 1, Path("photo.png"))
+
+
+def lens_at(distance, f_number=1.4):
+    return thin_lens(focus_distance=distance, focal_length=0.035, f_number=f_number)
+
+
+@pytest.fixture(scope="module")
+def disk():
+    found = photo()
+    scene = found.scene(f_number=1.4)
+    return found, scene, peel(scene, CAMERA, lens_at(FAR_M))
+
+
+def test_the_sharp_view_is_the_photograph(disk):
+    found, scene, layers = disk
+    # Each pixel its own square, with its own texel; observed 6e-8 with opaque edges.
+    np.testing.assert_allclose(np.asarray(render_pinhole(layers)), found.light, atol=2e-3)
+    seen = np.asarray(disparity_map(scene, CAMERA))
+    assert (np.abs(seen - found.disparity) < 1e-4).mean() > 0.97
+
+
+def test_in_focus_the_photograph_stays_and_blur_spreads_the_disk(disk):
+    found, _, layers = disk
+    on_disk = np.asarray(render(layers, lens_at(NEAR_M), rays=64))
+    middle = np.s_[HEIGHT // 2 - 4 : HEIGHT // 2 + 4, WIDTH // 2 - 4 : WIDTH // 2 + 4]
+    np.testing.assert_allclose(on_disk[middle], found.light[middle], atol=2e-3)
+    on_wall = np.asarray(render(layers, lens_at(FAR_M), rays=64))
+    corner = np.s_[3:8, 3:8]
+    np.testing.assert_allclose(on_wall[corner], found.light[corner], atol=2e-3)
+
+
+def test_what_is_behind_is_as_far_and_looks_like_the_wall():
+    wall = np.full((HEIGHT, WIDTH, 3), 0.25, np.float32)
+    picture, depth = disk_scene(WIDTH, HEIGHT)
+    near = depth == NEAR_M
+    wall[near] = [0.9, 0.1, 0.1]
+    parallax = float(CAMERA.focal_px) * 0.035 / 2.8
+    found = sheets(wall, 1 / depth, parallax, 1)
+    border = found.border
+    inner = np.s_[border : border + HEIGHT, border : border + WIDTH]
+    behind, matte = found.behind[inner], found.matte
+    assert (behind & near).sum() > 0.5 * near.sum()
+    np.testing.assert_allclose(found.far[inner][behind], 1 / FAR_M, rtol=1e-3)
+    # No halo: nothing of the disk's red is behind it.
+    np.testing.assert_allclose(matte.far[inner][behind & near], 0.25, atol=2e-3)
+    assert (matte.share[inner][near & ~found.band[inner]] == 1).all()
+
+
+def test_a_blurred_foreground_over_an_even_wall_is_as_in_the_real_scene():
+    """With the wall even, the guess behind the disk is right, so refocusing is exact up to edges."""
+    _, depth = disk_scene(WIDTH, HEIGHT)
+    light = np.full((HEIGHT, WIDTH, 3), 0.25, np.float32)
+    light[depth == NEAR_M] = [0.9, 0.1, 0.1]
+    scene = photo(light).scene(f_number=1.4)
+    got = np.asarray(render(peel(scene, CAMERA, lens_at(FAR_M)), lens_at(FAR_M), rays=256))
+    # The disk's coverage, convolved with the aperture: blur diameter 2 f E (1/0.5 - 1/2).
+    radius = float(CAMERA.focal_px) * 0.035 / 2.8 * (1 / NEAR_M - 1 / FAR_M)
+    near = (depth == NEAR_M).astype(float)
+    offsets = np.linspace(-radius, radius, 41)
+    shifts = [(a, b) for a in offsets for b in offsets if np.hypot(a, b) <= radius]
+    cover = np.mean([shift(near, offset, order=1) for offset in shifts], axis=0)
+    expected = cover[..., None] * [0.9, 0.1, 0.1] + (1 - cover[..., None]) * 0.25
+    # Observed 0.008; a hole or a halo would be 0.1 and more.
+    assert np.abs(got - expected).mean() < 0.01
+    assert np.abs(got - expected).max() < 0.1
+    del x, y
+
+
+def test_energy_of_an_even_photograph_stays_to_the_border():
+    depth = disk_scene(WIDTH, HEIGHT)[1]
+    even = photo(np.full((HEIGHT, WIDTH, 3), 0.5, np.float32), depth)
+    layers = peel(even.scene(f_number=1.4), CAMERA, lens_at(0.8))
+    for distance in (NEAR_M, 0.8, FAR_M):
+        got = np.asarray(render(layers, lens_at(distance), rays=32))
+        np.testing.assert_allclose(got, 0.5, atol=2e-3)
+
+
+def test_holes_are_an_object_of_their_own():
+    measured = np.ones((HEIGHT, WIDTH), bool)
+    measured[2:6, 2:9] = False
+    scene = photo(measured=measured).scene(f_number=1.4)
+    assert {SEEN, HOLES, GUESS} <= set(scene.objects)
+    layers = peel(scene, CAMERA, lens_at(FAR_M))
+    seen = np.asarray(layers.triangle[0])
+    margin = layers.grid.margin
+    face = seen[margin + 3, margin + 4]
+    assert face in scene.objects[HOLES]
+
+
+def test_slopes_are_joined_and_silhouettes_torn():
+    ramp = np.tile(np.linspace(0.5, 2.0, 40), (5, 1))
+    assert links(ramp, 60.0).across.all()
+    step = np.where(np.arange(40) < 20, 0.5, 2.0)[None].repeat(5, axis=0)
+    torn = ~links(step, 60.0).across
+    assert torn[:, 19].all()
+    assert torn.sum() == 5
+    # A narrow lens cannot look behind: nothing is torn.
+    assert links(step, 0.5).across.all()
+
+
+def test_few_squares_where_a_surface_is_smooth():
+    flat = photo(depth=np.full((HEIGHT, WIDTH), 1.0)).scene(f_number=1.4)
+    assert len(flat.faces) < 0.2 * 2 * WIDTH * HEIGHT
+
+
+def test_f_numbers_are_checked():
+    with pytest.raises(ValueError, match="f_number is 0; expected a positive f-number"):
+        photo().scene(f_number=0)

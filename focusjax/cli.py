@@ -1,4 +1,4 @@
-"""The command line: `focusjax run`, `solve`, `render`, `refocus`, `batch`, `shot`, `studio`, `export`, and more."""
+"""The command line: `focusjax run`, `render`, `refocus`, `batch`, `shot`, `studio`, `export`, and more."""
 
 import logging
 import os

@@ -2,9 +2,9 @@
 
 Scenes of configs are rendered sharp, with their depth at pixel centres. That picture alone is refocused: as
 a photograph, by `multilayer` and by `gather`; the truth is the lens in the real scene. "Seen" are pixels of
-which less than 1 % of the light was guessed, "inner" those farther from the frame than the widest blur reaches.
-Values are cut to 0 to 1, as a display shows them; highlights are kept in the sharp picture, or cut with
-`--display`, as a photograph has them.
+which less than 1 % of the light was guessed, "inner" those farther from the frame than the widest blur
+reaches, both for the three in turn. Values are cut to 0 to 1, as a display shows them; highlights are kept
+in the sharp picture, or cut with `--display`, as a photograph has them.
 
     python scripts/compare_photo.py
 """
@@ -29,7 +29,7 @@ CONFIGS = [Path("configs") / f"{name}.toml" for name in ("still_life", "town", "
 SEEN = 0.01
 
 
-def guessed_picture(scene, camera, lens, widest, rays):
+def guessed_picture(scene, camera, lens, rays):
     """Light of guesses alone [h, w]."""
     kept = (
         set(np.unique(scene.face_material[list(scene.objects[GUESS])])) if GUESS in scene.objects else set()
@@ -38,7 +38,7 @@ def guessed_picture(scene, camera, lens, widest, rays):
         each if k in kept else dataclasses.replace(each, base_colour=np.zeros(3))
         for k, each in enumerate(scene.materials)
     )
-    layers = peel(dataclasses.replace(scene, materials=dark), camera, widest)
+    layers = peel(dataclasses.replace(scene, materials=dark), camera, lens)
     return np.asarray(render(layers, lens, rays=rays)).sum(axis=2)
 
 
@@ -88,15 +88,15 @@ def main() -> None:
         photo = Photo(sharp, disparity, np.ones_like(there), camera, 1, path)
         guess = photo.scene(f_number=number)
         assert HOLES not in guess.objects
-        layers = peel(guess, camera, widest)
         reach = int(float(camera.focal_px) * float(widest.aperture_radius) * np.ptp(disparity)) + 1
         inner = np.zeros(disparity.shape, dtype=bool)
         inner[reach:-reach, reach:-reach] = True
         for distance in distances_at(disparity, options.focus):
             lens = thin_lens(focus_distance=distance, **focus)
+            truth, layers = peel(scene, camera, lens, supersampling=2), peel(guess, camera, lens)
             real = np.clip(np.asarray(render(truth, lens, rays=options.truth_rays)), 0.0, 1.0)
             raw = np.asarray(render(layers, lens, rays=options.rays))
-            share = guessed_picture(guess, camera, lens, widest, 16) / np.maximum(raw.sum(axis=2), 1e-9)
+            share = guessed_picture(guess, camera, lens, 16) / np.maximum(raw.sum(axis=2), 1e-9)
             ours = np.clip(raw, 0.0, 1.0)
             others = [multilayer(sharp, disparity, camera, lens, layers=32)]
             others += [np.asarray(gather(sharp, disparity, camera, lens, taps=128))]

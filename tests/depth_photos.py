@@ -62,12 +62,13 @@ def description(attributes, inside=""):
     ).encode()
 
 
-def gdepth_jpeg(picture, depth, units="m", extended=False):
+def gdepth_jpeg(picture, depth, units="m", per_metre=1, extended=False):
     """A JPEG with GDepth, its map in the first packet or in extended XMP of several segments."""
     data = base64.b64encode(png(range_inverse(depth))).decode()
     space = 'xmlns:GDepth="http://ns.google.com/photos/1.0/depthmap/"'
     said = (
-        f'{space} GDepth:Format="RangeInverse" GDepth:Near="{NEAR_M}" GDepth:Far="{FAR_M}"'
+        f'{space} GDepth:Format="RangeInverse" GDepth:Near="{NEAR_M * per_metre}"'
+        f' GDepth:Far="{FAR_M * per_metre}"'
         f' GDepth:Mime="image/png" GDepth:Units="{units}"'
     )
     if not extended:

@@ -86,7 +86,7 @@ class ImageTable(Table):
 class SceneTable(Table):
     """`[scene]`: everything that can be seen, and the light it is seen by."""
 
-    objects: Annotated[tuple[ObjectTable, ...], Strict(False)] = Field(
+    objects: Annotated[tuple[ObjectTable, ...], Strict(False), Field(min_length=1)] = Field(
         default=(), description="at least one [[scene.objects]] table with a file"
     )
     photo: PhotoTable | None = Field(default=None, description="a [scene.photo] table, instead of objects")

@@ -73,5 +73,5 @@ def warn_of_holes(config: Config, wishes: Sequence[FocusTable], scene: Scene, ca
             warnings.warn(
                 f"{config.source}: focus.{number} is at [{x:g}, {y:g}], where the depth map has a hole; its"
                 " distance is a guess from around, so choose a place with depth if it matters",
-                stacklevel=2,
+                stacklevel=1,
             )

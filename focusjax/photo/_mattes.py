@@ -1,14 +1,18 @@
 """Pixels at silhouettes: how much of each is the foreground, and both colours.
 
 A pixel at an edge holds a mixture I = a F + (1 - a) B of foreground F and background B. F is the mean of what
-surely is foreground nearby, B the membrane of what surely is background. The share a is the place of I
-between the two,
+surely is foreground nearby, B the membrane of what surely is background. Both have a texture of variance s^2,
+so the place of I between the two says as much about a as they differ by more than that, and the depth says
+the rest: a is a_0 +- t with a_0 = 0.85 on the near and 0.15 on the far side of a tear. The likeliest share is
 
-    a = (I - B) . (F - B) / |F - B|^2,    cut to 0 to 1,
+    a = ((I - B) . (F - B) / s^2 + a_0 / t^2) / (|F - B|^2 / s^2 + 1 / t^2),    cut to 0 to 1.
 
-and what is left over of I is given to F and B by their shares, so that the sharp view is the photograph
-again. Where both look alike, the edge stays where the depth has it (Porter and Duff 1984 for the mixture;
-Hasinoff, Kang and Szeliski 2006 for mattes along depth edges).
+Where F and B are too alike to tell mixtures, a is 1 or 0: whichever of the two normal distributions with
+the means and variances above is likelier to make I, at prior odds of a_0 to 1 - a_0. So the edge stays
+where the depth has it, except for pixels that plainly are not what the depth says, such as a highlight on a
+spoke that the depth map missed. What is left over of I is given to F and B by their shares, so that the
+sharp view is the photograph again (Porter and Duff 1984 for the mixture; Hasinoff, Kang and Szeliski 2006
+for mattes along depth edges).
 """
 
 from dataclasses import dataclass
@@ -17,8 +21,12 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter
 
-_ALIKE = 0.02
-"""Distance of two colours, encoded as for a display, below which no share can be told."""
+_FAR_SHARE, _SPREAD = 0.15, 0.6
+"""The share that pixels on the far side of a tear are expected to have, and how far off it may be."""
+_NOISE = 1e-4
+"""Variance of light that no texture explains."""
+_TELLING = 0.5
+"""Weight of the colours against the expectation below which they tell no mixture."""
 _UNSURE = 1e-3
 """Weight of pixels of the band itself as foreground: only where there are no others, as in a wire."""
 _RADIUS = 1.5
@@ -57,20 +65,23 @@ def mattes(
         near_band: those of them whose depth is the foreground's.
     """
     weight = np.where(near_side & ~band, 1.0, np.where(near_band, _UNSURE, 0.0)).astype(light.dtype)
-    total = gaussian_filter(weight, _RADIUS, truncate=3.0)
-    front = np.stack(
-        [gaussian_filter(weight * light[..., c], _RADIUS, truncate=3.0) for c in range(3)], axis=-1
-    )
+    front, front_variance, found = _around(light, weight, band)
+    ground = (~near_side & ~band).astype(light.dtype)
+    _, back_variance, ground_found = _around(light, ground, band)
+    back_variance = np.where(ground_found, back_variance, front_variance)
     own, behind = light[band], far[band]
-    front = front[band] / np.maximum(total[band], 1e-12)[:, None]
-    found = total[band] > 1e-9
-    # Shares are of light, but whether colours differ is as the eye sees it.
-    apart = np.linalg.norm(_shown(front) - _shown(behind), axis=1)
     between = front - behind
-    length = np.maximum((between**2).sum(axis=1), 1e-12)
-    share = np.clip(((own - behind) * between).sum(axis=1) / length, 0.0, 1.0)
-    sure = np.clip(apart / _ALIKE - 1.0, 0.0, 1.0) * found
-    share = sure * share + (1.0 - sure) * near_band[band]
+    length = (between**2).sum(axis=1)
+    precision = 1.0 / (0.5 * (front_variance + back_variance) + _NOISE)
+    expected = np.where(near_band[band], 1.0 - _FAR_SHARE, _FAR_SHARE)
+    place = ((own - behind) * between).sum(axis=1)
+    share = (place * precision + expected / _SPREAD**2) / (length * precision + 1.0 / _SPREAD**2)
+    # How much the colours tell of a mixture, against what is expected by depth alone.
+    said = length * precision / (length * precision + 1.0 / _SPREAD**2)
+    odds = np.log(expected / (1.0 - expected))
+    odds += _likelihood(own, front, front_variance) - _likelihood(own, behind, back_variance)
+    share = np.where(said > _TELLING, np.clip(share, 0.0, 1.0), odds > 0.0)
+    share = np.where(found, share, near_band[band])
     front = np.where(found[:, None], front, own)
     share = np.round(share * 255.0) / 255.0
     left = own - share[:, None] * front - (1.0 - share[:, None]) * behind
@@ -87,5 +98,24 @@ def mattes(
     return Mattes(shares, near, back)
 
 
-def _shown(light: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    return np.maximum(light, 0.0) ** (1 / 2.2)
+def _likelihood(
+    own: Float[np.ndarray, "n 3"], mean: Float[np.ndarray, "n 3"], variance: Float[np.ndarray, "n"]
+) -> Float[np.ndarray, "n"]:
+    """Log-likelihood of light; its channels vary together, so that they count as one."""
+    spread = variance + _NOISE
+    return -0.5 * (((own - mean) ** 2).mean(axis=1) / spread + np.log(spread))
+
+
+def _around(
+    light: Float[np.ndarray, "h w 3"], weight: Float[np.ndarray, "h w"], band: Bool[np.ndarray, "h w"]
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
+    """Weighted means and variances of light around the pixels of `band`, and where there is any weight."""
+
+    def blurred(values: np.ndarray) -> np.ndarray:
+        return gaussian_filter(weight * values, _RADIUS, truncate=3.0)[band]
+
+    total = blurred(np.ones_like(weight))
+    scale = 1.0 / np.maximum(total, 1e-12)
+    mean = np.stack([blurred(light[..., c]) * scale for c in range(3)], axis=-1)
+    square = blurred((light**2).mean(axis=2)) * scale
+    return mean, np.maximum(square - (mean**2).mean(axis=1), 0.0), total > 1e-9

@@ -59,7 +59,7 @@ def squares(
     return Squares(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
-def corners_grid(corners: Float[np.ndarray, "4 h w"]) -> Float[np.ndarray, "h+1 w+1"]:
+def corners_grid(corners: Float[np.ndarray, "4 h w"]) -> Float[np.ndarray, "_ _"]:
     """The corners of all pixels as one grid, of use where all pixels around each continue one another."""
     nodes = np.empty((corners.shape[1] + 1, corners.shape[2] + 1), dtype=corners.dtype)
     nodes[1:, 1:] = corners[3]

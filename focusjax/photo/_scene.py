@@ -159,9 +159,10 @@ def scene_of(found: Sheets, measured: Bool[np.ndarray, "h w"], camera: Camera, p
     holes = np.pad(~measured, border)
     share = found.matte.share
     mixed = found.band & (share < 1.0)
-    behind = found.behind & ~(found.seen_behind & (share >= 1.0) & ~mixed)
+    # Where the foreground takes a whole pixel, what is behind it is a guess like any other.
+    shows_behind = found.seen_behind & (share < 1.0) & inside
     near_links, far_links = links(found.near, parallax), links(found.far, parallax)
-    near_light, far_light = found.matte.near, np.where(found.behind[..., None], found.matte.far, 0.0)
+    near_light, far_light = found.matte.near, found.matte.far
 
     def objects(
         name: str, parts: list[tuple[Squares, bool]], *, opacity: np.ndarray | None = None
@@ -178,10 +179,10 @@ def scene_of(found: Sheets, measured: Bool[np.ndarray, "h w"], camera: Camera, p
         return squares(found.far, far_links, there, parallax), True
 
     made = [
-        *objects(SEEN, [near(~mixed & inside & ~holes), far(behind & found.seen_behind & inside)]),
+        *objects(SEEN, [near(~mixed & inside & ~holes), far(shows_behind)]),
         *objects(HOLES, [near(~mixed & inside & holes)]),
         *objects(EDGES, [near(mixed & (share > 0) & inside)], opacity=share),
-        *objects(GUESS, [near(~mixed & ~inside), far(behind & ~(found.seen_behind & inside))]),
+        *objects(GUESS, [near(~mixed & ~inside), far(found.behind & ~shows_behind)]),
     ]
     return make_scene(made, unlit=True, background=constant_background(0.0))
 
@@ -217,12 +218,12 @@ def _object(
         offset += len(corners)
     arrays = {key: np.concatenate([each[key] for each in found]) for key in found[0]}
     count = len(arrays["vertices"])
-    used = [k for k in (0, 1) if (arrays["far"] == k).any()]
+    used = [picture for picture in (0, 1) if (arrays["far"] == picture).any()]
     return SceneObject(
         name=name,
         vertices=arrays["vertices"],
         faces=arrays["faces"].astype(np.int32),
-        normals=np.broadcast_to(np.float32([0, 0, 1]), (count, 3)),
+        normals=np.broadcast_to(np.array([0, 0, 1], dtype=np.float32), (count, 3)),
         uv=arrays["uv"],
         colours=np.broadcast_to(np.float32(1), (count, 3)),
         face_material=(

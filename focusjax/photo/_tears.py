@@ -27,8 +27,8 @@ class Links:
         down: whether pixel [h - 1, w] continues to the one below.
     """
 
-    across: Bool[np.ndarray, "h w-1"]
-    down: Bool[np.ndarray, "h-1 w"]
+    across: Bool[np.ndarray, "_ _"]
+    down: Bool[np.ndarray, "_ _"]
 
 
 def links(disparity: Float[np.ndarray, "h w"], parallax: float) -> Links:
@@ -37,10 +37,11 @@ def links(disparity: Float[np.ndarray, "h w"], parallax: float) -> Links:
     return Links(across, _along_rows(disparity.T, parallax).T)
 
 
-def _along_rows(disparity: Float[np.ndarray, "h w"], parallax: float) -> Bool[np.ndarray, "h w-1"]:
+def _along_rows(disparity: Float[np.ndarray, "h w"], parallax: float) -> Bool[np.ndarray, "_ _"]:
     step = np.diff(disparity, axis=1)
-    before = np.pad(step, ((0, 0), (1, 0)))[:, :-1]
-    after = np.pad(step, ((0, 0), (0, 1)))[:, 1:]
+    # At the frame nothing speaks against a slope.
+    before = np.pad(step, ((0, 0), (1, 0)), mode="edge")[:, :-1]
+    after = np.pad(step, ((0, 0), (0, 1)), mode="edge")[:, 1:]
     gap = parallax * np.abs(step)
     misfit = np.maximum(np.abs(step - before), np.abs(step - after))
     return (gap <= GAP) | ((misfit <= 0.5 * np.abs(step)) & (gap <= STEEPEST))

@@ -181,5 +181,5 @@ def _warn_of_unlikely(disparity: Float[np.ndarray, "n"], unit: DepthUnit, source
         warnings.warn(
             f"{source}: in {unit.unit} half of the photograph is farther than {distance:.3g} m, which is"
             f" unlikely; {values}check the depth unit and scale",
-            stacklevel=4,
+            stacklevel=1,
         )

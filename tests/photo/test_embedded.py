@@ -31,11 +31,7 @@ def test_android_photographs_bring_their_depth_and_unit(tmp_path, kind):
     data = {
         "gdepth": lambda: gdepth_jpeg(picture, depth),
         "extended": lambda: gdepth_jpeg(picture, depth, extended=True),
-        "millimetres": lambda: (
-            gdepth_jpeg(picture, depth, units="mm")
-            .replace(b'Near="0.5"', b'Near="500"')
-            .replace(b'Far="2.0"', b'Far="2000"')
-        ),
+        "millimetres": lambda: gdepth_jpeg(picture, depth, units="mm", per_metre=1000),
         "dynamic depth": lambda: dynamic_depth_jpeg(picture, depth),
     }[kind]()
     found = opened(tmp_path, data)

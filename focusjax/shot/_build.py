@@ -249,7 +249,7 @@ def _motions(config: Config, table: ShotTable, objects: Sequence[SceneObject]) -
         shape = None
         if moving.vertices is not None:
             shape = load_vertex_sequence(
-                config.file(moving.vertices, "shot.objects.vertices"),
+                config.reach.file(moving.vertices, "shot.objects.vertices"),
                 item,
                 first_frame=1.0 if moving.first_frame is None else moving.first_frame,
                 frames_per_step=1.0 if moving.frames_per_step is None else moving.frames_per_step,

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, PrivateAttr, Strict, ValidationError, model_validator
 
+from focusjax.config._camera_of_file import with_camera_of_file
 from focusjax.config._errors import ConfigError, key_path, sentence_for
 from focusjax.config._exposure import ExposureTable, FilmTable
 from focusjax.config._photo_camera import with_camera_of_photo
@@ -222,14 +223,15 @@ def parse_config(text: str, source: Path | str, *, root: Path | str | None = Non
 def config_of(data: dict[str, Any], reach: Reach) -> Config:
     """The config that `data` says; `reach.source` is its file, or what stands for one in messages.
 
-    A `[scene.photo]` brings the camera that took it; what `[camera]` says goes before.
+    A `[scene.photo]` brings the camera that took it, and `[camera] file` camera and lens; what `[camera]` and
+    `[lens]` say goes before.
 
     Raises:
         ConfigError: as `load_config`.
     """
     source = reach.source
     try:
-        config = Config.model_validate(with_camera_of_photo(data, reach))
+        config = Config.model_validate(with_camera_of_file(with_camera_of_photo(data, reach), reach))
     except ValidationError as error:
         raise ConfigError(sentence_for(error, Config, source)) from None
     config._reach = reach

@@ -1,7 +1,7 @@
 """Cameras for glTF 2.0, as JSON (`.gltf`): a perspective camera on a node.
 
 glTF knows neither focus nor opening: these are in the camera's `extras`, under "focusjax", in metres, radians
-and 1/m, which `[camera] from` reads again. A shot is an animation of the node, and of the field of view by
+and 1/m, which `[camera] file` reads again. A shot is an animation of the node, and of the field of view by
 the extension KHR_animation_pointer where the camera zooms. Source: the specification of glTF 2.0 (Khronos).
 """
 

@@ -51,7 +51,7 @@ def check_mesh(path: Path) -> None:
         ValueError: what is too large, and the limit.
     """
     check_bytes(path)
-    content = _gltf(path)
+    content = gltf_json(path)
     accessors = content.get("accessors") if isinstance(content, dict) else None
     counts = [each.get("count") for each in accessors or () if isinstance(each, dict)]
     total = sum(count for count in counts if isinstance(count, int) and count > 0)
@@ -62,7 +62,7 @@ def check_mesh(path: Path) -> None:
         )
 
 
-def _gltf(path: Path) -> Any:
+def gltf_json(path: Path) -> Any:
     """The JSON of a glTF file; None of others, and of what the reader will refuse in its own words."""
     ending = path.suffix.lower()
     try:

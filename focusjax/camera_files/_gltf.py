@@ -1,0 +1,99 @@
+"""Cameras of glTF 2.0: a node's place in the hierarchy, and a vertical field of view.
+
+glTF's units and axes are focusjax's. The lens is in `extras`, under "focusjax", where focusjax wrote the
+file. Source: the specification of glTF 2.0 (Khronos), 3.5 and 3.10.
+"""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from focusjax.camera_files._stored import CameraFileError, Opening, StoredCamera, chosen, rigid
+from focusjax.scene import gltf_json
+
+
+def gltf_camera(path: Path, name: str | None) -> StoredCamera:
+    """The camera; see `read_camera`."""
+    content = gltf_json(path)
+    if not isinstance(content, dict):
+        raise CameraFileError(f"{path}: is no glTF file that can be read; export it again")
+    try:
+        return _camera(content, path, name)
+    except CameraFileError:
+        raise
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise CameraFileError(f"{path}: is no valid glTF file ({reason}); export it again") from None
+
+
+def _camera(content: dict[str, Any], path: Path, name: str | None) -> StoredCamera:
+    nodes = content.get("nodes", [])
+    cameras = content.get("cameras", [])
+    placed = [number for number, node in enumerate(nodes) if "camera" in node]
+    names = [_name(nodes[number], cameras[nodes[number]["camera"]], number) for number in placed]
+    number = placed[chosen(names, name, path)]
+    called = names[placed.index(number)]
+    camera = cameras[nodes[number]["camera"]]
+    if camera.get("type") != "perspective":
+        raise CameraFileError(
+            f"{path}: camera {called!r} is {camera.get('type')!s}; expected one in perspective"
+        )
+    pose = rigid(_world(nodes, number, path), path, called)
+    angle = float(camera["perspective"]["yfov"])
+    if not 0 < angle < math.pi:
+        raise CameraFileError(f"{path}: camera {called!r} has yfov = {angle:g}; expected 0 to pi")
+    own = camera.get("extras", {})
+    own = own.get("focusjax") if isinstance(own, dict) else None
+    if not isinstance(own, dict):
+        return StoredCamera(called, pose, field_of_view=angle)
+    return StoredCamera(
+        called,
+        pose,
+        focal_length=float(own["focal_length_m"]),
+        sensor_width=float(own["sensor_width_m"]),
+        resolution=(int(own["width_px"]), int(own["height_px"])),
+        # "inf", as JSON has no word for it.
+        focus_distance=float(own["focus_distance_m"]),
+        f_number=0.0 if not own["aperture_radius_m"] else float(own["f_number"]),
+        tilt=float(own["tilt_rad"]),
+        swing=float(own["swing_rad"]),
+        opening=_opening(own),
+    )
+
+
+def _opening(own: dict[str, Any]) -> Opening:
+    blades = int(own.get("blades", 0))
+    if not blades:
+        return Opening(squeeze=float(own["squeeze"]))
+    return Opening(blades, float(own["blade_rotation_rad"]), float(own["roundness"]), float(own["squeeze"]))
+
+
+def _name(node: dict[str, Any], camera: dict[str, Any], number: int) -> str:
+    return str(node.get("name") or camera.get("name") or f"node {number}")
+
+
+def _world(nodes: list[dict[str, Any]], number: int, path: Path) -> Float[np.ndarray, "4 4"]:
+    """The transform of a node and of all above it."""
+    above = {child: parent for parent, node in enumerate(nodes) for child in node.get("children", ())}
+    matrix, seen = _local(nodes[number]), {number}
+    while number in above:
+        number = above[number]
+        if number in seen:
+            raise CameraFileError(f"{path}: node {number} is its own ancestor; export the scene again")
+        seen.add(number)
+        matrix = _local(nodes[number]) @ matrix
+    return matrix
+
+
+def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=float).reshape(4, 4).T
+    matrix = np.eye(4)
+    turn = Rotation.from_quat(node.get("rotation", (0.0, 0.0, 0.0, 1.0))).as_matrix()
+    matrix[:3, :3] = turn * np.array(node.get("scale", (1.0, 1.0, 1.0)), dtype=float)
+    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    return matrix

@@ -1,0 +1,81 @@
+"""The camera and lens of `[camera] file`, where a config does not say otherwise itself."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from focusjax.camera_files import StoredCamera, read_camera
+from focusjax.config._errors import ConfigError
+from focusjax.config._reach import Reach
+
+_POSE = ("matrix", "position", "look_at", "up")
+_LENGTH = ("focal_length_mm", "field_of_view_deg")
+_STOP = ("f_number", "aperture_radius_mm", "sharp_from_m", "sharp_to_m")
+_FOCUS = ("focus_distance_m", "focal_surface", "sharp_from_m", "sharp_to_m")
+_USUAL_WIDTH = 0.036
+
+
+def with_camera_of_file(data: dict[str, Any], reach: Reach) -> dict[str, Any]:
+    """`data` with what the file says of camera and lens, where its tables say nothing themselves.
+
+    Raises:
+        ConfigError: the file cannot be read, or has no such camera.
+    """
+    camera, lens = data.get("camera"), data.get("lens", {})
+    if not isinstance(camera, dict) or "file" not in camera or not isinstance(lens, dict):
+        return data
+    name, called = camera["file"], camera.get("name")
+    if not isinstance(name, str) or not isinstance(called, str | None):
+        # Refused where all tables are looked at.
+        return data
+    try:
+        found = read_camera(reach.file(name, "camera.file"), called, within=reach.folders(name))
+    except ValueError as error:
+        raise ConfigError(f"{reach.source}: {error}") from error
+    return {**data, "camera": {**_camera(found, camera), **camera}, "lens": {**_lens(found, lens), **lens}}
+
+
+def _camera(found: StoredCamera, given: dict[str, Any]) -> dict[str, Any]:
+    filled: dict[str, Any] = {}
+    if not any(key in given for key in _POSE):
+        filled["matrix"] = found.pose.tolist()
+    if found.resolution is not None:
+        filled["resolution"] = list(found.resolution)
+    if any(key in given for key in _LENGTH):
+        return filled
+    if found.field_of_view is not None:
+        size = np.asarray(given.get("resolution", ()))
+        if size.shape == (2,) and size.dtype.kind in "iuf" and (size > 0).all():
+            width = given.get("sensor_width_mm", 1000 * _USUAL_WIDTH)
+            half_height = width * float(size[1] / size[0]) / 2 if isinstance(width, int | float) else math.nan
+            filled["focal_length_mm"] = half_height / math.tan(found.field_of_view / 2)
+    elif "sensor_width_mm" not in given:
+        assert found.focal_length is not None
+        assert found.sensor_width is not None
+        filled["focal_length_mm"] = 1000 * found.focal_length
+        filled["sensor_width_mm"] = 1000 * found.sensor_width
+        filled |= {"shift_mm": 1000 * found.shift, "rise_mm": 1000 * found.rise}
+    return filled
+
+
+def _lens(found: StoredCamera, given: dict[str, Any]) -> dict[str, Any]:
+    filled: dict[str, Any] = {}
+    if found.f_number is not None and not any(key in given for key in _STOP):
+        filled |= {"f_number": found.f_number} if found.f_number else {"aperture_radius_mm": 0.0}
+    if found.focus_distance is not None and not any(key in given for key in _FOCUS):
+        filled["focus_distance_m"] = found.focus_distance
+    if found.tilt or found.swing:
+        filled |= {"tilt_deg": math.degrees(found.tilt), "swing_deg": math.degrees(found.swing)}
+    shape = found.opening
+    if shape is not None and shape.blades:
+        filled["aperture"] = {
+            "shape": "polygon",
+            "blades": shape.blades,
+            "rotation_deg": math.degrees(shape.rotation),
+            "roundness": shape.roundness,
+            "squeeze": shape.squeeze,
+        }
+    elif shape is not None and shape.squeeze != 1.0:
+        filled["aperture"] = {"shape": "disk", "squeeze": shape.squeeze}
+    return filled

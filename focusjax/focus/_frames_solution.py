@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._frames_asked import FramesAsked
 from focusjax.focus._image_points import ImagePoints
-from focusjax.focus._solution import Result, WishResult, one_row, text_of, wish_table
+from focusjax.focus._solution import Result, WishResult, html_of, one_row, text_of, wish_table
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens
 
@@ -72,6 +72,9 @@ class FramesSolution(eqx.Module):
 
     def __str__(self) -> str:
         return text_of(self)
+
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
     @property
     def count(self) -> int:

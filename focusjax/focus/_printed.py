@@ -1,5 +1,7 @@
-"""What `print` says of a solution: settings, wishes and what stands in the way, in plain text."""
+"""What `print` and notebooks say of a solution: settings, wishes and what stands in the way."""
 
+import dataclasses
+import html
 from collections.abc import Sequence
 from typing import Any
 
@@ -58,12 +60,9 @@ def printed(solution: Solution | SurfaceSolution | FramesSolution) -> str:
         focus point  wished    result   off by  verdict
         nose          sharp  +0.00 px  0.00 px  met
     """
-    if isinstance(solution, FramesSolution):
-        return "\n".join([_shot_line(solution), *diagnose(solution).sentences])
-    if np.ndim(solution.cost) > 0:
-        return f"{len(solution.cost)} solutions, of which `at` gives one: at(0), at(1), ..."
-    rows = [WISH_HEADINGS, *wish_rows(solution.table())]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(WISH_HEADINGS))]
+    said = _said(solution)
+    rows = [WISH_HEADINGS, *said.rows] if said.rows else []
+    widths = [max(len(row[column]) for row in rows) for column in range(len(WISH_HEADINGS) if rows else 0)]
     lines = [
         "  ".join(
             text.ljust(width) if column in (0, len(WISH_HEADINGS) - 1) else text.rjust(width)
@@ -71,8 +70,40 @@ def printed(solution: Solution | SurfaceSolution | FramesSolution) -> str:
         ).rstrip()
         for row in rows
     ]
-    first = [] if isinstance(solution, SurfaceSolution) else [_settings(solution)]
-    return "\n".join([*first, *lines, *diagnose(solution).sentences])
+    return "\n".join([*([said.first] if said.first else []), *lines, *said.sentences])
+
+
+def as_html(solution: Solution | SurfaceSolution | FramesSolution) -> str:
+    """The same as a piece of a page, for notebooks; what is between the tags is text, whatever its names."""
+    said = _said(solution)
+    parts = [f"<p><b>{html.escape(said.first)}</b></p>"] if said.first else []
+    if said.rows:
+        head = "".join(f"<th>{html.escape(heading)}</th>" for heading in WISH_HEADINGS)
+        body = "".join(
+            "<tr>" + "".join(f"<td>{html.escape(text)}</td>" for text in row) + "</tr>" for row in said.rows
+        )
+        parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
+    parts += [f"<p>{html.escape(sentence)}</p>" for sentence in said.sentences]
+    return f"<div>{''.join(parts)}</div>"
+
+
+@dataclasses.dataclass(frozen=True)
+class _Said:
+    """Settings in one line, a row for every wish, and the diagnosis."""
+
+    first: str
+    rows: list[tuple[str, str, str, str, str]]
+    sentences: tuple[str, ...]
+
+
+def _said(solution: Solution | SurfaceSolution | FramesSolution) -> _Said:
+    if isinstance(solution, FramesSolution):
+        return _Said(_shot_line(solution), [], tuple(diagnose(solution).sentences))
+    if np.ndim(solution.cost) > 0:
+        count = f"{len(solution.cost)} solutions, of which `at` gives one: at(0), at(1), ..."
+        return _Said(count, [], ())
+    first = "" if isinstance(solution, SurfaceSolution) else _settings(solution)
+    return _Said(first, wish_rows(solution.table()), tuple(diagnose(solution).sentences))
 
 
 def _settings(solution: Solution) -> str:

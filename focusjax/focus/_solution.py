@@ -161,6 +161,9 @@ class Solution(eqx.Module):
     def __str__(self) -> str:
         return text_of(self)
 
+    def _repr_html_(self) -> str:
+        return html_of(self)
+
     def at(self, index: int) -> "Solution":
         """One of the solutions that `solve_many` found, counted from 0."""
         if np.ndim(self.cost) == 0:
@@ -276,6 +279,13 @@ def text_of(solution: Any) -> str:
     from focusjax.focus._printed import printed
 
     return printed(solution)
+
+
+def html_of(solution: Any) -> str:
+    """What a notebook shows: the same."""
+    from focusjax.focus._printed import as_html
+
+    return as_html(solution)
 
 
 def one_row(leaf: Array, index: int) -> Array:

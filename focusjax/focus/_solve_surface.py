@@ -14,7 +14,7 @@ from focusjax._arguments import ArgumentError, require_kind
 from focusjax.focus._checks import require_number
 from focusjax.focus._image_points import EQUAL, ImagePoints, anonymous, blurs, errors, root_weight
 from focusjax.focus._refuse import checked_points, opened, require_points
-from focusjax.focus._solution import WishResult, wish_table
+from focusjax.focus._solution import WishResult, html_of, text_of, wish_table
 from focusjax.geometry import Camera
 from focusjax.lens import FocalSurface, FocalSurfaceLens, ThinLens, focal_surface_lens
 
@@ -69,6 +69,12 @@ class SurfaceSolution(eqx.Module):
     roughness: Float[Array, ""]
     cost: Float[Array, ""]
     asked: SurfaceAsked | None = None
+
+    def __str__(self) -> str:
+        return text_of(self)
+
+    def _repr_html_(self) -> str:
+        return html_of(self)
 
     def table(self) -> tuple[WishResult, ...]:
         """One line per wish, in the order they were given."""

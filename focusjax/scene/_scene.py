@@ -58,6 +58,10 @@ class Scene:
     unlit: bool
     background: AbstractBackground
 
+    def __repr__(self) -> str:
+        named = ", ".join(self.objects)
+        return f"Scene({len(self.faces)} triangles of {named}; {len(self.lights)} lights)"
+
     def face_range(self, name: str) -> range:
         """The faces of the object `name`.
 

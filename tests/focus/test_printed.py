@@ -1,5 +1,8 @@
 """What `print` says of a solution: settings, how the wishes are met, and what is in the way."""
 
+import dataclasses
+import xml.etree.ElementTree
+
 import jax
 import jax.numpy as jnp
 import pytest
@@ -11,12 +14,13 @@ from focusjax.focus import (
     Sharp,
     locate,
     solve,
+    solve_focal_surface,
     solve_frames,
     solve_many,
     stacked,
 )
 from focusjax.geometry import make_camera
-from focusjax.lens import thin_lens
+from focusjax.lens import focal_surface, thin_lens
 
 
 @pytest.fixture
@@ -38,6 +42,25 @@ def test_settings_wishes_and_what_is_in_the_way(asked):
     assert lines[3].split()[1:4] == ["at", "least", "30"]
     assert all(line.endswith("missed") for line in lines[2:4])
     assert any("pull against each other" in line for line in lines[4:])
+
+
+def test_notebooks_show_the_same_as_a_table(asked):
+    points, camera, lens = asked
+    names = ("<b>nose</b>", *points.names[1:])
+    shown = solve(dataclasses.replace(points, names=names), camera, lens)._repr_html_()
+    page = xml.etree.ElementTree.fromstring(shown)
+    assert [cell.text for cell in page.iter("td")][::5] == ["<b>nose</b>", "wall"]
+    said = [line.text for line in page.iter("p")]
+    assert any("pull against each other" in line for line in said if line)
+    assert "3 frames" in solve_frames([points] * 3, camera, lens)._repr_html_()
+
+
+def test_a_focal_surface_says_how_wishes_are_met(asked):
+    _, camera, lens = asked
+    points = locate([FocusPoint(AtPoint((0, 0, -z)), Sharp(), name=f"at{z}") for z in (2, 4)], camera)
+    surface = focal_surface([(100, 100), (500, 300), (300, 400)], 0.4)
+    lines = str(solve_focal_surface(points, camera, surface, lens)).splitlines()
+    assert [line.split()[0] for line in lines[1:3]] == ["at2", "at4"]
 
 
 def test_a_turned_lens_says_how_it_is_turned(asked):

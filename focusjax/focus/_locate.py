@@ -213,11 +213,9 @@ def _place(finder: Finder, point: FocusPoint, name: str) -> Place:
                 " seen; let it count even_outside and even_hidden, or locate it before"
             )
         place = finder.unseen(point.where)
-        return (
-            Place(jnp.tile(place.rows, (len(framing_rows(point.wish, finder.camera)), 1)))
-            if frames(point.wish)
-            else place
-        )
+        # One row for every meaning of a wish about the frame.
+        times = len(framing_rows(point.wish, finder.camera)) if frames(point.wish) else 1
+        return Place(jnp.tile(place.rows, (times, 1)))
     if frames(point.wish):
         return ends(finder.extent(point.where, label), point.wish)
     return finder.find(point.where, label)

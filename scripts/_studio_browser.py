@@ -35,6 +35,13 @@ class Tab:
     def __init__(self, driver: Any):
         self.driver = driver
 
+    def open(self, address: str) -> None:
+        """Open a studio's page, and wait until what is typed there reaches the server."""
+        self.driver.get(address)
+        self.wait(
+            lambda: self.driver.execute_script("return window.did_handshake === true"), 60, "the server"
+        )
+
     def all(self, marker: str) -> list[Any]:
         """Elements that the page has given that marker."""
         return self.driver.find_elements(By.CSS_SELECTOR, f".at-{marker}")

@@ -57,7 +57,7 @@ def test_layers_of_the_widest_lens_serve_every_lens_in_its_range():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"min_focus_distance": 0.0}, "min_focus_distance is 0.0 m; expected a positive length"),
+        ({"min_focus_distance": 0.0}, "min_focus_distance is 0 m; expected a positive length"),
         ({"f_number": 0.0}, "f-number is 0.0; expected a positive number"),
         ({"max_tilt": 2.0}, "max_tilt is 2.0 rad; expected 0 up to less than pi/2"),
         ({"f_number": 0.01, "max_tilt": 0.5}, "comes within a tenth of the nearest focus"),

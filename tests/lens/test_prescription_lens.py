@@ -303,7 +303,7 @@ def test_stopped_far_down_it_renders_the_thin_lens_picture():
     ("given", "message"),
     [
         ({"focus_distance": 0.04}, "focus distance 0.04 m is within the front focal point of biconvex"),
-        ({"focus_distance": -1}, "focus distance is -1.0 m"),
+        ({"focus_distance": -1}, "focus distance is -1 m"),
         ({"focus_distance": 2, "f_number": 1.2}, "biconvex opens to f/2.73 at most"),
         ({"focus_distance": 2, "focus": "sharp"}, "focus is 'sharp'; expected"),
     ],

@@ -3,8 +3,10 @@
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -30,7 +32,7 @@ COW, LAMP, APPLE = (0.47, 0.55), (0.685, 0.17), (0.74, 0.78)
 def still_life(tmp_path_factory):
     """The still life, small, and without its wishes."""
     folder = tmp_path_factory.mktemp("studio")
-    (folder / "meshes").symlink_to(CONFIGS / "meshes")
+    shutil.copytree(CONFIGS / "meshes", folder / "meshes")
     text = (CONFIGS / "still_life.toml").read_text().replace("[640, 480]", "[160, 120]")
     before, rest = text.split("[[focus]]", 1)
     file = folder / "still_life.toml"
@@ -48,8 +50,8 @@ def browser():
 def tab(still_life, browser):
     with server(still_life, programs=os.environ["FOCUSJAX_TESTS_PROGRAMS"]) as address:
         browser.get_log("browser")  # what it said of pages before
-        browser.get(address)
         opened = Tab(browser)
+        opened.open(address)
         opened.wait(lambda: opened.text("state") in ("no lens yet", "refined"), why="the first picture")
         yield opened
         browser.get("about:blank")
@@ -123,16 +125,22 @@ def test_a_config_with_errors_opens_with_its_errors_beside_the_text(tmp_path, br
     good = file.read_text()
     file.write_text(good.replace("f_number = 2.0", "f_numbr = 2.0"))
     with server(file) as address:
-        browser.get(address)
         tab = Tab(browser)
+        tab.open(address)
         tab.wait(lambda: "did you mean f_number" in tab.text("problem"), 60, "the error")
-        area = browser.find_element("css selector", "textarea")
-        assert "f_numbr" in area.get_attribute("value")
-        browser.execute_script(
-            "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input'))", area, good
-        )
-        tab.wait(lambda: area.get_attribute("value") == good, 10)
-        tab.all("use")[0].click()
+        assert "f_numbr" in browser.find_element("css selector", "textarea").get_attribute("value")
+
+        def used():
+            """Give the page the good text, as often as it takes: the dialog may still be opening."""
+            script = "const area = document.querySelector('textarea'); if (!area) return;"
+            script += "area.value = arguments[0]; area.dispatchEvent(new Event('input'))"
+            browser.execute_script(script, good)
+            time.sleep(0.3)
+            browser.execute_script("document.querySelector('.at-use')?.click()")
+            time.sleep(0.7)
+            return tab.text("state") != "stopped"
+
+        tab.wait(used, 60, "the text to be taken")
         tab.settle()
         assert len(load_wishes(tab)) == 2
 

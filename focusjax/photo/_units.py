@@ -24,6 +24,8 @@ from focusjax.photo._errors import PhotoError
 UNITS = ("m", "mm", "1/m", "px", "relative")
 _FARTHEST_LIKELY, _NEAREST_LIKELY = 200.0, 0.02
 """Metres: a photograph's median distance beyond these is more likely a wrong unit."""
+_LARGEST_DISPARITY = 1e4
+"""In 1/m; nothing nearer than a tenth of a millimetre is photographed."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +123,12 @@ def disparity_of(
         raise PhotoError(
             f"{stored.source}: no value of this depth map is valid; expected positive numbers, and"
             f" {unit.invalid} only where nothing is known"
+        )
+    nearest = float(disparity[known].max())
+    if not nearest <= _LARGEST_DISPARITY:
+        raise PhotoError(
+            f"{stored.source}: in {unit.unit} the nearest place is {1.0 / nearest:.3g} m away; expected at"
+            f" least {1.0 / _LARGEST_DISPARITY:g} m, so check the depth unit and scale, and what marks holes"
         )
     _warn_of_unlikely(disparity[known], unit, stored.source)
     return np.where(known, disparity, 0.0), known, step

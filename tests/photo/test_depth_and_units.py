@@ -119,6 +119,10 @@ def test_what_is_missing_or_contradicts_itself_is_refused_in_words(photo_file):
     assert "is a colour picture (RGB)" in refused(photo_file, "colour.png", depth_unit="m")
     np.save(folder / "empty.npy", np.full((HEIGHT, WIDTH), np.nan))
     assert "no value of this depth map is valid" in refused(photo_file, "empty.npy", depth_unit="m")
+    near = np.ones((HEIGHT, WIDTH))
+    near[3, 4] = 1e-30
+    np.save(folder / "near.npy", near)
+    assert "in m the nearest place is 1e-30 m away" in refused(photo_file, "near.npy", depth_unit="m")
     np.save(folder / "wide.npy", np.ones((HEIGHT, 2 * WIDTH)))
     said = refused(photo_file, "wide.npy", depth_unit="m")
     assert "the depth map is 96 x 36 pixels" in said

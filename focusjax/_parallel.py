@@ -3,8 +3,11 @@
 import concurrent.futures
 import os
 from collections.abc import Callable, Iterable
-from typing import TypeVar
+from typing import ParamSpec, TypeVar
 
+import jax
+
+P = ParamSpec("P")
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -18,7 +21,21 @@ def in_parallel(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     if CORES == 1 or len(work) <= 1:
         return [function(item) for item in work]
     with concurrent.futures.ThreadPoolExecutor(CORES) as pool:
-        return list(pool.map(function, work))
+        return list(pool.map(in_this_precision(function), work))
+
+
+def in_this_precision(function: Callable[P, R]) -> Callable[P, R]:
+    """`function`, to be called by another thread, in the floating-point precision that holds here.
+
+    `jax.enable_x64` used as a context holds only in the thread that entered it.
+    """
+    double = bool(jax.config.jax_enable_x64)  # pyright: ignore[reportAttributeAccessIssue]
+
+    def called(*args: P.args, **kwargs: P.kwargs) -> R:
+        with jax.enable_x64(double):
+            return function(*args, **kwargs)
+
+    return called
 
 
 def parts(length: int, at_once: int) -> list[slice]:

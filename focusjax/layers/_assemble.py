@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array
 
 from focusjax._freed import return_freed
+from focusjax._parallel import in_this_precision
 from focusjax.geometry import Camera
 from focusjax.layers._attributes import SurfaceSamples, surface_samples
 from focusjax.layers._blocks import coarse_number
@@ -70,9 +71,8 @@ def assemble(
     with concurrent.futures.ThreadPoolExecutor(1) as pool:
         tolerance = 0.5 / max(parallax, 1e-12)
         apart = gloss is not None
-        shading = pool.submit(
-            mean_radiances, scene, camera, held, surface, seen, tolerance, gloss_apart=apart
-        )
+        shade = in_this_precision(mean_radiances)
+        shading = pool.submit(shade, scene, camera, held, surface, seen, tolerance, gloss_apart=apart)
         # A few more than needed, so that few different numbers occur; an empty layer changes nothing.
         count = min(coarse_number(outline.layers, _LAYERS_STEP), max_layers)
         count = max(count, 1 if like is None else min(like.count, max_layers))

@@ -1,8 +1,8 @@
 """Files and settings gone wrong, by chance: what focusjax does must be a picture or a sentence.
 
 Every run has a seed of its own. It takes a small config, a mesh, a lens file, a photograph, a camera file or
-a batch table, changes one to three things in it, and runs the command that reads it, in this process. Counted
-as findings are
+a batch table, changes one to three things in it, and runs the command that reads it, in this process; or it
+makes edits as the studio's page does. Counted as findings are
 
 - exceptions that nobody turned into a sentence, and exit statuses that are none of ours;
 - pictures and reports with numbers that are not finite;
@@ -14,6 +14,7 @@ as findings are
 """
 
 import argparse
+import dataclasses
 import json
 import math
 import re
@@ -34,7 +35,10 @@ import trimesh
 from typer.testing import CliRunner
 
 from focusjax.cli import app
+from focusjax.config import ConfigError, load_config
 from focusjax.io import load_exr, save_png
+from focusjax.studio import EditError, Session
+from focusjax.studio._wishes import KINDS as WISHES
 
 SECONDS = 90
 GIBIBYTES = 2.0
@@ -138,6 +142,15 @@ ODD_VALUES = (
 )
 
 
+@dataclasses.dataclass(frozen=True)
+class Ended:
+    """What became of a command: its exit status, what nobody caught, and what it said."""
+
+    exit_code: int
+    exception: BaseException | None
+    output: str
+
+
 class TookTooLongError(Exception):
     """A run over its time."""
 
@@ -162,6 +175,20 @@ def odd(rng: np.random.Generator) -> Any:
     return float(rng.normal(0, 10)) if rng.random() < 0.2 else value
 
 
+def nearby(value: Any, rng: np.random.Generator) -> Any:
+    """What another might have written there: the same kind, some times as large, or of the other sign."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, str):
+        return str(rng.choice([each for each in ODD_VALUES if isinstance(each, str)]))
+    if isinstance(value, list):
+        return [nearby(each, rng) if rng.random() < 0.5 else each for each in value]
+    if not isinstance(value, int | float):
+        return odd(rng)
+    changed = -value if rng.random() < 0.2 else value * 10.0 ** rng.normal(0, 0.7)
+    return round(changed) if isinstance(value, int) and rng.random() < 0.8 else float(changed)
+
+
 def places(node: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     """Every key and index within tables and arrays."""
     inside = (
@@ -177,15 +204,17 @@ def places(node: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 def changed_config(folder: Path, rng: np.random.Generator, extra: dict[str, Any] | None = None) -> list[str]:
     """Values of the config replaced, removed or repeated."""
     data = tomlkit.parse(CONFIG).unwrap() | (extra or {})
-    for _ in range(rng.integers(1, 4)):
+    for _ in range(rng.choice([1, 2, 3], p=[0.6, 0.25, 0.15])):
         path = [*places(data)][rng.integers(len(places(data)))]
         parent = data
         for key in path[:-1]:
             parent = parent[key]
         act = rng.random()
-        if act < 0.6:
+        if act < 0.7:
+            parent[path[-1]] = nearby(parent[path[-1]], rng)
+        elif act < 0.85:
             parent[path[-1]] = odd(rng)
-        elif act < 0.8:
+        elif act < 0.95:
             del parent[path[-1]]
         elif isinstance(parent, list):
             parent.append(parent[path[-1]])
@@ -287,10 +316,87 @@ def bad_export(folder: Path, rng: np.random.Generator) -> list[str]:
     return ["export", command[1], "--to", target, "--approximate", "--out", f"out/c.{targets[target]}"]
 
 
+def studio_edits(folder: Path, rng: np.random.Generator) -> list[str]:
+    """Nothing to damage: `edit` does what a person does on the page."""
+    return [str(folder / "boxes.toml"), str(rng.integers(1 << 30))]
+
+
+def edit(path: str, seed: str) -> int:
+    """Up to eight edits of a config, each solved or refused; then it is saved, and says the same when read.
+
+    Returns:
+        the exit status that a command would have: 0, or 2 if every edit was refused.
+    """
+    rng = np.random.default_rng(int(seed))
+    session = Session(path)
+    taken = 0
+    for _ in range(rng.integers(1, 9)):
+        try:
+            one_edit(session, rng)
+            answer = session.solve()
+        except (EditError, ConfigError):
+            continue
+        taken += 1
+        if answer.outcome is not None and not np.isfinite(np.asarray(answer.outcome.blur)).all():
+            raise ArithmeticError("the blur of an answer is not finite")
+        answer.with_sentences()
+    session.document.save()
+    if session.document.config is not None and load_config(Path(path)) != session.config:
+        raise AssertionError("what was saved is not what was edited")
+    return 0 if taken else 2
+
+
+def one_edit(session: Session, rng: np.random.Generator) -> None:
+    """A click, a drag, a number typed, or a step back."""
+    number = int(rng.integers(max(1, len(session.config.focus))))
+    at = rng.uniform(-2, 18), rng.uniform(-2, 14)
+    setting = str(rng.choice(["focus", "f_number", "tilt", "swing"]))
+    typed = float(rng.choice([0, 1, 2, -1, 1e-6, 1e6, 1e39, math.nan, math.inf, rng.normal(0, 10)]))
+    acts: tuple[Callable[[], object], ...] = (
+        lambda: session.add_point(*at),
+        lambda: session.move_point(number, *at, drag="d"),
+        lambda: session.delete_point(number),
+        lambda: session.wish_for(
+            number,
+            str(rng.choice(sorted(WISHES))),
+            pixels=typed,
+            other=str(rng.choice(["front", "far", ""])),
+        ),
+        lambda: session.rename(number, str(rng.choice(["", "front", "far", "[/b]", "a" * 400]))),
+        lambda: session.set_weight(number, typed),
+        lambda: session.set_tolerance(number, typed),
+        lambda: session.switch(number, on=bool(rng.integers(2))),
+        lambda: session.spread(number, whole=bool(rng.integers(2))),
+        lambda: session.free(setting),
+        lambda: session.fix(setting, None if rng.random() < 0.5 else typed),
+        lambda: session.limit(setting, str(rng.choice(["low", "high"])), typed),
+        lambda: session.undo(),
+        lambda: session.redo(),
+    )
+    if session.config.focus or rng.random() < 0.5:
+        acts[rng.integers(len(acts))]()
+    else:
+        acts[0]()
+
+
 KINDS: tuple[Callable[[Path, np.random.Generator], list[str]], ...] = (
     *(changed_config, changed_config, changed_config, bad_text, bad_mesh, bad_mesh),
-    *(bad_lens, bad_photo, bad_camera, bad_batch, bad_export),
+    *(bad_lens, bad_photo, bad_camera, bad_batch, bad_export, studio_edits),
 )
+
+
+def run(command: list[str]) -> Ended:
+    """Run a command line of focusjax."""
+    result = CliRunner().invoke(app, command)
+    return Ended(result.exit_code, result.exception, result.output)
+
+
+def edited(path: str, seed: str) -> Ended:
+    """What became of edits, as of a command."""
+    try:
+        return Ended(edit(path, seed), None, "")
+    except Exception as error:
+        return Ended(1, error, str(error))
 
 
 def not_finite(folder: Path) -> list[str]:
@@ -327,7 +433,7 @@ def one_run(seed: int, inputs: Path, folder: Path) -> tuple[str, list[str]]:
     signal.signal(signal.SIGALRM, stop)
     signal.alarm(SECONDS)
     try:
-        result = CliRunner().invoke(app, command)
+        result = edited(*command[:2]) if kind is studio_edits else run(command)
     finally:
         signal.alarm(0)
     wrong = []
@@ -346,7 +452,7 @@ def one_run(seed: int, inputs: Path, folder: Path) -> tuple[str, list[str]]:
         wrong.append(
             f"failed ({' '.join(said.split())[-200:]}), and {sorted(p.name for p in out.iterdir())} is there"
         )
-    if result.exit_code in (0, 3) and not made:
+    if result.exit_code in (0, 3) and not made and kind is not studio_edits:
         wrong.append("nothing was written")
     wrong += not_finite(out) if made else []
     return f"{kind.__name__}: {STATUSES.get(result.exit_code, 'other')}", wrong

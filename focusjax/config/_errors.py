@@ -20,6 +20,8 @@ _EXPECTED = {
     "int_type": "a whole number",
     "less_than": "a number below {lt:g}",
     "less_than_equal": "a number of at most {le:g}",
+    "dict_type": "a table",
+    "model_attributes_type": "a table",
     "model_type": "a table",
     "string_type": "text in quotes",
     "too_long": "at most {max_length} entries",

@@ -68,11 +68,14 @@ def lens_picture(
     shifts = np.random.default_rng(seed).uniform(size=(len(pixel), 4))
 
     def mean_of(block: slice) -> np.ndarray:
-        total = np.zeros((len(pixel[block]), 3))
-        for number in range(rays):
-            square = (shifts[block] + number * STEPS) % 1.0
-            film = pixel[block] + square[:, :2]
-            total += radiance(ready, camera, lens, film, square[:, 2:])
+        corner, shift = pixel[block][:, None], shifts[block][:, None]
+        total = np.zeros((len(corner), 3))
+        # Small pictures have several rays of each pixel cast at once.
+        for some in parts(rays, max(1, _AT_ONCE // len(corner))):
+            square = (shift + np.arange(rays)[some, None] * STEPS) % 1.0
+            film = (corner + square[..., :2]).reshape(-1, 2)
+            seen = radiance(ready, camera, lens, film, square[..., 2:].reshape(-1, 2))
+            total += seen.reshape(*square.shape[:2], 3).sum(axis=1)
         return total / rays
 
     means = in_parallel(mean_of, blocks(len(pixel)))

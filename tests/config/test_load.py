@@ -91,6 +91,7 @@ def test_overrides_reach_tables_lists_and_new_tables(path):
         ("lens.swing_deg=left", 'lens.swing_deg is "left"; expected a number; give the lens'),
         ("lens.tilt_degrees=5", "unknown key lens.tilt_degrees; did you mean tilt_deg?"),
         ("camera.rise_mm=inf", "camera.rise_mm is Infinity; expected a finite number; give how far in mm"),
+        ("lens.aperture=[1, 2]", "lens.aperture is [1, 2]; expected a table; give the opening, for example"),
         ("lens.aperture.shape=polygon", "lens.aperture.blades is missing; give the number of"),
         ("lens.aperture.shape=star", 'lens.aperture has shape = "star"; give the opening, for example'),
         ("focus.0.blur_px=3", "focus.0 needs exactly one of sharp = true, blur_px, at_most_px"),

@@ -1,0 +1,40 @@
+"""What is looked at in a hard case: one number against a bound."""
+
+import dataclasses
+import math
+
+
+@dataclasses.dataclass(frozen=True)
+class Check:
+    """How far something is from the truth, and how far it may be.
+
+    Attributes:
+        group: "wishes", "pictures" or "glass".
+        case: what is hard about it.
+        quantity: what was computed, and in which precision.
+        truth: what it was compared with.
+        error: how far off it is, as a share of what `truth` says; NaN where a value was not finite.
+        bound: the most that it may be off.
+    """
+
+    group: str
+    case: str
+    quantity: str
+    truth: str
+    error: float
+    bound: float
+
+    @property
+    def finite(self) -> bool:
+        """Whether all that was computed is finite."""
+        return math.isfinite(self.error)
+
+    @property
+    def kept(self) -> bool:
+        """Whether the bound holds; never where something is not finite."""
+        return self.error <= self.bound
+
+    @property
+    def share(self) -> float:
+        """Error over bound: 1 is the edge, NaN where something is not finite."""
+        return self.error / self.bound if self.bound else 0.0 if self.error == 0.0 else math.inf

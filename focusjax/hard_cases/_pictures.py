@@ -1,0 +1,243 @@
+"""Pictures of hard scenes and their derivatives, in both precisions, against rays cast at the triangles.
+
+The picture I(v) of settings v (focus, opening, tilt) is compared
+
+- with the picture that Embree makes of the same lens and triangles;
+- between float32 and float64.
+
+Its derivatives J = dI / dv are compared
+
+- between modes: the gradient of sum(w I) for fixed weights w, in reverse, with sum(w J), forward;
+- between float32 and float64;
+- with differences of Embree's pictures, of the same rays with settings a little apart, or with 0 where
+  nothing changes.
+
+Errors of pictures are |a - I| / |I|. Those of derivatives are |a - J| / (|I| p) with p the pixels that the
+setting moves a ray at the rim for every dioptre: the share of the light that a pixel of blur puts elsewhere.
+"""
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from focusjax.baselines import RayScene, lens_picture
+from focusjax.geometry import Camera
+from focusjax.hard_cases import _stages as stages
+from focusjax.hard_cases._check import Check
+from focusjax.hard_cases._stages import PARALLAX, Stage, layers_of, lens_of
+from focusjax.layers import Layers
+from focusjax.trace import render
+
+RAYS = 256
+"""Rays to the pixel, for the picture and for its derivatives."""
+_TRUTH_RAYS = 4096
+_STEP_PX = 0.2
+"""Pixels that a difference of settings moves the rim by."""
+_MOST_STEP = 0.05
+"""Dioptres that focus and tilt change by at most."""
+
+Settings = tuple[float, float, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class PictureCase:
+    """One hard picture.
+
+    Attributes:
+        name: what is hard about it.
+        stage: what is seen.
+        settings: focus in 1/m, pixels that the rim moves a ray per dioptre, and tilt in 1/m.
+        picture: bound of the picture against the truth, as a share of its size.
+        single: bound of float32 against float64, of the picture.
+        modes: bound of reverse against forward, in float32.
+        slopes: bound of float32 against float64, of the derivatives.
+        differences: bound of the derivatives against differences of the truth.
+        flat: bounds of the derivatives by settings, of 0 to 2, that change nothing.
+        closed_form: radiance of every pixel, where rays cast at triangles do not tell.
+    """
+
+    name: str
+    stage: Stage
+    settings: Settings
+    picture: float = 0.02
+    single: float = 1e-4
+    modes: float = 1e-5
+    slopes: float = 0.01
+    differences: float = 0.05
+    flat: dict[int, float] = dataclasses.field(default_factory=dict)
+    closed_form: Callable[[], float] | None = None
+
+
+def _panes_light() -> float:
+    passed, light = 1.0, 0.0
+    for number in range(stages.PANES):
+        light += passed * stages.STOPPED * stages.pane_light(number)
+        passed *= 1.0 - stages.STOPPED
+    return light + passed * 0.2
+
+
+_MIXED = Stage(stages.mixed)
+_WALLED = Stage(stages.before_a_wall)
+_COMMON = (0.5, PARALLAX, 0.0)
+_NONE = 1e-12
+
+CASES = (
+    PictureCase("focus at infinity", _MIXED, (0.0, PARALLAX, 0.0)),
+    PictureCase("focus at the nearest surface", _MIXED, (1.0, PARALLAX, 0.0)),
+    PictureCase("focus beyond every surface", _MIXED, (0.1, PARALLAX, 0.0)),
+    PictureCase("closed opening", _MIXED, (0.5, 0.0, 0.0), flat={0: _NONE, 1: 0.02, 2: _NONE}),
+    PictureCase("opening of 1e-6 m", _MIXED, (0.5, 2e-5, 0.0)),
+    PictureCase("opening wider than everything is far", _MIXED, (0.5, 40.0, 0.0)),
+    PictureCase("in focus alone", Stage(stages.in_focus), _COMMON),
+    PictureCase("in focus before a wall", _WALLED, _COMMON),
+    PictureCase("tilted plane in focus", _MIXED, (0.5, 6.0, 0.5)),
+    PictureCase("tilt of 44.4 degrees", _MIXED, (0.5, 2.0, 15.55)),
+    PictureCase("coincident triangles", Stage(stages.coincident), (0.3, PARALLAX, 0.0)),
+    PictureCase("inverted triangles", Stage(stages.inverted), (0.3, PARALLAX, 0.0)),
+    PictureCase("needles", Stage(stages.needles), (0.5, PARALLAX, 0.0)),
+    PictureCase("triangles below a pixel", Stage(stages.subpixel), (0.5, PARALLAX, 0.0)),
+    PictureCase("triangles far beyond the frame", Stage(stages.frame_filling), (0.3, PARALLAX, 0.0)),
+    PictureCase("a sheet seen edge on", Stage(stages.edge_on), (0.3, PARALLAX, 0.0)),
+    PictureCase("radiance of 1e-8 to 1e8", Stage(stages.lamps, background=0.0), (0.2, PARALLAX, 0.0)),
+    PictureCase("all behind the camera", Stage(stages.nothing), _COMMON, flat=dict.fromkeys(range(3), _NONE)),
+    PictureCase("a floor through the lens plane", Stage(stages.floor), (0.5, 2.0, 0.0)),
+    PictureCase("a wall that touches the lens", Stage(stages.touching), (0.5, 2.0, 0.0)),
+    PictureCase("blur of 400 px", Stage(stages.close), (0.5, 10.0, 0.0)),
+    PictureCase(
+        "119 layers",
+        Stage(stages.panes, max_layers=128, solid=False),
+        _COMMON,
+        flat=dict.fromkeys(range(3), _NONE),
+        closed_form=_panes_light,
+    ),
+    PictureCase("camera 1e6 m from the origin", Stage(stages.before_a_wall, place=(1e6, 1e6, -1e6)), _COMMON),
+    PictureCase("frame of one column", Stage(stages.mixed, size=(1, 12)), _COMMON),
+    PictureCase("frame of one row", Stage(stages.mixed, size=(16, 1)), _COMMON),
+    PictureCase("panorama of 100:1", Stage(stages.mixed, size=(200, 2)), _COMMON),
+)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Found:
+    """A picture [h, w, 3], its Jacobian [h, w, 3, 3], and the gradient [3] of the sum with `weights`."""
+
+    picture: np.ndarray
+    jacobian: np.ndarray
+    gradient: np.ndarray
+
+
+def picture_checks(case: PictureCase, like: Layers | None = None) -> Iterator[Check]:
+    """All that is looked at in one case.
+
+    Args:
+        case: of `CASES`.
+        like: layers whose shape its own are to have.
+    """
+
+    def check(quantity: str, truth: str, error: float, bound: float) -> Check:
+        return Check("pictures", case.name, quantity, truth, error, bound)
+
+    double, single = (_found(case, like, double=double) for double in (True, False))
+    truth, slopes = _truth(case)
+    told = "Embree" if case.closed_form is None else "closed form"
+    light = np.linalg.norm(double.picture)
+    moved = np.array([case.settings[1], 1.0, case.settings[1]])
+    unit = light * np.maximum(moved, 1e-6)
+    yield check("picture, float64", told, _off(double.picture, truth), case.picture)
+    yield check("picture, float32", "float64", _off(single.picture, double.picture), case.single)
+    weights = _weights(double.picture.shape)
+    for found, name, bound in ((double, "float64", 1e-10), (single, "float32", case.modes)):
+        forward = np.einsum("hwc,hwck->k", weights, found.jacobian)
+        yield check(f"reverse, {name}", "forward", _largest((found.gradient - forward) / unit), bound)
+    apart = np.linalg.norm(single.jacobian - double.jacobian, axis=(0, 1, 2))
+    yield check("derivatives, float32", "float64", _largest(apart / unit), case.slopes)
+    for number, name in enumerate(("focus", "opening", "tilt")):
+        found, flat = double.jacobian[..., number], number in case.flat
+        if not flat and slopes is None:
+            continue
+        expected = np.zeros_like(found) if flat or slopes is None else slopes[..., number]
+        error = float(np.linalg.norm(found - expected) / unit[number])
+        bound = case.flat.get(number, case.differences)
+        yield check(f"by {name}, float64", "0" if flat else "differences of Embree", error, bound)
+
+
+def common_layers() -> Layers:
+    """Layers of the shape that most cases can have."""
+    return layers_of(_MIXED, (0.0, PARALLAX, 0.0))
+
+
+def _found(case: PictureCase, like: Layers | None, *, double: bool) -> _Found:
+    with jax.enable_x64(double):
+        if like is not None and not double:
+            like = jax.tree.map(lambda leaf: leaf.astype(jnp.float32) if eqx.is_inexact_array(leaf) else leaf, like)
+        layers = layers_of(case.stage, case.settings, like)
+        settings = jnp.array(case.settings)
+        picture, gradient = _reverse(layers, settings, jnp.asarray(_weights(_shape(case.stage))))
+        return _Found(*(np.asarray(part, dtype=np.float64) for part in (picture, _forward(layers, settings), gradient)))
+
+
+@eqx.filter_jit
+def _forward(layers: Layers, settings: Float[Array, "3"]) -> Float[Array, "h w 3 3"]:
+    return jax.jacfwd(lambda settings: _picture(layers, settings))(settings)
+
+
+@eqx.filter_jit
+def _reverse(
+    layers: Layers, settings: Float[Array, "3"], weights: Float[Array, "h w 3"]
+) -> tuple[Float[Array, "h w 3"], Float[Array, "3"]]:
+    picture, back = jax.vjp(lambda settings: _picture(layers, settings), settings)
+    return picture, back(weights.astype(picture.dtype))[0]
+
+
+def _picture(layers: Layers, settings: Float[Array, "3"]) -> Float[Array, "h w 3"]:
+    lens = lens_of(settings, layers.camera)
+    return render(layers, lens, even=True, rays=RAYS, derivative_rays=RAYS)
+
+
+def _truth(case: PictureCase) -> tuple[np.ndarray, np.ndarray | None]:
+    """The picture, and its derivatives by the settings; None where rays cast at triangles do not tell."""
+    if case.closed_form is not None:
+        return np.full(_shape(case.stage), case.closed_form()), None
+    with jax.enable_x64(True):
+        camera = case.stage.camera()
+        ready = RayScene(case.stage.scene())
+
+        def seen(settings: Sequence[float]) -> np.ndarray:
+            return _cast(ready, camera, settings)
+
+        radius, slopes = case.settings[1], []
+        for number in range(3):
+            step = min(radius, _STEP_PX) if number == 1 else min(_MOST_STEP, _STEP_PX / max(radius, _STEP_PX))
+            sides = [
+                [v + sign * step * (k == number) for k, v in enumerate(case.settings)] for sign in (1, -1)
+            ]
+            ahead, behind = (seen(settings) for settings in sides)
+            slopes.append((ahead - behind) / (2.0 * max(step, 1e-12)))
+        return seen(case.settings), np.stack(slopes, axis=-1)
+
+
+def _cast(ready: RayScene, camera: Camera, settings: Sequence[float]) -> np.ndarray:
+    return lens_picture(ready, camera, lens_of(jnp.array(settings), camera), rays=_TRUTH_RAYS)
+
+
+def _shape(stage: Stage) -> tuple[int, int, int]:
+    width, height = stage.size
+    return height, width, 3
+
+
+def _weights(shape: tuple[int, ...]) -> np.ndarray:
+    return np.cos(np.arange(np.prod(shape), dtype=np.float64)).reshape(shape)
+
+
+def _off(found: np.ndarray, truth: np.ndarray) -> float:
+    return float(np.linalg.norm(found - truth) / np.linalg.norm(truth))
+
+
+def _largest(values: np.ndarray) -> float:
+    """The largest size of all, or NaN if one is not finite."""
+    return float(np.abs(values).max())

@@ -13,7 +13,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from focusjax import batch, bench, charts, exchange, job, studio
+from focusjax import batch, bench, charts, exchange, hard_cases, job, studio
 from focusjax._arguments import ArgumentError
 from focusjax._console import fail, say, warnings_told
 from focusjax._refocus import refocus_config
@@ -54,6 +54,7 @@ app.command("batch")(batch.command)
 app.command("lens")(charts.command)
 app.command("studio")(studio.command)
 app.add_typer(bench_app, name="bench")
+bench_app.command("hard-cases")(hard_cases.command)
 ConfigArgument = Annotated[Path, typer.Argument(help="A TOML file.", metavar="CONFIG")]
 OutOption = Annotated[
     Path | None, typer.Option("--out", help="Folder for the results; out/<config's name> by default.")

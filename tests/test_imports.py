@@ -87,6 +87,18 @@ ALLOWED = {
         "config",
         "job",
     },
+    "hard_cases": {
+        "geometry",
+        "optics",
+        "lens",
+        "scene",
+        "focus",
+        "layers",
+        "trace",
+        "baselines",
+        "io",
+        "_console",
+    },
     "batch": {"io", "config", "job", "report", "_console", "_parallel"},
     "shot": {
         "geometry",
@@ -128,6 +140,7 @@ ALLOWED = {
     "_tell": {"focus", "lens", "job", "report", "shot", "bench", "_console"},
     "_refocus": {"config"},
     "cli": {
+        "hard_cases",
         "_refocus",
         "charts",
         "exchange",

@@ -15,6 +15,7 @@ class Check:
         truth: what it was compared with.
         error: how far off it is, as a share of what `truth` says; NaN where a value was not finite.
         bound: the most that it may be off.
+        why: what makes the bound wider than those of other cases.
     """
 
     group: str
@@ -23,6 +24,7 @@ class Check:
     truth: str
     error: float
     bound: float
+    why: str = ""
 
     @property
     def finite(self) -> bool:

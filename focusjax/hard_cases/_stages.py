@@ -7,6 +7,7 @@ case has another frame. Most layers have one shape, so that one compiled program
 import dataclasses
 from collections.abc import Callable, Sequence
 
+import jax.numpy as jnp
 import numpy as np
 
 from focusjax.geometry import Camera, look_at
@@ -14,11 +15,10 @@ from focusjax.layers import Layers, peel
 from focusjax.lens import TiltShiftLens
 from focusjax.scene import Scene, SceneObject, constant_background, make_object, make_scene
 
-import jax.numpy as jnp
-
 WIDTH, HEIGHT, FOCAL_PX = 16, 12, 20.0
 PARALLAX = 11.0
 """Pixels that the rim of the widest common opening moves a ray for every dioptre: a radius of 0.55 m."""
+_WIDEST = (0.0, 1.05 * PARALLAX, 0.0)
 _SQUARE = np.array([(0, 1, 2), (0, 2, 3)])
 _BACKGROUND = 0.2
 
@@ -59,13 +59,16 @@ class Stage:
         return make_scene(moved, background=constant_background(self.background), unlit=True)
 
 
-def layers_of(stage: Stage, settings: Sequence[float], like: Layers | None = None) -> Layers:
-    """Peeled for the lens that `settings` are of and for the same lens a little changed."""
+def layers_of(stage: Stage, settings: Sequence[float]) -> Layers:
+    """Peeled for the lens that `settings` are of and for the same lens a little changed.
+
+    Where the widest common opening is little wider, it is peeled for that, so that shapes are the same.
+    """
     focus, radius, tilt = settings
     camera = stage.camera()
-    # Differences and derivatives open and focus it a little farther.
-    lens = lens_of(jnp.array([focus, 1.05 * radius + 1e-6, tilt]), camera)
-    return peel(stage.scene(), camera, lens, max_layers=stage.max_layers, like=like)
+    widest = _WIDEST if stage.size == (WIDTH, HEIGHT) and 1.0 <= radius <= PARALLAX and not tilt else None
+    lens = lens_of(jnp.array(widest or (focus, 1.05 * radius + 1e-6, tilt)), camera)
+    return peel(stage.scene(), camera, lens, max_layers=stage.max_layers)
 
 
 def lens_of(settings: object, camera: Camera) -> TiltShiftLens:
@@ -121,7 +124,9 @@ def lamps() -> list[SceneObject]:
     return [
         wall,
         *(
-            patch(f"lamp {k}", (3 * k + 0.31, 3.1 + k, 3 * k + 1.6, 4.7 + k), 0.4 + 0.1 * k, 10.0 ** (4 * k - 8))
+            patch(
+                f"lamp {k}", (3 * k + 0.31, 3.1 + k, 3 * k + 1.6, 4.7 + k), 0.4 + 0.1 * k, 10.0 ** (4 * k - 8)
+            )
             for k in steps
         ),
     ]
@@ -231,7 +236,8 @@ def panes() -> list[SceneObject]:
     """Panes that fill every view, each glowing and stopping a few of the rays."""
     depths = np.linspace(0.9, 0.2, PANES)
     return [
-        patch(f"pane {k}", (-60, -60, 80, 80), w, pane_light(k), opacity=STOPPED) for k, w in enumerate(depths)
+        patch(f"pane {k}", (-60, -60, 80, 80), w, pane_light(k), opacity=STOPPED)
+        for k, w in enumerate(depths)
     ]
 
 

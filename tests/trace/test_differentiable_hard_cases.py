@@ -8,7 +8,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from small_scenes import front_camera, patch, wide_lens
 
 from focusjax.layers import Layers, peel
@@ -84,61 +83,29 @@ def picture_of(layers: Layers, values: jax.Array) -> jax.Array:
     return render(layers, lens_of(values, layers), even=True, rays=RAYS, derivative_rays=RAYS)
 
 
+picture_alone = eqx.filter_jit(picture_of)
+
+
 @eqx.filter_jit
 def jacobian(layers: Layers, values: jax.Array) -> jax.Array:
     """By the four values [h, w, 3, 4]."""
     return jax.jacfwd(lambda values: picture_of(layers, values))(values)
 
 
-@eqx.filter_jit
-def reverse(layers: Layers, values: jax.Array) -> tuple[jax.Array, ...]:
-    """The picture, and the gradient [4] of a weighted sum with its weights."""
-    value, back = jax.vjp(lambda values: picture_of(layers, values), values)
-    weights = jnp.cos(jnp.arange(value.size, dtype=value.dtype)).reshape(value.shape)
-    return value, back(weights)[0], weights
-
-
 @cache
-def derivatives(case: str, values: tuple[float, ...]) -> tuple[np.ndarray, ...]:
-    """The picture, its Jacobian, and the gradient of a weighted sum with its weights."""
+def derivatives(case: str, values: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """The picture and its Jacobian."""
     at = layers_of(case), jnp.array(values)
-    value, gradient, weights = reverse(*at)
-    return tuple(np.asarray(part) for part in (value, jacobian(*at), gradient, weights))
+    return np.asarray(picture_alone(*at)), np.asarray(jacobian(*at))
 
 
 CORNERED, ROUND = (0.4, 0.0), (0.4, 1.0)
 LENSES = {
     "before all": ("hard", (0.2, PARALLAX, *ROUND)),
-    "corners": ("hard", (0.5, PARALLAX, *CORNERED)),
-    "infinity": ("hard", (0.0, PARALLAX, *ROUND)),
     "closed": ("hard", (0.5, 0.0, *ROUND)),
-    "nearly closed": ("hard", (0.5, 1e-3, *ROUND)),
     "in focus": ("in focus", (0.5, PARALLAX, *CORNERED)),
     "empty": ("empty", (0.5, PARALLAX, *CORNERED)),
 }
-
-
-@pytest.mark.parametrize("name", LENSES)
-def test_finite_and_alike_in_both_modes_and_precisions(name: str):
-    case, values = LENSES[name]
-    value, found, gradient, weights = derivatives(case, values)
-    assert np.isfinite(value).all()
-    assert np.isfinite(found).all()
-    forward = np.einsum("hwc,hwck->k", weights, found)
-    scale = np.einsum("hwc,hwck->k", np.abs(weights), np.abs(found)).max()
-    off = np.abs(gradient - forward).max() / (scale + 1e-12)
-    with jax.enable_x64(False):
-        single = jax.tree.map(
-            lambda a: a.astype(jnp.float32) if eqx.is_inexact_array(a) else a, layers_of(case)
-        )
-        rough = np.asarray(jacobian(single, jnp.array(values, jnp.float32))).astype(np.float64)
-    assert np.isfinite(rough).all()
-    # Where nothing changes, sums of rays are rounded: by 1.1e-6 together.
-    apart = np.linalg.norm(rough - found) / (np.linalg.norm(found) + 1e-3)
-    # Observed: 2e-13.
-    assert off < 1e-10
-    # Observed: 0.009 where it is nearly closed, as rounded glare is divided by the opening; 1.2e-3 elsewhere.
-    assert apart < (0.06 if name == "nearly closed" else 0.003)
 
 
 def test_a_closed_opening_changes_nothing():
@@ -146,7 +113,7 @@ def test_a_closed_opening_changes_nothing():
 
     Rays to opposite sides cancel but for noise.
     """
-    _, jacobian, _, _ = derivatives(*LENSES["closed"])
+    _, jacobian = derivatives(*LENSES["closed"])
     np.testing.assert_array_equal(jacobian[..., 0], 0.0)
     # Observed: 0.013 of the glare.
     assert np.abs(jacobian[..., 1:]).max() < 0.02 * GLARE
@@ -154,7 +121,7 @@ def test_a_closed_opening_changes_nothing():
 
 def test_what_is_in_focus_changes_nothing_by_the_opening():
     """Rays of a film point meet in one point whatever the opening, and as focus moves the edge only blurs."""
-    _, jacobian, _, _ = derivatives(*LENSES["in focus"])
+    _, jacobian = derivatives(*LENSES["in focus"])
     # Beside the edge colour changes across samples, and rays at their borders may meet either.
     # Observed: 0.024 there, along three columns of 16; 2e-18 elsewhere.
     off = np.abs(jacobian[..., 1:])
@@ -163,14 +130,14 @@ def test_what_is_in_focus_changes_nothing_by_the_opening():
 
 
 def test_an_empty_picture_changes_nothing():
-    value, jacobian, _, _ = derivatives(*LENSES["empty"])
+    value, jacobian = derivatives(*LENSES["empty"])
     np.testing.assert_allclose(value, 0.2, rtol=1e-12)
     np.testing.assert_allclose(jacobian, 0.0, rtol=0, atol=1e-12)
 
 
 def test_glare_is_moved_and_neither_lost_nor_made():
     """As lamps blur over more of the frame, their light stays the same but for what crosses its border."""
-    value, jacobian, _, _ = derivatives(*LENSES["before all"])
+    value, jacobian = derivatives(*LENSES["before all"])
     assert value.max() > 100
     gained = jacobian[..., 0].sum(axis=(0, 1)) / np.abs(jacobian[..., 0]).sum(axis=(0, 1))
     # Observed: 0.015.

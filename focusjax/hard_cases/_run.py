@@ -1,0 +1,43 @@
+"""All hard cases, one after another."""
+
+import functools
+from collections.abc import Callable, Iterator, Sequence
+
+from focusjax.hard_cases import _glass, _pictures, _wishes
+from focusjax.hard_cases._check import Check
+
+Tell = Callable[[str, float | None], None]
+"""Told which case runs, and the share of all that is done."""
+
+_SLOPES = "slopes of contradictory wishes"
+
+
+def _cases() -> dict[str, Callable[[], Iterator[Check]]]:
+    return {
+        **{case.name: functools.partial(_wishes.wish_checks, case) for case in _wishes.CASES},
+        _SLOPES: _wishes.slope_checks,
+        **{f"glass, {name}": functools.partial(_glass.glass_checks, name) for name in _glass.HEIGHTS},
+        **{case.name: functools.partial(_pictures.picture_checks, case) for case in _pictures.CASES},
+    }
+
+
+NAMES = tuple(_cases())
+"""Of all cases, in the order in which they run."""
+
+
+def hard_cases(names: Sequence[str] = NAMES, tell: Tell = lambda name, share: None) -> list[Check]:
+    """What is looked at in the cases `names`, in float32 and float64, and how far each is off.
+
+    Raises:
+        ValueError: there is no such case.
+        RuntimeError: Embree, by which pictures are judged, is not installed.
+    """
+    cases = _cases()
+    for name in names:
+        if name not in cases:
+            raise ValueError(f"there is no case {name!r}; the cases are {', '.join(cases)}")
+    checks = []
+    for number, name in enumerate(names):
+        tell(name, number / len(names))
+        checks += cases[name]()
+    return checks

@@ -1,0 +1,97 @@
+"""Hard cases keep their bounds: all wishes and glass, and the pictures whose layers have the common shape."""
+
+import csv
+import dataclasses
+
+import pytest
+from typer.testing import CliRunner
+
+from focusjax.cli import app
+from focusjax.hard_cases import NAMES, Check, hard_cases
+from focusjax.hard_cases._command import save_checks
+from focusjax.hard_cases._glass import HEIGHTS
+from focusjax.hard_cases._pictures import CASES
+from focusjax.hard_cases._wishes import CASES as WISHES
+
+PICTURES = ("focus at infinity", "coincident triangles", "all behind the camera")
+CHECK = Check("wishes", "a <b>", "solution, float64", "closed form", 0.5, 1.0)
+
+
+def told(checks: list[Check]) -> list[str]:
+    return [f"{each.case}: {each.quantity} {each.error:.2g} > {each.bound:.2g}" for each in checks]
+
+
+@pytest.mark.parametrize("name", [case.name for case in WISHES])
+def test_wishes_keep_their_bounds(name: str):
+    checks = hard_cases([name])
+    assert len(checks) == 4
+    assert not told([each for each in checks if not each.kept])
+
+
+@pytest.mark.parametrize("name", ["slopes of contradictory wishes", *(f"glass, {name}" for name in HEIGHTS)])
+def test_slopes_and_glass_keep_their_bounds(name: str):
+    checks = hard_cases([name])
+    assert {each.quantity.split(", ")[1] for each in checks} == {"float32", "float64"}
+    assert not told([each for each in checks if not each.kept])
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_pictures_keep_their_bounds(name: str):
+    checks = hard_cases([name])
+    assert len(checks) == 8
+    assert not told([each for each in checks if not each.kept])
+
+
+def test_every_case_has_a_name_of_its_own_and_wide_bounds_say_why():
+    assert len(set(NAMES)) == len(NAMES) == len(WISHES) + 1 + len(HEIGHTS) + len(CASES)
+    usual = {field.name: field.default for field in dataclasses.fields(CASES[0])}
+    for case in CASES:
+        wide = [
+            name for name in ("picture", "slopes", "differences") if getattr(case, name) > 2 * usual[name]
+        ]
+        assert case.why or not wide, case.name
+
+
+@pytest.mark.parametrize(
+    ("error", "bound", "kept", "finite"),
+    [
+        (0.5, 1.0, True, True),
+        (2.0, 1.0, False, True),
+        (float("nan"), 1.0, False, False),
+        (0.0, 0.0, True, True),
+    ],
+)
+def test_a_bound_is_kept_by_what_is_finite_and_within_it(error, bound, kept, finite):
+    check = dataclasses.replace(CHECK, error=error, bound=bound)
+    assert (check.kept, check.finite) == (kept, finite)
+
+
+def test_page_and_table_hold_every_check(tmp_path):
+    broken = dataclasses.replace(CHECK, error=float("nan"), why="no <reason>")
+    save_checks(tmp_path, [CHECK, broken])
+    page = (tmp_path / "hard_cases.html").read_text()
+    assert "a &lt;b&gt;" in page
+    assert "not finite" in page
+    assert "<b>" not in page
+    rows = list(csv.DictReader((tmp_path / "hard_cases.csv").read_text().splitlines()))
+    assert [row["kept"] for row in rows] == ["True", "False"]
+
+
+def test_the_command_writes_them_and_refuses_unknown_cases(tmp_path):
+    out = tmp_path / "out"
+    command = ["bench", "hard-cases", "--out", str(out), "--only"]
+    result = CliRunner().invoke(app, [*command, "glass, total reflection"])
+    assert result.exit_code == 0, result.output
+    assert {path.name for path in out.iterdir()} == {"hard_cases.html", "hard_cases.csv"}
+    refused = CliRunner().invoke(app, [*command, "nothing"])
+    assert refused.exit_code == 2
+    assert "--only is 'nothing'; expected one of" in " ".join(refused.output.split())
+
+
+def test_a_broken_bound_is_an_exit_status_of_one(tmp_path, monkeypatch):
+    worse = dataclasses.replace(CHECK, case="one", error=2.0)
+    monkeypatch.setattr("focusjax.hard_cases._command.hard_cases", lambda names, tell: [CHECK, worse])
+    result = CliRunner().invoke(app, ["bench", "hard-cases", "--out", str(tmp_path / "out")])
+    assert result.exit_code == 1
+    assert "1 of 2 bounds are broken: one: solution, float64, 2" in " ".join(result.output.split())
+    assert (tmp_path / "out" / "hard_cases.html").exists()

@@ -11,6 +11,8 @@ makes edits as the studio's page does. Counted as findings are
 
     python scripts/fuzz.py --runs 5000
     python scripts/fuzz.py --only 1234
+
+The exit status is 1 if anything is found.
 """
 
 import argparse
@@ -484,6 +486,7 @@ def main() -> None:
     for outcome, count in sorted(outcomes.items()):
         print(f"{count:6d}  {outcome}")
     print(f"{sum(outcomes.values())} runs, {findings} with findings")
+    raise SystemExit(findings > 0)
 
 
 if __name__ == "__main__":

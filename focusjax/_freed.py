@@ -1,13 +1,19 @@
-"""Memory of large arrays, for the system to have again when they are freed."""
+"""Memory of large arrays and of compiled programs, for the system to have again when they are freed."""
 
 import ctypes
 import functools
+import gc
 from collections.abc import Callable
+from pathlib import Path
+
+import jax
 
 _MANY = 3 << 20
 _BLOCK = 4 << 20
 """Bytes."""
 _M_MMAP_THRESHOLD = -3
+_MOST_MAPPINGS = 24000
+"""Of memory, well below the 65530 that Linux allows a process: each compiled program takes some."""
 
 
 def keep_blocks_apart(numbers: int) -> None:
@@ -35,6 +41,17 @@ def return_freed(numbers: int) -> None:
     """
     if numbers >= _MANY:
         _function("malloc_trim")(0)
+
+
+def return_programs() -> None:
+    """Forgets compiled programs before there are more of them than a process can map into memory.
+
+    The next one beyond would end the process. Call it between things that compile programs of their own.
+    """
+    mappings = Path("/proc/self/maps")
+    if mappings.exists() and mappings.read_bytes().count(b"\n") > _MOST_MAPPINGS:
+        jax.clear_caches()
+        gc.collect()
 
 
 @functools.cache

@@ -217,7 +217,7 @@ def export(
     to: Annotated[
         str, typer.Option("--to", metavar="|".join(exchange.TARGETS), help="The program or format.")
     ],
-    with_shot: Annotated[bool, typer.Option("--shot", help="All frames of the config's [shot].")] = False,
+    with_shot: Annotated[bool, typer.Option("--shot", help=r"All frames of the config's \[shot].")] = False,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="The file; out/<config's name> by default.")
     ] = None,
@@ -227,7 +227,7 @@ def export(
         bool, typer.Option("--approximate", help="Write the nearest camera that the target can have.")
     ] = False,
 ) -> None:
-    """Solve, and write the camera for another program; without [[focus]] wishes, as the config has it."""
+    r"""Solve, and write the camera for another program; without [\[focus]] wishes, as the config has it."""
     console, errors = Console(), Console(stderr=True)
     try:
         suffix = exchange.target_named(to).suffix

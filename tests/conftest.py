@@ -1,11 +1,9 @@
 """Settings every test runs under: float64, no silent rank promotion, annotations checked."""
 
-import gc
 import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from pathlib import Path
 
 # No GPU is assumed.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
@@ -31,18 +29,14 @@ install_import_hook("focusjax", "annotation_checks.check")
 _PROGRAMS = "FOCUSJAX_TESTS_PROGRAMS"
 """The variable that tells the processes of one run the folder of the programs that they share."""
 
-_MOST_MAPPINGS = 24000
-"""Of memory, well below the 65530 that Linux allows a process: each compiled program takes some."""
-
 
 @pytest.fixture(autouse=True, scope="module")
 def programs_within_limits() -> Iterator[None]:
     """Compiled programs are let go before there are more of them than a process can map into memory."""
     yield
-    mappings = Path("/proc/self/maps")
-    if mappings.exists() and mappings.read_bytes().count(b"\n") > _MOST_MAPPINGS:
-        jax.clear_caches()
-        gc.collect()
+    from focusjax._freed import return_programs
+
+    return_programs()
 
 
 def pytest_configure(config: pytest.Config) -> None:

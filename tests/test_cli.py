@@ -12,6 +12,7 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 import pytest
+import typer.main
 from boxes_config import CONFIG, write_boxes
 from typer.testing import CliRunner
 
@@ -271,12 +272,22 @@ def test_what_the_command_line_names_may_be_anywhere(scene_folder, tmp_path):
     assert focusjax("solve", folder / "boxes.toml", *options)[0] == 0
 
 
-@pytest.mark.parametrize(("command", "said"), [("shot", "[shot]"), ("batch", "[batch]")])
-def test_help_keeps_its_brackets(command, said):
-    status, printed, _ = focusjax(command, "--help")
+def _commands(group, path=()):
+    """All commands below a group, each with the words that call it; groups as well."""
+    yield path, group
+    for name, command in getattr(group, "commands", {}).items():
+        yield from _commands(command, (*path, name))
+
+
+@pytest.mark.parametrize(("path", "command"), list(_commands(typer.main.get_command(app))))
+def test_help_keeps_its_brackets(path, command):
+    status, printed, _ = focusjax(*path, "--help")
     assert status == 0
-    assert said in printed
+    texts = [command.help, *(getattr(parameter, "help", None) for parameter in command.params)]
+    names = re.findall(r"\[+[\w.]+\]+", " ".join(text for text in texts if text))
+    assert [name for name in names if name not in printed] == []
     assert "\\[" not in printed
+    assert "[]" not in printed
 
 
 def test_a_config_may_begin_with_a_byte_order_mark(scene_folder, tmp_path):

@@ -98,8 +98,9 @@ ALLOWED = {
         "baselines",
         "io",
         "_console",
+        "_freed",
     },
-    "batch": {"io", "config", "job", "report", "_console", "_parallel"},
+    "batch": {"io", "config", "job", "report", "_console", "_freed", "_parallel"},
     "shot": {
         "geometry",
         "lens",
@@ -134,6 +135,7 @@ ALLOWED = {
         "job",
         "report",
         "_console",
+        "_freed",
         "_settings",
         "_whole_file",
     },

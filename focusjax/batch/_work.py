@@ -1,7 +1,6 @@
 """Doing one item: what one run does, into a folder that is there whole or not at all."""
 
 import dataclasses
-import gc
 import time
 import warnings
 from collections.abc import Iterator
@@ -9,10 +8,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import jax
 from PIL import Image
 
 from focusjax import job
+from focusjax._freed import return_programs
 from focusjax.batch._errors import sentence
 from focusjax.batch._folder import ITEM_FILE
 from focusjax.batch._items import Item
@@ -22,8 +21,6 @@ from focusjax.report import save_outcome
 
 THUMBNAIL = "thumbnail.jpg"
 _THUMBNAIL_WIDTH = 320
-_MOST_MAPPINGS = 24000
-"""Of memory, well below the 65530 that Linux allows a process: each compiled program takes some."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,7 +66,7 @@ class Worker:
         except Exception as error:
             return sentence(error)
         finally:
-            _let_programs_go()
+            return_programs()
         return ""
 
     def _do(self, task: Task) -> None:
@@ -129,11 +126,3 @@ def _warnings_kept() -> Iterator[list[str]]:
         warnings.filterwarnings("always", category=UserWarning, module="focusjax|__main__")
         warnings.showwarning = keep
         yield told
-
-
-def _let_programs_go() -> None:
-    """Forget compiled programs before there are more than a process can map into memory."""
-    mappings = Path("/proc/self/maps")
-    if mappings.exists() and mappings.read_bytes().count(b"\n") > _MOST_MAPPINGS:
-        jax.clear_caches()
-        gc.collect()

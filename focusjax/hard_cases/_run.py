@@ -3,6 +3,7 @@
 import functools
 from collections.abc import Callable, Iterator, Sequence
 
+from focusjax._freed import return_programs
 from focusjax.hard_cases import _glass, _pictures, _wishes
 from focusjax.hard_cases._check import Check
 
@@ -40,4 +41,5 @@ def hard_cases(names: Sequence[str] = NAMES, tell: Tell = lambda name, share: No
     for number, name in enumerate(names):
         tell(name, number / len(names))
         checks += cases[name]()
+        return_programs()
     return checks

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float, UInt8
 
 from focusjax import job
+from focusjax._freed import return_programs
 from focusjax.config import Config, build_camera, build_look
 from focusjax.film import to_bytes
 from focusjax.geometry import Camera
@@ -92,6 +93,7 @@ class Painter:
             Cancelled: `cancelled` said so between two passes.
             ValueError: layers that do not fit.
         """
+        return_programs()
         self._look_at(answer)
         outcome, config, camera = answer.outcome, answer.config, answer.stage.camera
         assert outcome is not None

@@ -40,7 +40,7 @@ def command(
 ) -> None:
     """Check wishes, glass and pictures that are numerically hard, in both precisions, against the truth.
 
-    The exit status is 1 if a bound is broken. It takes about a quarter of an hour, most of it compiling.
+    The exit status is 1 if a bound is broken. It takes about half an hour, most of it compiling.
     """
     console, errors = Console(), Console(stderr=True)
     unknown = [name for name in only or () if name not in NAMES]

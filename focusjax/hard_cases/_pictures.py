@@ -122,7 +122,7 @@ CASES = (
         _MIXED,
         (0.5, 2e-5, 0.0),
         picture=0.05,
-        modes=3e-4,
+        modes=2e-3,
         slopes=0.15,
         differences=0.5,
         why=f"{_NARROW}; {_NO_BLUR}",

@@ -89,13 +89,14 @@ def _worst(checks: list[Check]) -> Check:
 
 
 def _table(checks: list[Check]) -> Table:
-    """One line for every case: what of it is nearest to its bound."""
+    """One line for every case: what of it is nearest to its bound, and whether its bounds are wider."""
     table = Table()
     for title in ("", "case", "nearest to its bound", "error", "bound", ""):
         table.add_column(title, justify="right" if title in ("error", "bound") else "left")
     for group, case, held in _by_case(checks):
         worst = _worst(held)
         numbers = (f"{worst.error:.1e}", f"{worst.bound:.1e}")
-        verdict = "kept" if all(check.kept for check in held) else "broken"
+        kept = "kept, wider" if any(check.why for check in held) else "kept"
+        verdict = kept if all(check.kept for check in held) else "broken"
         table.add_row(group, Text(case), Text(worst.quantity), *numbers, verdict)
     return table

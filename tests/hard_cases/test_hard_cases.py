@@ -90,8 +90,10 @@ def test_the_command_writes_them_and_refuses_unknown_cases(tmp_path):
 
 def test_a_broken_bound_is_an_exit_status_of_one(tmp_path, monkeypatch):
     worse = dataclasses.replace(CHECK, case="one", error=2.0)
-    monkeypatch.setattr("focusjax.hard_cases._command.hard_cases", lambda names, tell: [CHECK, worse])
+    wider = dataclasses.replace(CHECK, case="two", why="hard")
+    monkeypatch.setattr("focusjax.hard_cases._command.hard_cases", lambda names, tell: [CHECK, worse, wider])
     result = CliRunner().invoke(app, ["bench", "hard-cases", "--out", str(tmp_path / "out")])
     assert result.exit_code == 1
-    assert "1 of 2 bounds are broken: one: solution, float64, 2" in " ".join(result.output.split())
+    assert "kept, wider" in result.output
+    assert "1 of 3 bounds are broken: one: solution, float64, 2" in " ".join(result.output.split())
     assert (tmp_path / "out" / "hard_cases.html").exists()

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import platform
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from focusjax import batch, bench, charts, exchange, hard_cases, job, studio
+from focusjax import __version__, batch, bench, charts, exchange, hard_cases, job, studio
 from focusjax._arguments import ArgumentError
 from focusjax._console import fail, say, warnings_told
 from focusjax._refocus import refocus_config
@@ -43,12 +44,7 @@ _STAGES = {
     "save": "Writing files",
 }
 
-app = typer.Typer(
-    help="Say what should be sharp; get the lens settings and the picture.",
-    add_completion=False,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-)
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 bench_app = typer.Typer(help="Measure focusjax beside other methods.", no_args_is_help=True)
 app.command("batch")(batch.command)
 app.command("lens")(charts.command)
@@ -69,6 +65,27 @@ RootOption = Annotated[
         "--root", metavar="DIR", help="Folder below which a config may name files; its own by default."
     ),
 ]
+
+
+def _tell_versions(wanted: bool) -> bool:
+    """Prints what a report of a fault needs, and ends the program."""
+    if wanted:
+        python = platform.python_version()
+        typer.echo(f"focusjax {__version__} (jax {jax.__version__}, Python {python}, {platform.system()})")
+        raise typer.Exit
+    return wanted
+
+
+@app.callback()
+def focusjax(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_tell_versions, is_eager=True, help="Show the versions, and exit."
+        ),
+    ] = False,
+) -> None:
+    """Say what should be sharp; get the lens settings and the picture."""
 
 
 @app.command()

@@ -1,6 +1,7 @@
 """The command line from outside: files, exit statuses, and the sentence for everything that goes wrong."""
 
 import codecs
+import importlib.metadata
 import json
 import os
 import re
@@ -288,6 +289,12 @@ def test_help_keeps_its_brackets(path, command):
     assert [name for name in names if name not in printed] == []
     assert "\\[" not in printed
     assert "[]" not in printed
+
+
+def test_the_version_is_that_of_the_package():
+    status, printed, _ = focusjax("--version")
+    assert status == 0
+    assert printed.startswith(f"focusjax {importlib.metadata.version('focusjax')} (jax ")
 
 
 def test_a_config_may_begin_with_a_byte_order_mark(scene_folder, tmp_path):

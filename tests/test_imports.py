@@ -142,6 +142,7 @@ ALLOWED = {
     "_tell": {"focus", "lens", "job", "report", "shot", "bench", "_console"},
     "_refocus": {"config"},
     "cli": {
+        "__version__",
         "hard_cases",
         "_refocus",
         "charts",

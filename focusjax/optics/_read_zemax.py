@@ -171,9 +171,9 @@ def _glass_line(text: LensText, number: int, row: Row, rest: list[str]) -> None:
         if placeholder:
             raise text.refuse(
                 number,
-                f"{error}, and n_d = 1.5 with V_d = 40 is what Zemax writes where a catalogue has the glass's"
-                " numbers; give the AGF catalogue that has it (--glass FILE, glass in [lens] of a config), or"
-                " write its n_d and V_d there",
+                "n_d = 1.5 with V_d = 40 is what Zemax writes where a catalogue has the glass's numbers; give"
+                " the AGF catalogue that has it (--glass FILE, glass in [lens] of a config), or write its n_d"
+                f" and V_d there; {error}",
             ) from None
         if not usable:
             raise text.refuse(number, error) from None

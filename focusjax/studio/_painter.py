@@ -93,7 +93,6 @@ class Painter:
             Cancelled: `cancelled` said so between two passes.
             ValueError: layers that do not fit.
         """
-        return_programs()
         self._look_at(answer)
         outcome, config, camera = answer.outcome, answer.config, answer.stage.camera
         assert outcome is not None
@@ -158,6 +157,7 @@ class Painter:
 
     def _peel(self, config: Config, stage: Stage, lens: AbstractLens, like: Extent | None) -> Layers:
         self.peels += 1
+        return_programs()
         return job.make_layers(config.render, stage.scene, stage.camera, lens, like)
 
     def _shown(self, answer: Answer, camera: Camera, image: Float[Array, "h w 3"]) -> Bytes:

@@ -10,13 +10,18 @@ from typing import NoReturn
 import typer
 from rich.console import Console
 
+from focusjax._words import printable
+
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 """The system's errors that a disk, or one's share of it, is full."""
 
+_OF_DRAWING = (r"Glyph \d+ .* missing from font", "constrained_layout not applied")
+"""Warnings of matplotlib that name its caller, which is us."""
+
 
 def say(console: Console, text: str) -> None:
-    """A line of text, whose brackets are no markup: names in it are the user's."""
-    console.print(text, soft_wrap=True, highlight=False, markup=False)
+    """A line of text as it is: names in it are the user's, so no markup and nothing that a terminal obeys."""
+    console.print(printable(text), soft_wrap=True, highlight=False, markup=False)
 
 
 def fail(console: Console, error: BaseException, status: int, place: Path | None = None) -> NoReturn:
@@ -51,5 +56,7 @@ def warnings_told(console: Console) -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         warnings.filterwarnings("default", category=UserWarning, module="focusjax|__main__")
+        for drawing in _OF_DRAWING:
+            warnings.filterwarnings("ignore", message=drawing)
         warnings.showwarning = show
         yield

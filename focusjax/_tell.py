@@ -9,6 +9,7 @@ from rich.text import Text
 
 from focusjax import bench, job
 from focusjax._console import say
+from focusjax._words import printable
 from focusjax.focus import WISH_HEADINGS, Solution, SurfaceSolution, diagnose, wish_rows
 from focusjax.lens import depth_of_field
 from focusjax.report import (
@@ -125,7 +126,7 @@ def comparison(found: bench.CaseResults) -> Table:
     dropped = found.reference.dropped
     caption = f"samples of the reference that are not finite and left out: {dropped}" if dropped else None
     table = Table(
-        title=Text(found.case.title),
+        title=Text(printable(found.case.title)),
         caption=caption,
         box=None,
         header_style="dim",
@@ -156,7 +157,7 @@ def _wishes(solution: Solution | SurfaceSolution) -> Table:
         table.add_column(heading, justify="left" if at_end else "right")
     colours = {"met": Text("met", "green"), "missed": Text("missed", "red")}
     for *said, verdict in wish_rows(solution.table()):
-        table.add_row(*(Text(part) for part in said), colours.get(verdict, Text(verdict)))
+        table.add_row(*(Text(printable(part)) for part in said), colours.get(verdict, Text(verdict)))
     return table
 
 

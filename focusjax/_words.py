@@ -23,6 +23,19 @@ def shown(value: Any) -> str:
     return "[" + ", ".join(shown(one) for one in array) + "]"
 
 
+def printable(text: str) -> str:
+    r"""Text without control characters, which a terminal would obey; lines stay lines.
+
+    Example:
+        >>> printable("a\x1b[2Jb")
+        'a\\x1b[2Jb'
+    """
+    return "".join(
+        each if each == "\n" or each.isprintable() else each.encode("unicode_escape").decode()
+        for each in text
+    )
+
+
 def nearest_name(name: str, known: Iterable[str]) -> str | None:
     """The known name that `name` may be a slip for; None when none is near."""
     plain = {each.casefold(): each for each in known}

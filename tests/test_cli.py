@@ -232,6 +232,17 @@ def test_names_are_no_markup(scene_folder, tmp_path, name):
     assert (folder / "report.json").exists()
 
 
+def test_names_do_not_steer_the_terminal_and_need_no_glyphs(scene_folder, tmp_path):
+    """Control characters are written out, and letters that a font lacks warn of nothing."""
+    name = json.dumps("\x1b[2J\u732b" + "x" * 300)
+    status, printed, complaint = focusjax(
+        "solve", scene_folder / "boxes.toml", "--out", tmp_path / "out", "--set", f"focus.0.name={name}"
+    )
+    assert (status, complaint) == (0, "")
+    assert "\x1b" not in printed
+    assert r"\x1b[2J" in printed
+
+
 @pytest.fixture
 def apart(scene_folder, tmp_path):
     """A config in a folder of its own, whose meshes are elsewhere."""

@@ -48,7 +48,7 @@ ALLOWED = {
         "_words",
     },
     "_arguments": {"_words"},
-    "_console": set(),
+    "_console": {"_words"},
     "_counts": {"_arguments"},
     "_freed": set(),
     "_kept": set(),
@@ -139,7 +139,7 @@ ALLOWED = {
         "_settings",
         "_whole_file",
     },
-    "_tell": {"focus", "lens", "job", "report", "shot", "bench", "_console"},
+    "_tell": {"focus", "lens", "job", "report", "shot", "bench", "_console", "_words"},
     "_refocus": {"config"},
     "cli": {
         "__version__",

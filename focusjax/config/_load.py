@@ -200,6 +200,8 @@ def load_config(path: Path | str, overrides: Sequence[str] = (), *, root: Path |
             message is one sentence that names the file, the key, the value and what to do.
     """
     path = Path(path)
+    if root is not None and not Path(root).is_dir():
+        raise ConfigError(f"root {root} is not a folder; name the one below which the config's files lie")
     data = read_toml(path)
     set_keys(data, overrides)
     named = [toml_value(override.partition("=")[2]) for override in overrides]
@@ -239,6 +241,8 @@ def config_of(data: dict[str, Any], reach: Reach) -> Config:
 
 
 def _no_toml(path: Path, error: Exception) -> ConfigError:
+    if isinstance(error, UnicodeDecodeError):
+        return ConfigError(f"{path}: this is not text in UTF-8 ({error.reason}); save it as UTF-8")
     if isinstance(error, RecursionError):
         return ConfigError(f"{path}: has tables or arrays nested too deep to read; write it flatter")
     return ConfigError(f"{path}: this is not valid TOML ({error}); mend that line")

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Console
 
-from focusjax import __version__
-from focusjax._console import caches
+from focusjax._console import BAD_INPUT, FAILED, caches, fail, say
 from focusjax._later import Later, group_of
 from focusjax._options import ConfigArgument, OutOption, RootOption, SetOption
 
@@ -59,6 +59,8 @@ def _bench() -> None:
 def _tell_versions(wanted: bool) -> bool:
     """Prints what a report of a fault needs, and ends the program."""
     if wanted:
+        from focusjax import __version__
+
         jax, python = importlib.metadata.version("jax"), platform.python_version()
         typer.echo(f"focusjax {__version__} (jax {jax}, Python {python}, {platform.system()})")
         raise typer.Exit
@@ -208,6 +210,61 @@ def shot(
     carry_out_shot(
         lambda: load_config(config, set_ or (), root=root), folder, rendering=not solve_only, frames=frames
     )
+
+
+@app.command()
+def new(
+    name: Annotated[
+        Path, typer.Argument(help="The folder to make; the config in it is called the same.", metavar="NAME")
+    ],
+) -> None:
+    """Make a folder with a commented config and a small scene to begin with."""
+    from focusjax.starter import make_starter
+
+    console, errors = Console(), Console(stderr=True)
+    try:
+        config = make_starter(name)
+    except ValueError as error:
+        fail(errors, error, BAD_INPUT)
+    except OSError as error:
+        fail(errors, error, FAILED, name)
+    say(console, f"Made {config}. Try: focusjax run {config}")
+
+
+@app.command()
+def keys(
+    table: Annotated[
+        str, typer.Argument(help="A table or key, such as lens or focus.blur_px.", metavar="[TABLE]")
+    ] = "",
+) -> None:
+    """List the keys of a config: type, unit, default and meaning; all of them, or those of a table."""
+    from focusjax._tell_keys import tell_keys
+    from focusjax.config import ConfigError, config_keys
+
+    try:
+        found = config_keys(table)
+    except ConfigError as error:
+        fail(Console(stderr=True), error, BAD_INPUT)
+    tell_keys(Console(), found)
+
+
+@app.command()
+def schema(
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="The file; printed by default.")
+    ] = None,
+) -> None:
+    """Write the JSON Schema of a config, by which editors complete and check it."""
+    from focusjax.config import schema_text
+    from focusjax.io import replace_file
+
+    if out is None:
+        typer.echo(schema_text(), nl=False)
+        return
+    try:
+        replace_file(out, schema_text())
+    except OSError as error:
+        fail(Console(stderr=True), error, FAILED, out)
 
 
 def main() -> None:

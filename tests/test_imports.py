@@ -105,6 +105,7 @@ ALLOWED = {
         "_freed",
         "_templates",
     },
+    "starter": {"config", "io"},
     "batch": {"io", "config", "job", "report", "_console", "_freed", "_parallel"},
     "shot": {
         "geometry",
@@ -158,6 +159,7 @@ ALLOWED = {
         "_settings",
         "_whole_file",
     },
+    "_tell_keys": {"config"},
     "_tell": {"focus", "lens", "job", "report", "shot", "_console"},
     "_refocus": {"config"},
     "_later": set(),
@@ -166,7 +168,18 @@ ALLOWED = {
     "_templates": set(),
     "_carry_out": {"io", "config", "job", "report", "shot", "_console", "_progress", "_tell"},
     # Commands import what they need when they run; those of packages are in its table.
-    "cli": {"__version__", "config", "_carry_out", "_console", "_later", "_options", "_refocus"},
+    "cli": {
+        "__version__",
+        "config",
+        "io",
+        "starter",
+        "_carry_out",
+        "_console",
+        "_later",
+        "_options",
+        "_refocus",
+        "_tell_keys",
+    },
 }
 # The public face re-exports from everywhere below the command line.
 ALLOWED["__init__"] = {

@@ -8,6 +8,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    __version__: str
     from focusjax.camera_files import CameraFileError as CameraFileError
     from focusjax.camera_files import read_camera as read_camera
     from focusjax.exchange import ExportError as ExportError
@@ -109,8 +110,6 @@ if TYPE_CHECKING:
     from focusjax.trace import plan_rays as plan_rays
     from focusjax.trace import render as render
     from focusjax.trace import render_pinhole as render_pinhole
-
-__version__ = "0.1.0"
 
 _NAMES = {
     "camera_files": (
@@ -280,6 +279,8 @@ _ROOMS = (
 
 def __getattr__(name: str) -> Any:
     """A public name or package at its first use (PEP 562)."""
+    if name == "__version__":
+        return _version()
     if name in _ROOMS:
         return importlib.import_module(f"focusjax.{name}")
     if name not in _PACKAGE_OF:
@@ -287,6 +288,16 @@ def __getattr__(name: str) -> Any:
     value = getattr(importlib.import_module(f"focusjax.{_PACKAGE_OF[name]}"), name)
     globals()[name] = value
     return value
+
+
+def _version() -> str:
+    """That of the installed package, which is made from the repository's tags."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("focusjax")
+    except PackageNotFoundError:
+        return "0+not.installed"
 
 
 def __dir__() -> list[str]:

@@ -69,7 +69,8 @@ def test_type_checkers_know_every_public_name():
     tree = ast.parse((ROOT / "focusjax" / "__init__.py").read_text())
     block = next(node for node in tree.body if isinstance(node, ast.If))
     seen = {}
-    for node in block.body:
+    assert ast.unparse(block.body[0]) == "__version__: str"
+    for node in block.body[1:]:
         assert isinstance(node, ast.ImportFrom)
         assert [alias.asname for alias in node.names] == [alias.name for alias in node.names]
         seen.setdefault(node.module.removeprefix("focusjax."), []).extend(alias.name for alias in node.names)

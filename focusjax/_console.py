@@ -1,6 +1,7 @@
 """What commands say on the terminal: text as it is, without markup, and warnings and errors in one line."""
 
 import errno
+import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,6 +12,9 @@ import typer
 from rich.console import Console
 
 from focusjax._words import printable
+
+FAILED, BAD_INPUT, MISSED = 1, 2, 3
+"""Exit statuses beside 0: failed; bad usage or config; solved, but a wish is missed."""
 
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 """The system's errors that a disk, or one's share of it, is full."""
@@ -60,3 +64,13 @@ def warnings_told(console: Console) -> Iterator[None]:
             warnings.filterwarnings("ignore", message=drawing)
         warnings.showwarning = show
         yield
+
+
+def duration(seconds: float) -> str:
+    """Seconds as a photographer would say them: 12.3 ms, 4.5 s."""
+    return f"{1000 * seconds:.1f} ms" if seconds < 0.1 else f"{seconds:.1f} s"
+
+
+def caches() -> Path:
+    """Where focusjax keeps what later runs can use."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "focusjax"

@@ -1,4 +1,4 @@
-"""What the command line says of a run, a shot or a comparison, in a few lines."""
+"""What the command line says of a run or a shot, in a few lines."""
 
 from pathlib import Path
 
@@ -7,8 +7,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from focusjax import bench, job
-from focusjax._console import say
+from focusjax import job
+from focusjax._console import duration, say
 from focusjax._words import printable
 from focusjax.focus import WISH_HEADINGS, Solution, SurfaceSolution, diagnose, wish_rows
 from focusjax.lens import depth_of_field
@@ -93,7 +93,7 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     if chosen is not None:
         say(console, chosen)
     stages = outcome.seconds | {"compile": sum(outcome.compile_seconds.values())}
-    seconds = ", ".join(f"{name.replace('_', ' ')} {_duration(value)}" for name, value in stages.items())
+    seconds = ", ".join(f"{name.replace('_', ' ')} {duration(value)}" for name, value in stages.items())
     console.print(f"[dim]{seconds}[/]", highlight=False, soft_wrap=True)
     say(console, f"Report: {folder / 'report.html'}")
 
@@ -121,35 +121,6 @@ def tell_shot(console: Console, solved: SolvedShot) -> None:
         say(console, sentence)
 
 
-def comparison(found: bench.CaseResults) -> Table:
-    """What a scene's measurements say, a line for each setting."""
-    dropped = found.reference.dropped
-    caption = f"samples of the reference that are not finite and left out: {dropped}" if dropped else None
-    table = Table(
-        title=Text(printable(found.case.title)),
-        caption=caption,
-        box=None,
-        header_style="dim",
-        pad_edge=False,
-        title_justify="left",
-        caption_justify="left",
-    )
-    for heading in ("method", "setting", "picture", "set-up", "MiB", "PSNR", "SSIM", "silhouettes"):
-        table.add_column(heading, justify="left" if heading in ("method", "setting") else "right")
-    for row in found.rows:
-        table.add_row(
-            row.method,
-            f"{row.setting} {row.knob}",
-            _duration(row.seconds),
-            _duration(row.setup_seconds),
-            f"{row.peak_mib:.0f}",
-            f"{row.psnr:.2f} dB",
-            "" if row.ssim is None else f"{row.ssim:.4f}",
-            "" if row.silhouette_psnr is None else f"{row.silhouette_psnr:.2f} dB",
-        )
-    return table
-
-
 def _wishes(solution: Solution | SurfaceSolution) -> Table:
     table = Table(box=None, header_style="dim", pad_edge=False)
     for heading in WISH_HEADINGS:
@@ -159,7 +130,3 @@ def _wishes(solution: Solution | SurfaceSolution) -> Table:
     for *said, verdict in wish_rows(solution.table()):
         table.add_row(*(Text(printable(part)) for part in said), colours.get(verdict, Text(verdict)))
     return table
-
-
-def _duration(seconds: float) -> str:
-    return f"{1000 * seconds:.1f} ms" if seconds < 0.1 else f"{seconds:.1f} s"

@@ -286,7 +286,7 @@ def test_what_the_command_line_names_may_be_anywhere(scene_folder, tmp_path):
 
 def _commands(group, path=()):
     """All commands below a group, each with the words that call it; groups as well."""
-    yield path, group
+    yield path, group.found() if hasattr(group, "found") else group
     for name, command in getattr(group, "commands", {}).items():
         yield from _commands(command, (*path, name))
 
@@ -330,7 +330,7 @@ def test_a_full_disk_is_told_with_its_folder(scene_folder, tmp_path, monkeypatch
         with open("/dev/full", "w") as stream:
             stream.write("x")
 
-    monkeypatch.setattr("focusjax.cli.save_outcome", save)
+    monkeypatch.setattr("focusjax._carry_out.save_outcome", save)
     status, printed, complaint = focusjax("solve", scene_folder / "boxes.toml", "--out", tmp_path / "out")
     assert (status, printed) == (1, "")
     assert complaint == (

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 from focusjax.camera_files._stored import CameraFileError, Opening, StoredCamera, chosen, rigid
 from focusjax.scene import gltf_json
@@ -92,6 +91,8 @@ def _world(nodes: list[dict[str, Any]], number: int, path: Path) -> Float[np.nda
 def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
     if "matrix" in node:
         return np.array(node["matrix"], dtype=float).reshape(4, 4).T
+    from scipy.spatial.transform import Rotation
+
     matrix = np.eye(4)
     turn = Rotation.from_quat(node.get("rotation", (0.0, 0.0, 0.0, 1.0))).as_matrix()
     matrix[:3, :3] = turn * np.array(node.get("scale", (1.0, 1.0, 1.0)), dtype=float)

@@ -18,6 +18,8 @@ from focusjax.config._build_wishes import build_solve_options as build_solve_opt
 from focusjax.config._errors import ConfigError as ConfigError
 from focusjax.config._errors import sentence_for as sentence_for
 from focusjax.config._exposure import ExposureTable as ExposureTable
+from focusjax.config._keys import ConfigKey as ConfigKey
+from focusjax.config._keys import config_keys as config_keys
 from focusjax.config._load import Config as Config
 from focusjax.config._load import config_of as config_of
 from focusjax.config._load import load_config as load_config
@@ -29,6 +31,8 @@ from focusjax.config._reach import Reach as Reach
 from focusjax.config._reach import texts as texts
 from focusjax.config._refusals import refusals_located as refusals_located
 from focusjax.config._render import RenderTable as RenderTable
+from focusjax.config._schema import json_schema as json_schema
+from focusjax.config._schema import schema_text as schema_text
 from focusjax.config._shot import ShotTable as ShotTable
 from focusjax.config._shot import values_of as values_of
 from focusjax.config._values import Table as Table

@@ -5,7 +5,6 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import lineax as lx
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
@@ -192,6 +191,8 @@ class _Linear(eqx.Module):
 
     def change(self, side: Float[Array, "n"]) -> Float[Array, "k"]:
         """The best change; the smallest, where several are as good."""
+        import lineax as lx
+
         return lx.linear_solve(lx.MatrixLinearOperator(self.matrix), self.right(side), lx.SVD()).value
 
 

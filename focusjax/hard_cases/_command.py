@@ -6,13 +6,13 @@ import itertools
 from pathlib import Path
 from typing import Annotated
 
-import jinja2
 import typer
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from focusjax._console import fail, say, warnings_told
+from focusjax._templates import template
 from focusjax.hard_cases._check import Check
 from focusjax.hard_cases._run import NAMES, hard_cases
 from focusjax.io import staged_folder
@@ -21,13 +21,6 @@ FILES = ("hard_cases.html", "hard_cases.csv")
 """Every file that the command leaves in its folder."""
 
 _FAILED, _BAD_INPUT = 1, 2
-_TEMPLATES = jinja2.Environment(
-    loader=jinja2.PackageLoader("focusjax.hard_cases", "."),
-    autoescape=True,
-    undefined=jinja2.StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
 
 
 def command(
@@ -71,7 +64,7 @@ def save_checks(folder: Path, checks: list[Check]) -> None:
         writer = csv.DictWriter(stream, [*names, "verdict"])
         writer.writeheader()
         writer.writerows({**dataclasses.asdict(check), "verdict": check.verdict} for check in checks)
-    page = _TEMPLATES.get_template("hard_cases.html.j2").render(
+    page = template("focusjax.hard_cases", "hard_cases.html.j2").render(
         cases=_by_case(checks), checks=checks, worst=_worst(checks)
     )
     (folder / "hard_cases.html").write_text(page, encoding="utf-8")

@@ -8,7 +8,6 @@ import numpy as np
 import OpenEXR
 from jaxtyping import Float
 from PIL import Image
-from scipy.ndimage import distance_transform_edt
 
 from focusjax.scene._sizes import check_pixels
 
@@ -78,6 +77,8 @@ def fill_hidden(
     """
     if picture.shape[:2] != opacity.shape or not (opacity == 0).any() or not (opacity > 0).any():
         return picture
+    from scipy.ndimage import distance_transform_edt
+
     nearest = np.zeros((2, *opacity.shape), dtype=np.int32)
     distance_transform_edt(opacity == 0, return_distances=False, return_indices=True, indices=nearest)
     return picture[*nearest]

@@ -7,7 +7,6 @@ import imageio.v3 as iio
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from skimage.transform import resize_local_mean
 
 from focusjax.shot._solve import SolvedShot
 
@@ -68,6 +67,8 @@ def save_blur_curves(path: Path, solved: SolvedShot) -> None:
 
 def save_contact_sheet(path: Path, pictures: Sequence[Path], *, most: int = 24, width: int = 200) -> None:
     """Put at most `most` of the pictures in rows of six on one sheet, each `width` pixels wide."""
+    from skimage.transform import resize_local_mean
+
     count = min(most, len(pictures))
     chosen = np.unique(np.round(np.linspace(0, len(pictures) - 1, count)).astype(int))
     small = []

@@ -2,13 +2,11 @@
 
 import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import SupportsFloat
 
 import numpy as np
 from jaxtyping import Float
-from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
-from scipy.spatial.transform import Rotation
 
 WAYS = ("smooth", "linear")
 """How values go from one keyframe to the next."""
@@ -88,6 +86,7 @@ class Turns:
         between: "smooth" or "linear".
 
     Example:
+        >>> from scipy.spatial.transform import Rotation
         >>> pan = turns({1: np.eye(3), 25: Rotation.from_euler("y", 90, degrees=True).as_matrix()})
         >>> round(float(Rotation.from_matrix(pan(13)).magnitude()) * 180 / np.pi, 6)
         45.0
@@ -101,6 +100,8 @@ class Turns:
         """The rotation at a frame."""
         if frame <= self.frames[0] or frame >= self.frames[-1]:
             return self.rotations[0 if frame <= self.frames[0] else -1]
+        from scipy.spatial.transform import Rotation
+
         after = int(np.clip(np.searchsorted(self.frames, frame), 1, len(self.frames) - 1))
         steps = np.einsum("kji,kjl->kil", self.rotations[:-1], self.rotations[1:])
         vectors = Rotation.from_matrix(steps).as_rotvec()
@@ -158,8 +159,12 @@ def check_frames(frames: Sequence[float], between: str) -> Float[np.ndarray, "k"
     return array
 
 
-def _eased(frames: Float[np.ndarray, "k"], values: Float[np.ndarray, "k *shape"]) -> CubicHermiteSpline:
+def _eased(
+    frames: Float[np.ndarray, "k"], values: Float[np.ndarray, "k *shape"]
+) -> Callable[[float], np.ndarray]:
     """A monotone piecewise cubic that is level at both ends."""
+    from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+
     slopes = np.zeros_like(values)
     if len(frames) > 2:
         slopes[1:-1] = PchipInterpolator(frames, values, axis=0).derivative()(frames[1:-1])

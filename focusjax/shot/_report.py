@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 
+from focusjax._templates import template
 from focusjax.config import Config
 from focusjax.focus import Result
 from focusjax.io import for_json, json_text
 from focusjax.report import versions
-from focusjax.shot._curves import save_blur_curves, save_contact_sheet, save_settings_curves
 from focusjax.shot._render import RenderedFrames
 from focusjax.shot._solve import SolvedShot
 
@@ -30,13 +29,6 @@ REPORT_FILES = (
 """Every file that a shot can leave in its folder, beside the folder `frames`."""
 
 _RESULTS = ("solved", "undetermined", "max_steps_reached", "not_finite")
-_TEMPLATES = jinja2.Environment(
-    loader=jinja2.PackageLoader("focusjax.shot", "."),
-    autoescape=True,
-    undefined=jinja2.StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
 SETTING_NAMES = {
     "focus_per_m": ("Focus", "dioptres"),
     "f_number": ("f-number", ""),
@@ -56,6 +48,9 @@ def save_report(
     compile_seconds: Mapping[str, float],
 ) -> dict[str, Any]:
     """Write the report's files into an existing folder, and return what report.json holds."""
+    # matplotlib takes long to import.
+    from focusjax.shot._curves import save_blur_curves, save_contact_sheet, save_settings_curves
+
     save_settings_curves(folder / "settings.png", solved)
     save_blur_curves(folder / "blur.png", solved)
     pictures = ["settings", "blur"]
@@ -74,7 +69,7 @@ def save_report(
         for name in pictures
     }
     title = config.title or config.source.stem.replace("_", " ").capitalize()
-    text = _TEMPLATES.get_template("shot.html.j2").render(
+    text = template("focusjax.shot", "shot.html.j2").render(
         title=title, facts=facts, pictures=embedded, names=SETTING_NAMES
     )
     (folder / "report.html").write_text(text, encoding="utf-8")

@@ -66,8 +66,10 @@ from focusjax.job import solve_exposed as solve_exposed
 from focusjax.layers import Layers as Layers
 from focusjax.layers import decompose as decompose
 from focusjax.layers import disparity_map as disparity_map
+from focusjax.layers import load_layers as load_layers
 from focusjax.layers import missed_light as missed_light
 from focusjax.layers import peel as peel
+from focusjax.layers import save_layers as save_layers
 from focusjax.layers import umbra_saving as umbra_saving
 from focusjax.lens import Disk as Disk
 from focusjax.lens import FittedLens as FittedLens

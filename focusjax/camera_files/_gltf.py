@@ -8,12 +8,8 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from jaxtyping import Float
-from scipy.spatial.transform import Rotation
-
 from focusjax.camera_files._stored import CameraFileError, Opening, StoredCamera, chosen, rigid
-from focusjax.scene import gltf_json
+from focusjax.scene import gltf_json, gltf_world
 
 
 def gltf_camera(path: Path, name: str | None) -> StoredCamera:
@@ -42,7 +38,7 @@ def _camera(content: dict[str, Any], path: Path, name: str | None) -> StoredCame
         raise CameraFileError(
             f"{path}: camera {called!r} is {camera.get('type')!s}; expected one in perspective"
         )
-    pose = rigid(_world(nodes, number, path), path, called)
+    pose = rigid(gltf_world(nodes, number), path, called)
     angle = float(camera["perspective"]["yfov"])
     if not 0 < angle < math.pi:
         raise CameraFileError(f"{path}: camera {called!r} has yfov = {angle:g}; expected 0 to pi")
@@ -74,26 +70,3 @@ def _opening(own: dict[str, Any]) -> Opening:
 
 def _name(node: dict[str, Any], camera: dict[str, Any], number: int) -> str:
     return str(node.get("name") or camera.get("name") or f"node {number}")
-
-
-def _world(nodes: list[dict[str, Any]], number: int, path: Path) -> Float[np.ndarray, "4 4"]:
-    """The transform of a node and of all above it."""
-    above = {child: parent for parent, node in enumerate(nodes) for child in node.get("children", ())}
-    matrix, seen = _local(nodes[number]), {number}
-    while number in above:
-        number = above[number]
-        if number in seen:
-            raise CameraFileError(f"{path}: node {number} is its own ancestor; export the scene again")
-        seen.add(number)
-        matrix = _local(nodes[number]) @ matrix
-    return matrix
-
-
-def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
-    if "matrix" in node:
-        return np.array(node["matrix"], dtype=float).reshape(4, 4).T
-    matrix = np.eye(4)
-    turn = Rotation.from_quat(node.get("rotation", (0.0, 0.0, 0.0, 1.0))).as_matrix()
-    matrix[:3, :3] = turn * np.array(node.get("scale", (1.0, 1.0, 1.0)), dtype=float)
-    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
-    return matrix

@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import io
 import logging
+import struct
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,12 +15,13 @@ from jaxtyping import Float
 from trimesh.exchange.load import mesh_formats
 from trimesh.resolvers import FilePathResolver
 
+from focusjax.scene._gltf import gltf_for_trimesh, gltf_node_names, gltf_parents
 from focusjax.scene._images import decode_srgb, open_picture
 from focusjax.scene._material import UNTEXTURED, opacity_of, shininess_of, triple
 from focusjax.scene._object import DEFAULT_SMOOTH_ANGLE, SceneObject, assemble
 from focusjax.scene._part import Part, check_part
 from focusjax.scene._placement import placement
-from focusjax.scene._sizes import check_bytes, check_mesh
+from focusjax.scene._sizes import check_bytes, check_mesh, gltf_json
 from focusjax.scene._visual import TextureTable, part_of
 
 _DATA = {".mtl", ".bin", ".glb", ".gltf", ".obj"}
@@ -79,7 +81,8 @@ def load_mesh(
     """
     path = Path(path)
     what = f"mesh file {path}"
-    parts, textures = _parts(path, what, within)
+    found, textures = _parts(path, what, within)
+    parts = [part for _, part in found]
     return assemble(
         path.stem if name is None else name,
         [_overridden(part, colour, emission, specular, shininess, reflectance, opacity) for part in parts],
@@ -92,17 +95,69 @@ def load_mesh(
     )
 
 
-def _parts(path: Path, what: str, within: Sequence[Path] | None) -> tuple[list[Part], TextureTable]:
-    """The checked pieces of a mesh file, where its scene graph has them, and the pictures they refer to."""
+def load_objects(path: str | Path, *, within: Sequence[Path] | None = None) -> tuple[SceneObject, ...]:
+    """All of a mesh file where it stands, an object for each node of its scene graph that has a mesh.
+
+    Nodes of one name get numbers: `chair`, `chair 2`. Arguments, errors and warnings are those of
+    `load_mesh`.
+    """
+    path = Path(path)
+    what = f"mesh file {path}"
+    found, textures = _parts(path, what, within)
+    named: dict[str, list[Part]] = {}
+    for name, part in found:
+        named.setdefault(name, []).append(part)
+    return tuple(
+        object_of_parts(name, parts, textures.pictures, textures.opacities, what)
+        for name, parts in named.items()
+    )
+
+
+def object_of_parts(
+    name: str,
+    parts: Sequence[Part],
+    pictures: Sequence[np.ndarray],
+    opacities: Sequence[np.ndarray],
+    what: str,
+) -> SceneObject:
+    """Checked pieces in world metres as one object, with those pictures that they use."""
+    used = sorted({part.material.texture for part in parts} - {UNTEXTURED})
+    cut = sorted({part.material.opacity_texture for part in parts} - {UNTEXTURED})
+
+    def renumbered(part: Part) -> Part:
+        own = part.material
+        material = dataclasses.replace(
+            own,
+            texture=used.index(own.texture) if own.texture in used else UNTEXTURED,
+            opacity_texture=cut.index(own.opacity_texture) if own.opacity_texture in cut else UNTEXTURED,
+        )
+        return dataclasses.replace(part, material=material)
+
+    return assemble(
+        name,
+        [renumbered(part) for part in parts],
+        tuple(pictures[k] for k in used),
+        tuple(opacities[k] for k in cut),
+        np.eye(4),
+        what=what,
+        smooth_angle=DEFAULT_SMOOTH_ANGLE,
+        keep_normals=True,
+    )
+
+
+def _parts(
+    path: Path, what: str, within: Sequence[Path] | None
+) -> tuple[list[tuple[str, Part]], TextureTable]:
+    """The checked pieces of a mesh file with the names of their nodes, and the pictures they refer to."""
     assets = _Assets(str(path), within)
     geometries = _read(path, assets)
     textures = TextureTable(source=what, find=assets.get)
     linear_colours = path.suffix.lower() in (".glb", ".gltf")
     parts = []
-    for mesh, matrix in geometries:
+    for name, mesh, matrix in geometries:
         part = part_of(mesh, textures, linear_colours=linear_colours)
         check_part(part, what)
-        parts.append(_moved(part, matrix))
+        parts.append((name, moved_part(part, matrix)))
     return parts, textures
 
 
@@ -183,8 +238,8 @@ def _remarks() -> Iterator[list[str]]:
         logger.propagate = propagated
 
 
-def _read(path: Path, assets: _Assets) -> list[tuple[trimesh.Trimesh, Float[np.ndarray, "4 4"]]]:
-    """The meshes of the file, each with its matrix file_from_mesh."""
+def _read(path: Path, assets: _Assets) -> list[tuple[str, trimesh.Trimesh, Float[np.ndarray, "4 4"]]]:
+    """The meshes of the file, each with the name of its node and its matrix file_from_mesh."""
     if not path.is_file():
         wrong = "is a folder; name a file in it" if path.is_dir() else "does not exist; check the path"
         raise ValueError(f"mesh file {path} {wrong}")
@@ -197,15 +252,18 @@ def _read(path: Path, assets: _Assets) -> list[tuple[trimesh.Trimesh, Float[np.n
         check_mesh(path)
     except ValueError as error:
         raise ValueError(f"mesh file {path} is too large: {error}") from None
+    source, names = _source(path)
     try:
         # Unprocessed: processing would drop vertices that are not finite and merge others unasked.
         with _remarks() as remarks:
-            scene = trimesh.load_scene(str(path), resolver=assets, process=False)
+            scene = trimesh.load_scene(source, file_type=ending, resolver=assets, process=False)
         found = []
         for node in scene.graph.nodes_geometry:
             matrix, key = scene.graph[node]
             if isinstance(scene.geometry[key], trimesh.Trimesh):
-                found.append((scene.geometry[key], np.asarray(matrix, dtype=np.float64)))
+                # Several pieces of one node have its number before their own.
+                name = names[int(node.partition("_")[0])] if names else str(key)
+                found.append((name, scene.geometry[key], np.asarray(matrix, dtype=np.float64)))
     except IndexError as error:
         raise ValueError(
             f"mesh file {path} cannot be read: a face refers to a vertex that is out of range ({error});"
@@ -238,10 +296,24 @@ def _read(path: Path, assets: _Assets) -> list[tuple[trimesh.Trimesh, Float[np.n
             f"mesh file {path} refers to {name}, which {trouble}; using the material colour instead",
             stacklevel=4,
         )
-    found = [(mesh, matrix) for mesh, matrix in found if len(mesh.faces)]
+    found = [each for each in found if len(each[1].faces)]
     if not found:
         raise ValueError(f"mesh file {path} has no faces; expected a mesh of triangles")
     return found
+
+
+def _source(path: Path) -> tuple[str | io.BytesIO, list[str]]:
+    """What trimesh is to read, and of glTF the names of the nodes whose numbers it will name."""
+    content = gltf_json(path)
+    if not isinstance(content, dict) or not isinstance(content.get("nodes"), list):
+        return str(path), []
+    try:
+        gltf_parents(content["nodes"])
+        return io.BytesIO(gltf_for_trimesh(path, content)), gltf_node_names(content)
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError, struct.error) as error:
+        raise ValueError(
+            f"mesh file {path} cannot be read (its nodes: {error}); export the scene again"
+        ) from error
 
 
 def _refuse_outside(path: Path, assets: _Assets) -> None:
@@ -253,7 +325,7 @@ def _refuse_outside(path: Path, assets: _Assets) -> None:
         )
 
 
-def _moved(part: Part, matrix: Float[np.ndarray, "4 4"]) -> Part:
+def moved_part(part: Part, matrix: Float[np.ndarray, "4 4"]) -> Part:
     """`part` with a scene-graph transform applied."""
     linear = matrix[:3, :3]
     if np.array_equal(matrix, np.eye(4)):

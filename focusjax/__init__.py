@@ -3,8 +3,8 @@
 The names a script needs are here; each package below holds the rest of its own.
 """
 
-from focusjax.camera_files import CameraFileError as CameraFileError
-from focusjax.camera_files import read_camera as read_camera
+from focusjax.scene_files import SceneFileError as SceneFileError
+from focusjax.scene_files import read_camera as read_camera
 from focusjax.exchange import ExportError as ExportError
 from focusjax.exchange import export_camera as export_camera
 from focusjax.film import CameraSettings as CameraSettings

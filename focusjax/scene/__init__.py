@@ -12,6 +12,7 @@ from focusjax.scene._exr import depth_channel as depth_channel
 from focusjax.scene._exr import exr_channels as exr_channels
 from focusjax.scene._gltf import gltf_node_names as gltf_node_names
 from focusjax.scene._gltf import gltf_world as gltf_world
+from focusjax.scene._images import open_picture as open_picture
 from focusjax.scene._images import read_image as read_image
 from focusjax.scene._lights import AbstractLight as AbstractLight
 from focusjax.scene._lights import DirectionalLight as DirectionalLight

@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from focusjax.camera_files._stored import CameraFileError, Opening, StoredCamera, chosen, rigid
+from focusjax.scene_files._stored_camera import SceneFileError, Opening, StoredCamera, chosen, rigid
 from focusjax.scene import gltf_json, gltf_world
 
 
@@ -16,14 +16,14 @@ def gltf_camera(path: Path, name: str | None) -> StoredCamera:
     """The camera; see `read_camera`."""
     content = gltf_json(path)
     if not isinstance(content, dict):
-        raise CameraFileError(f"{path}: is no glTF file that can be read; export it again")
+        raise SceneFileError(f"{path}: is no glTF file that can be read; export it again")
     try:
         return _camera(content, path, name)
-    except CameraFileError:
+    except SceneFileError:
         raise
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
         reason = f"{type(error).__name__}: {error}"
-        raise CameraFileError(f"{path}: is no valid glTF file ({reason}); export it again") from None
+        raise SceneFileError(f"{path}: is no valid glTF file ({reason}); export it again") from None
 
 
 def _camera(content: dict[str, Any], path: Path, name: str | None) -> StoredCamera:
@@ -35,13 +35,13 @@ def _camera(content: dict[str, Any], path: Path, name: str | None) -> StoredCame
     called = names[placed.index(number)]
     camera = cameras[nodes[number]["camera"]]
     if camera.get("type") != "perspective":
-        raise CameraFileError(
+        raise SceneFileError(
             f"{path}: camera {called!r} is {camera.get('type')!s}; expected one in perspective"
         )
     pose = rigid(gltf_world(nodes, number), path, called)
     angle = float(camera["perspective"]["yfov"])
     if not 0 < angle < math.pi:
-        raise CameraFileError(f"{path}: camera {called!r} has yfov = {angle:g}; expected 0 to pi")
+        raise SceneFileError(f"{path}: camera {called!r} has yfov = {angle:g}; expected 0 to pi")
     own = camera.get("extras", {})
     own = own.get("focusjax") if isinstance(own, dict) else None
     if not isinstance(own, dict):

@@ -3,8 +3,6 @@
 The names a script needs are here; each package below holds the rest of its own.
 """
 
-from focusjax.scene_files import SceneFileError as SceneFileError
-from focusjax.scene_files import read_camera as read_camera
 from focusjax.exchange import ExportError as ExportError
 from focusjax.exchange import export_camera as export_camera
 from focusjax.film import CameraSettings as CameraSettings
@@ -100,6 +98,8 @@ from focusjax.scene import load_mesh as load_mesh
 from focusjax.scene import make_object as make_object
 from focusjax.scene import make_scene as make_scene
 from focusjax.scene import point_light as point_light
+from focusjax.scene_files import SceneFileError as SceneFileError
+from focusjax.scene_files import read_camera as read_camera
 from focusjax.trace import estimate_quality as estimate_quality
 from focusjax.trace import nearest_in_layers as nearest_in_layers
 from focusjax.trace import plan_lens as plan_lens

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from focusjax.scene_files import StoredCamera, read_camera
 from focusjax.config._errors import ConfigError
 from focusjax.config._reach import Reach
+from focusjax.scene_files import StoredCamera, read_camera
 
 POSE = ("matrix", "position", "look_at", "up")
 _LENGTH = ("focal_length_mm", "field_of_view_deg")
@@ -27,10 +27,10 @@ def with_camera_of_file(data: dict[str, Any], reach: Reach) -> dict[str, Any]:
     camera, lens = data.get("camera", {}), data.get("lens", {})
     name = camera_file(data)
     if name is None or not isinstance(lens, dict):
-        if isinstance(camera, dict) and "from" in camera and name is None and "file" not in camera:
+        if isinstance(camera, dict) and isinstance(camera.get("from"), str) and "file" not in camera:
             raise ConfigError(
-                f"{reach.source}: camera.from is {camera['from']!r}, and there is no file to take a camera from;"
-                " give scene.file or camera.file"
+                f"{reach.source}: camera.from is {camera['from']!r}, and there is no file to take a camera"
+                " from; give scene.file or camera.file"
             )
         return data
     try:

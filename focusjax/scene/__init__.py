@@ -7,9 +7,9 @@ from focusjax.scene._background import ImageBackground as ImageBackground
 from focusjax.scene._background import constant_background as constant_background
 from focusjax.scene._background import gradient_background as gradient_background
 from focusjax.scene._background import image_background as image_background
-from focusjax.scene._gloss import Gloss as Gloss
 from focusjax.scene._exr import depth_channel as depth_channel
 from focusjax.scene._exr import exr_channels as exr_channels
+from focusjax.scene._gloss import Gloss as Gloss
 from focusjax.scene._gltf import gltf_node_names as gltf_node_names
 from focusjax.scene._gltf import gltf_world as gltf_world
 from focusjax.scene._images import open_picture as open_picture

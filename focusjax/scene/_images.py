@@ -86,7 +86,8 @@ def fill_hidden(
 def read_image(path: str | Path) -> Float[np.ndarray, "h w 3"]:
     """Linear float32 RGB [h, w, 3] of an image file.
 
-    OpenEXR files hold linear light already, in R, G and B or in a layer of any name; every other format is decoded from sRGB.
+    OpenEXR files hold linear light already, in R, G and B or in a layer of any name; every other format is
+    decoded from sRGB.
 
     Raises:
         ValueError: the file does not exist, is not a picture, or has too many pixels.

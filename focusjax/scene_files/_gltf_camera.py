@@ -8,8 +8,8 @@ import math
 from pathlib import Path
 from typing import Any
 
-from focusjax.scene_files._stored_camera import SceneFileError, Opening, StoredCamera, chosen, rigid
 from focusjax.scene import gltf_json, gltf_world
+from focusjax.scene_files._stored_camera import Opening, SceneFileError, StoredCamera, chosen, rigid
 
 
 def gltf_camera(path: Path, name: str | None) -> StoredCamera:

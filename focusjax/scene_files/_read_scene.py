@@ -19,8 +19,8 @@ def read_scene(path: str | Path, *, within: Sequence[Path] | None = None) -> Sto
         within: folders from which files may be read that it names; from anywhere by default.
 
     Raises:
-        SceneFileError: (a `ValueError`) a file that cannot be read, has no meshes, or has instanced or animated
-            points; nodes that are their own ancestors; files outside `within`.
+        SceneFileError: (a `ValueError`) a file that cannot be read, has no meshes, or has instanced or
+            animated points; nodes that are their own ancestors; files outside `within`.
 
     Warns:
         UserWarning: what is left out: other shapes than meshes, lights with an extent, subdivision.

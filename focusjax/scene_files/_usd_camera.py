@@ -19,7 +19,7 @@ from focusjax.scene_files._stored_camera import (
     chosen,
     rigid,
 )
-from focusjax.scene_files._usd_stage import open_stage, pxr, short_names, stage_frames, world_of
+from focusjax.scene_files._usd_stage import object_names, open_stage, pxr, stage_frames, world_of
 
 _FAR = 1e6
 """Metres from which on a focus distance is infinite; USD has no infinity, and `export_camera` writes this."""
@@ -45,7 +45,10 @@ def _chosen(stage: Any, path: Path, name: str | None) -> tuple[Any, str]:
     Usd, UsdGeom = pxr(path, "Usd", "UsdGeom")
     # Instances are looked into: what they hold stands where they do.
     prims = [each for each in stage.Traverse(Usd.TraverseInstanceProxies()) if each.IsA(UsdGeom.Camera)]
-    names = short_names([str(each.GetPath()) for each in prims])
+    names = object_names(prims)
+    own = [each.GetName() for each in prims]
+    if name is not None and name not in names and own.count(name) == 1:
+        return prims[own.index(name)], name
     number = chosen(names, name, path)
     return prims[number], names[number]
 

@@ -10,6 +10,7 @@ Source: the documentation of UsdLuxLightAPI (openusd.org), `intensity` and `norm
 """
 
 import math
+import tempfile
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,12 +20,12 @@ import numpy as np
 from jaxtyping import Float
 
 from focusjax._words import listed
-from focusjax.scene import AbstractLight, directional_light, point_light
-from focusjax.scene_files._usd_stage import pxr, world_of
+from focusjax.scene import AbstractLight, directional_light, point_light, read_image
+from focusjax.scene_files._usd_stage import pxr, refuse_outside, world_of
 
 
 def usd_lights(
-    stage: Any, prims: Sequence[Any], code: float, path: Path
+    stage: Any, prims: Sequence[Any], code: float, path: Path, within: Sequence[Path] | None
 ) -> tuple[tuple[AbstractLight, ...], Float[np.ndarray, "3"], Float[np.ndarray, "3"] | None]:
     """Lights, ambient light and the colour at infinity (None without a dome) of light prims.
 
@@ -41,24 +42,24 @@ def usd_lights(
         light = UsdLux.LightAPI(prim)
         radiance = _radiance(light, time, UsdLux)
         world = world_of(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(time), stage)
-        even = bool(light.GetNormalizeAttr().Get(time))
+        normalised = bool(light.GetNormalizeAttr().Get(time))
         if prim.IsA(UsdLux.DistantLight):
             half = math.radians(float(UsdLux.DistantLight(prim).GetAngleAttr().Get(time))) / 2
-            share = 1.0 / math.pi if even or half <= 0 else math.sin(min(half, math.pi / 2)) ** 2
+            share = 1.0 / math.pi if normalised or half <= 0 else math.sin(min(half, math.pi / 2)) ** 2
             found.append(directional_light(-world[:3, 2], radiance * share))
         elif prim.IsA(UsdLux.SphereLight) and not _shaped(prim, time, UsdLux):
             size = abs(np.linalg.det(world[:3, :3])) ** (1 / 3)
             radius = float(UsdLux.SphereLight(prim).GetRadiusAttr().Get(time)) * size
-            share = unit**2 / (4 * math.pi) if even else radius**2
+            share = unit**2 / (4 * math.pi) if normalised else radius**2
             found.append(point_light(world[:3, 3], radiance * share))
-        elif prim.IsA(UsdLux.DomeLight) and not UsdLux.DomeLight(prim).GetTextureFileAttr().Get(time):
-            dome = radiance if dome is None else dome + radiance
+        elif prim.IsA(UsdLux.DomeLight) and (even := _even_colour(prim, time, path, within)) is not None:
+            dome = radiance * even if dome is None else dome + radiance * even
         else:
             left.append(f"{prim.GetName()} ({prim.GetTypeName()})")
     if left:
         warnings.warn(
-            f"{path}: {listed(left)} {'is' if len(left) == 1 else 'are'} left out: focusjax has distant lights,"
-            " spheres without a cone and domes without a picture; use these, or a [scene.background]",
+            f"{path}: {listed(left)} {'is' if len(left) == 1 else 'are'} left out: focusjax has distant"
+            " lights, spheres without a cone and domes without a picture; use these, or a [scene.background]",
             stacklevel=4,
         )
     return tuple(found), np.zeros(3) if dome is None else dome, dome
@@ -71,6 +72,29 @@ def _radiance(light: Any, time: Any, UsdLux: Any) -> Float[np.ndarray, "3"]:
         kelvin = light.GetColorTemperatureAttr().Get(time)
         colour = colour * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), dtype=float)
     return np.maximum(strength * colour, 0.0)
+
+
+def _even_colour(
+    prim: Any, time: Any, path: Path, within: Sequence[Path] | None
+) -> Float[np.ndarray, "3"] | None:
+    """What a dome's picture multiplies its light by, if it is of one colour; some programs write all so."""
+    UsdLux, Ar = pxr(path, "UsdLux", "Ar")
+    asset = UsdLux.DomeLight(prim).GetTextureFileAttr().Get(time)
+    if not asset:
+        return np.ones(3)
+    place = str(asset.resolvedPath)
+    if not place:
+        return None
+    refuse_outside(place, path, within)
+    with tempfile.TemporaryDirectory() as folder:
+        # Of a package, what is in it has no path of its own.
+        file = Path(folder) / ("sky" + Path(place.rstrip("]")).suffix)
+        try:
+            file.write_bytes(bytes(Ar.GetResolver().OpenAsset(Ar.ResolvedPath(place)).GetBuffer()))
+            picture = read_image(file)
+        except ValueError:
+            return None
+    return picture[0, 0].astype(float) if np.ptp(picture, axis=(0, 1)).max() == 0 else None
 
 
 def _shaped(prim: Any, time: Any, UsdLux: Any) -> bool:

@@ -88,17 +88,20 @@ class Looks:
         if not given:
             return otherwise
         found = given.GetValueProducingAttributes()
-        if not found or self._shade.Utils.GetType(found[0].GetName()) == self._shade.AttributeType.Output:
+        if not found or self._is_output(found[0]):
             return otherwise
         value = found[0].Get()
         return otherwise if value is None else value
+
+    def _is_output(self, attribute: Any) -> bool:
+        return self._shade.Utils.GetType(attribute.GetName()) == self._shade.AttributeType.Output
 
     def _source(self, shader: Any, name: str) -> Any:
         """The shader that an input is connected to, through groups; None for a value."""
         given = shader.GetInput(name)
         for attribute in given.GetValueProducingAttributes() if given else ():
             made = self._shade.Shader(attribute.GetPrim())
-            if made and made.GetIdAttr().Get():
+            if self._is_output(attribute) and made and made.GetIdAttr().Get():
                 return made
         return None
 

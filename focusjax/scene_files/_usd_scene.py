@@ -15,7 +15,7 @@ from focusjax.scene_files._stored_scene import StoredScene
 from focusjax.scene_files._usd_lights import usd_lights
 from focusjax.scene_files._usd_material import Looks
 from focusjax.scene_files._usd_mesh import usd_parts
-from focusjax.scene_files._usd_stage import open_stage, pxr, short_names, stage_frames, world_of
+from focusjax.scene_files._usd_stage import object_names, open_stage, pxr, stage_frames, world_of
 
 _SAID = 4
 """Names that a warning lists."""
@@ -35,7 +35,7 @@ def usd_scene(path: Path, within: Sequence[Path] | None) -> StoredScene:
     looks = Looks(path, within, textures)
     objects: dict[str, SceneObject] = {}
     placed: dict[str, Any] = {}
-    for prim, name in zip(meshes, short_names([str(each.GetPath()) for each in meshes]), strict=True):
+    for prim, name in zip(meshes, object_names(meshes), strict=True):
         parts = usd_parts(prim, code, looks, path)
         world = _world(prim, code, stage)
         parts = [moved_part(part, world) for part in parts]
@@ -50,7 +50,7 @@ def usd_scene(path: Path, within: Sequence[Path] | None) -> StoredScene:
     if not objects:
         raise SceneFileError(f"{path}: has no meshes to be seen; export the scene with them")
     lit = [prim for prim in shown if prim.HasAPI(UsdLux.LightAPI)]
-    lights, ambient, background = usd_lights(stage, lit, code, path)
+    lights, ambient, background = usd_lights(stage, lit, code, path, within)
     motions = {
         name: motion
         for name, prim in placed.items()
@@ -91,8 +91,7 @@ def _say_what_is_left(shown: Sequence[Any], meshes: Sequence[Any], path: Path, U
     others = [prim for prim in shown if prim.IsA(UsdGeom.Gprim) and not prim.IsA(UsdGeom.Mesh)]
     if others:
         warnings.warn(
-            f"{path}: {_some(others)} {'is' if len(others) == 1 else 'are'} left out, as only meshes are read;"
-            " convert them to meshes",
+            f"{path}: only meshes are read; left out: {_some(others)}, so convert to meshes",
             stacklevel=4,
         )
     smooth = [
@@ -100,15 +99,15 @@ def _say_what_is_left(shown: Sequence[Any], meshes: Sequence[Any], path: Path, U
     ]
     if smooth:
         warnings.warn(
-            f"{path}: {_some(smooth)} {'is a subdivision surface' if len(smooth) == 1 else 'are subdivision surfaces'},"
-            " of which the polygons are shown as they are; export them subdivided if corners show",
+            f"{path}: subdivision is not read, and polygons are shown as they are, of {_some(smooth)}; export"
+            " them subdivided if corners show",
             stacklevel=4,
         )
     boned = [prim for prim in meshes if prim.GetRelationship("skel:skeleton").GetTargets()]
     if boned:
         warnings.warn(
-            f"{path}: {_some(boned)} {'is' if len(boned) == 1 else 'are'} moved by a skeleton, which is not read;"
-            " shapes are as they were modelled, so export them deformed",
+            f"{path}: the skeleton that moves {_some(boned)} is not read, so that shapes are as they were"
+            " modelled; export them deformed",
             stacklevel=4,
         )
 

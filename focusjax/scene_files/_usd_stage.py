@@ -110,18 +110,35 @@ def stage_frames(stage: Any) -> StageFrames:
 
 
 def world_of(transform: Any, stage: Any) -> Float[np.ndarray, "4 4"]:
-    """World_from_local [4, 4] in metres with +y up, of USD's matrix for row vectors; locals keep their unit."""
+    """World_from_local [4, 4] of USD's matrix for row vectors: from scene units to metres with +y up."""
     UsdGeom = importlib.import_module("pxr.UsdGeom")
     matrix = np.array(transform, dtype=float).T
     matrix[:3] *= UsdGeom.GetStageMetersPerUnit(stage)
     return _Y_UP @ matrix if UsdGeom.GetStageUpAxis(stage) == "Z" else matrix
 
 
-def short_names(paths: Sequence[str]) -> list[str]:
-    """The last part of each path, or all of it where several end alike."""
+def object_names(prims: Sequence[Any]) -> list[str]:
+    """What prims are called: by the end of their path, or all of it where several end alike.
+
+    Where a shape has no place of its own, but is all that its parent places, as Blender and Maya write
+    objects and their data, the path is that of the parent.
+    """
+    paths = [str((prim.GetParent() if _is_data(prim) else prim).GetPath()) for prim in prims]
     last = [path.rpartition("/")[2] for path in paths]
     return [end if last.count(end) == 1 else path for end, path in zip(last, paths, strict=True)]
 
 
+def _is_data(prim: Any) -> bool:
+    """Whether a prim is the one shape of a parent that has its place."""
+    UsdGeom = importlib.import_module("pxr.UsdGeom")
+    parent = prim.GetParent()
+    above, own = UsdGeom.Xformable(parent), UsdGeom.Xformable(prim)
+    if not parent.IsA(UsdGeom.Xform) or own.GetOrderedXformOps() or not above.GetOrderedXformOps():
+        return False
+    return len([child for child in parent.GetAllChildren() if not child.IsA(UsdGeom.Xform)]) == 1
+
+
 def _first_line(error: Exception) -> str:
-    return next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
+    """What went wrong, without where in USD's own sources that was found."""
+    line = next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
+    return line.rpartition(" : '")[2].rstrip("'") if line.startswith("Error in '") else line

@@ -16,23 +16,32 @@ def exr_channels(path: str | Path) -> dict[str, np.ndarray]:
     """All channels [h, w] of a file by name, of all parts; where two parts have a name, the first one's.
 
     Raises:
-        ValueError: too many pixels, or a file that is cut off.
-        RuntimeError: no OpenEXR file.
+        ValueError: too many pixels, deep pixels, or a file that is cut off or none of OpenEXR.
     """
-    with OpenEXR.File(str(path), header_only=True) as opened:
-        for part in opened.parts:
-            low, high = part.header["dataWindow"]
-            check_pixels((int(high[0] - low[0]) + 1, int(high[1] - low[1]) + 1))
-    found: dict[str, np.ndarray] = {}
-    with OpenEXR.File(str(path), separate_channels=True) as opened:
-        for part in opened.parts:
-            if part.type() in (OpenEXR.deepscanline, OpenEXR.deeptile):
-                raise ValueError("it has deep pixels; flatten it")
-            for name, channel in part.channels.items():
-                found.setdefault(name, np.asarray(channel.pixels))
+    try:
+        sizes, kinds = _heads(path)
+        for size in sizes:
+            check_pixels(size)
+        if any(kind in (OpenEXR.deepscanline, OpenEXR.deeptile) for kind in kinds):
+            raise ValueError("its pixels are deep; flatten them")
+        found: dict[str, np.ndarray] = {}
+        with OpenEXR.File(str(path), separate_channels=True) as opened:
+            for part in opened.parts:
+                for name, channel in part.channels.items():
+                    found.setdefault(name, np.asarray(channel.pixels))
+    except RuntimeError:
+        found = {}
     if not found:
         raise ValueError("it is cut off or damaged; copy it again")
     return found
+
+
+def _heads(path: str | Path) -> tuple[list[tuple[int, int]], list[object]]:
+    """Width and height of all parts, and their kinds."""
+    with OpenEXR.File(str(path), header_only=True) as opened:
+        windows = [part.header["dataWindow"] for part in opened.parts]
+        sizes = [(int(high[0] - low[0]) + 1, int(high[1] - low[1]) + 1) for low, high in windows]
+        return sizes, [part.type() for part in opened.parts]
 
 
 def colour_channels(channels: Mapping[str, np.ndarray]) -> tuple[str, str, str] | None:

@@ -94,7 +94,9 @@ def test_a_camera_needs_a_file(file):
 def test_a_file_without_light_needs_some(file):
     write_gltf_scene(file.parent / "dark.gltf", [{"mesh": 0, "children": [1]}, {"camera": 0}])
     more = ["scene.file=dark.gltf", "lens.f_number=2", "lens.focus_distance_m=1", "focus=[]"]
-    with pytest.raises(ConfigError, match=r"dark\.gltf', which has no light that is read; add ambient = 0\.3"):
+    with pytest.raises(
+        ConfigError, match=r"dark\.gltf', which has no light that is read; add ambient = 0\.3"
+    ):
         build_scene(load_config(file, more))
     assert build_scene(load_config(file, [*more, "scene.unlit=true"])).unlit
 

@@ -100,6 +100,7 @@ from focusjax.scene import make_scene as make_scene
 from focusjax.scene import point_light as point_light
 from focusjax.scene_files import SceneFileError as SceneFileError
 from focusjax.scene_files import read_camera as read_camera
+from focusjax.scene_files import read_scene as read_scene
 from focusjax.trace import estimate_quality as estimate_quality
 from focusjax.trace import nearest_in_layers as nearest_in_layers
 from focusjax.trace import plan_lens as plan_lens

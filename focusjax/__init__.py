@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     __version__: str
-    from focusjax.camera_files import CameraFileError as CameraFileError
-    from focusjax.camera_files import read_camera as read_camera
     from focusjax.exchange import ExportError as ExportError
     from focusjax.exchange import export_camera as export_camera
     from focusjax.film import CameraSettings as CameraSettings
@@ -72,8 +70,10 @@ if TYPE_CHECKING:
     from focusjax.layers import Layers as Layers
     from focusjax.layers import decompose as decompose
     from focusjax.layers import disparity_map as disparity_map
+    from focusjax.layers import load_layers as load_layers
     from focusjax.layers import missed_light as missed_light
     from focusjax.layers import peel as peel
+    from focusjax.layers import save_layers as save_layers
     from focusjax.layers import umbra_saving as umbra_saving
     from focusjax.lens import Disk as Disk
     from focusjax.lens import FittedLens as FittedLens
@@ -104,6 +104,9 @@ if TYPE_CHECKING:
     from focusjax.scene import make_object as make_object
     from focusjax.scene import make_scene as make_scene
     from focusjax.scene import point_light as point_light
+    from focusjax.scene_files import SceneFileError as SceneFileError
+    from focusjax.scene_files import read_camera as read_camera
+    from focusjax.scene_files import read_scene as read_scene
     from focusjax.trace import estimate_quality as estimate_quality
     from focusjax.trace import nearest_in_layers as nearest_in_layers
     from focusjax.trace import plan_lens as plan_lens
@@ -112,10 +115,6 @@ if TYPE_CHECKING:
     from focusjax.trace import render_pinhole as render_pinhole
 
 _NAMES = {
-    "camera_files": (
-        "CameraFileError",
-        "read_camera",
-    ),
     "exchange": (
         "ExportError",
         "export_camera",
@@ -192,8 +191,10 @@ _NAMES = {
         "Layers",
         "decompose",
         "disparity_map",
+        "load_layers",
         "missed_light",
         "peel",
+        "save_layers",
         "umbra_saving",
     ),
     "lens": (
@@ -233,6 +234,7 @@ _NAMES = {
         "make_scene",
         "point_light",
     ),
+    "scene_files": ("SceneFileError", "read_camera", "read_scene"),
     "trace": (
         "estimate_quality",
         "nearest_in_layers",
@@ -253,7 +255,6 @@ if not TYPE_CHECKING:
 _ROOMS = (
     "baselines",
     "bench",
-    "camera_files",
     "config",
     "exchange",
     "film",
@@ -270,6 +271,7 @@ _ROOMS = (
     "post",
     "report",
     "scene",
+    "scene_files",
     "shot",
     "shutter",
     "trace",

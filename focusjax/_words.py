@@ -4,8 +4,6 @@ import difflib
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-import numpy as np
-
 _ALIKE = 0.65
 """Likeness of two names, from 0 to 1, from which on one may be a slip for the other."""
 
@@ -17,6 +15,8 @@ def shown(value: Any) -> str:
         >>> shown(np.float32(0.7)), shown([0.5, 1e-9, 2])
         ('0.7', '[0.5, 1e-09, 2]')
     """
+    import numpy as np  # Help needs no numbers.
+
     array = np.asarray(value, dtype=float)
     if array.ndim == 0:
         return f"{float(array):.6g}"

@@ -34,13 +34,14 @@ ALLOWED = {
     "baselines": {"geometry", "lens", "scene", "_counts", "_parallel"},
     "post": {"geometry", "lens", "scene", "layers", "trace", "baselines", "_counts"},
     "io": {"film", "_whole_file"},
-    "camera_files": {"scene", "_words"},
+    "scene_files": {"scene", "_words"},
     "config": {
         "geometry",
         "lens",
         "scene",
         "photo",
-        "camera_files",
+        "scene_files",
+        "_kept",
         "focus",
         "trace",
         "film",
@@ -184,7 +185,6 @@ ALLOWED = {
 }
 # The public face re-exports from everywhere below the command line.
 ALLOWED["__init__"] = {
-    "camera_files",
     "exchange",
     "film",
     "focus",
@@ -197,6 +197,7 @@ ALLOWED["__init__"] = {
     "optics",
     "photo",
     "scene",
+    "scene_files",
     "trace",
 }
 

@@ -60,7 +60,7 @@ def test_help_imports_no_numbers(words):
     assert "typer" in imported
     assert {name.partition(".")[0] for name in imported} & {"jax", "numpy", "scipy"} == set()
     assert {name for name in imported if name.startswith("focusjax.")} <= {
-        "focusjax._console", "focusjax._later", "focusjax._options", "focusjax.cli",
+        "focusjax._console", "focusjax._later", "focusjax._options", "focusjax._words", "focusjax.cli",
     }  # fmt: skip
 
 

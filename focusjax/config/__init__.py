@@ -4,6 +4,7 @@ from focusjax.config._build import build_camera as build_camera
 from focusjax.config._build import build_lens as build_lens
 from focusjax.config._build import build_objects as build_objects
 from focusjax.config._build import build_scene as build_scene
+from focusjax.config._build import build_stored_scene as build_stored_scene
 from focusjax.config._build_exposure import build_balance as build_balance
 from focusjax.config._build_exposure import build_choices as build_choices
 from focusjax.config._build_exposure import build_film as build_film
@@ -31,6 +32,7 @@ from focusjax.config._reach import Reach as Reach
 from focusjax.config._reach import texts as texts
 from focusjax.config._refusals import refusals_located as refusals_located
 from focusjax.config._render import RenderTable as RenderTable
+from focusjax.config._scene import ObjectTable as ObjectTable
 from focusjax.config._schema import json_schema as json_schema
 from focusjax.config._schema import schema_text as schema_text
 from focusjax.config._shot import ShotTable as ShotTable

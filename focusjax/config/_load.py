@@ -16,6 +16,7 @@ from focusjax.config._reach import Reach, texts
 from focusjax.config._render import RenderTable
 from focusjax.config._scene import SceneTable
 from focusjax.config._shot import ShotTable
+from focusjax.config._shot_of_file import with_shot_of_file
 from focusjax.config._shutter import ShutterTable
 from focusjax.config._solve import SolveTable
 from focusjax.config._values import Table
@@ -225,15 +226,16 @@ def parse_config(text: str, source: Path | str, *, root: Path | str | None = Non
 def config_of(data: dict[str, Any], reach: Reach) -> Config:
     """The config that `data` says; `reach.source` is its file, or what stands for one in messages.
 
-    A `[scene.photo]` brings the camera that took it, and `[camera] file` camera and lens; what `[camera]` and
-    `[lens]` say goes before.
+    A `[scene.photo]` brings the camera that took it, a file with a camera that camera and its lens, and a
+    `[scene] file` that moves the frames of a `[shot]`; what the tables say themselves goes before.
 
     Raises:
         ConfigError: as `load_config`.
     """
     source = reach.source
     try:
-        config = Config.model_validate(with_camera_of_file(with_camera_of_photo(data, reach), reach))
+        filled = with_shot_of_file(with_camera_of_file(with_camera_of_photo(data, reach), reach), data, reach)
+        config = Config.model_validate(filled)
     except ValidationError as error:
         raise ConfigError(sentence_for(error, Config, source)) from None
     config._reach = reach

@@ -28,7 +28,7 @@ def summary(outcome: Outcome) -> dict[str, Any]:
     return for_json(
         {
             "config_file": str(outcome.config.source),
-            "config": outcome.config.model_dump(mode="python"),
+            "config": outcome.config.model_dump(mode="python", by_alias=True),
             "versions": versions(),
             "lens": _lens(outcome),
             "exposure": _exposure(outcome),

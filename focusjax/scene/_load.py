@@ -12,6 +12,7 @@ from focusjax.scene._material import UNTEXTURED, opacity_of, shininess_of, tripl
 from focusjax.scene._object import DEFAULT_SMOOTH_ANGLE, SceneObject, assemble
 from focusjax.scene._part import Part, check_part
 from focusjax.scene._placement import placement
+from focusjax.scene._textures import TextureTable
 
 
 def load_mesh(
@@ -67,7 +68,8 @@ def load_mesh(
     """
     path = Path(path)
     what = f"mesh file {path}"
-    parts, pictures, opacities = _parts(path, what, within)
+    found, pictures, opacities = _parts(path, what, within)
+    parts = [part for _, part in found]
     return assemble(
         path.stem if name is None else name,
         [_overridden(part, colour, emission, specular, shininess, reflectance, opacity) for part in parts],
@@ -80,27 +82,76 @@ def load_mesh(
     )
 
 
+def load_objects(path: str | Path, *, within: Sequence[Path] | None = None) -> tuple[SceneObject, ...]:
+    """All of a mesh file where it stands, an object for each node of its scene graph that has a mesh.
+
+    Nodes of one name get numbers: `chair`, `chair 2`. Arguments, errors and warnings are those of
+    `load_mesh`.
+    """
+    path = Path(path)
+    what = f"mesh file {path}"
+    found, pictures, opacities = _parts(path, what, within)
+    named: dict[str, list[Part]] = {}
+    for name, part in found:
+        named.setdefault(name, []).append(part)
+    return tuple(object_of_parts(name, parts, pictures, opacities, what) for name, parts in named.items())
+
+
+def object_of_parts(
+    name: str,
+    parts: Sequence[Part],
+    pictures: Sequence[np.ndarray],
+    opacities: Sequence[np.ndarray],
+    what: str,
+) -> SceneObject:
+    """Checked pieces in world metres as one object, with those pictures that they use."""
+    used = sorted({part.material.texture for part in parts} - {UNTEXTURED})
+    cut = sorted({part.material.opacity_texture for part in parts} - {UNTEXTURED})
+
+    def renumbered(part: Part) -> Part:
+        own = part.material
+        material = dataclasses.replace(
+            own,
+            texture=used.index(own.texture) if own.texture in used else UNTEXTURED,
+            opacity_texture=cut.index(own.opacity_texture) if own.opacity_texture in cut else UNTEXTURED,
+        )
+        return dataclasses.replace(part, material=material)
+
+    return assemble(
+        name,
+        [renumbered(part) for part in parts],
+        tuple(pictures[k] for k in used),
+        tuple(opacities[k] for k in cut),
+        np.eye(4),
+        what=what,
+        smooth_angle=DEFAULT_SMOOTH_ANGLE,
+        keep_normals=True,
+    )
+
+
 def _parts(
     path: Path, what: str, within: Sequence[Path] | None
-) -> tuple[list[Part], tuple[Float[np.ndarray, "_ _ 3"], ...], tuple[Float[np.ndarray, "_ _"], ...]]:
-    """The checked pieces of a mesh file, where its scene graph has them; its colour and opacity pictures."""
+) -> tuple[
+    list[tuple[str, Part]], tuple[Float[np.ndarray, "_ _ 3"], ...], tuple[Float[np.ndarray, "_ _"], ...]
+]:
+    """The checked pieces of a mesh file with the names of their nodes; its colour and opacity pictures."""
     # trimesh takes long to import.
     from focusjax.scene._mesh_file import Assets, read_mesh_file
-    from focusjax.scene._visual import TextureTable, part_of
+    from focusjax.scene._visual import part_of
 
     assets = Assets(str(path), within)
     geometries = read_mesh_file(path, assets)
     textures = TextureTable(source=what, find=assets.get)
     linear_colours = path.suffix.lower() in (".glb", ".gltf")
     parts = []
-    for mesh, matrix in geometries:
+    for name, mesh, matrix in geometries:
         part = part_of(mesh, textures, linear_colours=linear_colours)
         check_part(part, what)
-        parts.append(_moved(part, matrix))
+        parts.append((name, moved_part(part, matrix)))
     return parts, tuple(textures.pictures), tuple(textures.opacities)
 
 
-def _moved(part: Part, matrix: Float[np.ndarray, "4 4"]) -> Part:
+def moved_part(part: Part, matrix: Float[np.ndarray, "4 4"]) -> Part:
     """`part` with a scene-graph transform applied."""
     linear = matrix[:3, :3]
     if np.array_equal(matrix, np.eye(4)):

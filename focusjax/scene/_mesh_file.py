@@ -3,6 +3,7 @@
 import contextlib
 import io
 import logging
+import struct
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -13,8 +14,9 @@ from jaxtyping import Float
 from trimesh.exchange.load import mesh_formats
 from trimesh.resolvers import FilePathResolver
 
+from focusjax.scene._gltf import gltf_for_trimesh, gltf_node_names, gltf_parents
 from focusjax.scene._images import open_picture
-from focusjax.scene._sizes import check_bytes, check_mesh
+from focusjax.scene._sizes import check_bytes, check_mesh, gltf_json
 
 _DATA = {".mtl", ".bin", ".glb", ".gltf", ".obj"}
 """Endings of files beside a mesh that are no pictures."""
@@ -97,8 +99,8 @@ def _remarks() -> Iterator[list[str]]:
         logger.propagate = propagated
 
 
-def read_mesh_file(path: Path, assets: Assets) -> list[tuple[trimesh.Trimesh, Float[np.ndarray, "4 4"]]]:
-    """The meshes of the file, each with its matrix file_from_mesh."""
+def read_mesh_file(path: Path, assets: Assets) -> list[tuple[str, trimesh.Trimesh, Float[np.ndarray, "4 4"]]]:
+    """The meshes of the file, each with the name of its node and its matrix file_from_mesh."""
     if not path.is_file():
         wrong = "is a folder; name a file in it" if path.is_dir() else "does not exist; check the path"
         raise ValueError(f"mesh file {path} {wrong}")
@@ -111,15 +113,18 @@ def read_mesh_file(path: Path, assets: Assets) -> list[tuple[trimesh.Trimesh, Fl
         check_mesh(path)
     except ValueError as error:
         raise ValueError(f"mesh file {path} is too large: {error}") from None
+    source, names = _source(path)
     try:
         # Unprocessed: processing would drop vertices that are not finite and merge others unasked.
         with _remarks() as remarks:
-            scene = trimesh.load_scene(str(path), resolver=assets, process=False)
+            scene = trimesh.load_scene(source, file_type=ending, resolver=assets, process=False)
         found = []
         for node in scene.graph.nodes_geometry:
             matrix, key = scene.graph[node]
             if isinstance(scene.geometry[key], trimesh.Trimesh):
-                found.append((scene.geometry[key], np.asarray(matrix, dtype=np.float64)))
+                # Several pieces of one node have its number before their own.
+                name = names[int(node.partition("_")[0])] if names else str(key)
+                found.append((name, scene.geometry[key], np.asarray(matrix, dtype=np.float64)))
     except IndexError as error:
         raise ValueError(
             f"mesh file {path} cannot be read: a face refers to a vertex that is out of range ({error});"
@@ -152,10 +157,24 @@ def read_mesh_file(path: Path, assets: Assets) -> list[tuple[trimesh.Trimesh, Fl
             f"mesh file {path} refers to {name}, which {trouble}; using the material colour instead",
             stacklevel=4,
         )
-    found = [(mesh, matrix) for mesh, matrix in found if len(mesh.faces)]
+    found = [each for each in found if len(each[1].faces)]
     if not found:
         raise ValueError(f"mesh file {path} has no faces; expected a mesh of triangles")
     return found
+
+
+def _source(path: Path) -> tuple[str | io.BytesIO, list[str]]:
+    """What trimesh is to read, and of glTF the names of the nodes whose numbers it will name."""
+    content = gltf_json(path)
+    if not isinstance(content, dict) or not isinstance(content.get("nodes"), list):
+        return str(path), []
+    try:
+        gltf_parents(content["nodes"])
+        return io.BytesIO(gltf_for_trimesh(path, content)), gltf_node_names(content)
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError, struct.error) as error:
+        raise ValueError(
+            f"mesh file {path} cannot be read (its nodes: {error}); export the scene again"
+        ) from error
 
 
 def _refuse_outside(path: Path, assets: Assets) -> None:

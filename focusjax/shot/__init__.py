@@ -14,6 +14,7 @@ from focusjax.shot._motion import Motion as Motion
 from focusjax.shot._motion import MovingScene as MovingScene
 from focusjax.shot._motion import Transforms as Transforms
 from focusjax.shot._motion import transforms as transforms
+from focusjax.shot._motion import transforms_of as transforms_of
 from focusjax.shot._render import FrameSettings as FrameSettings
 from focusjax.shot._render import MotionSettings as MotionSettings
 from focusjax.shot._render import RenderedFrames as RenderedFrames

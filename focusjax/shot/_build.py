@@ -12,6 +12,7 @@ from focusjax._words import did_you_mean, listed
 from focusjax.config import (
     Config,
     ConfigError,
+    ObjectTable,
     ShotTable,
     build_camera,
     build_focus_points,
@@ -20,6 +21,7 @@ from focusjax.config import (
     build_objects,
     build_scene,
     build_solve_options,
+    build_stored_scene,
     values_of,
 )
 from focusjax.focus import FocusPoint
@@ -29,7 +31,7 @@ from focusjax.lens import ThinLens, TiltShiftLens
 from focusjax.scene import SceneObject, placement
 from focusjax.shot._camera import Path, moving_camera, pose_path
 from focusjax.shot._keyframes import Keyframes, keyframes
-from focusjax.shot._motion import Motion, MovingScene, transforms
+from focusjax.shot._motion import Motion, MovingScene, transforms, transforms_of
 from focusjax.shot._render import FrameSettings, MotionSettings
 from focusjax.shot._sequence import load_vertex_sequence
 from focusjax.shot._solve import Shot
@@ -231,10 +233,13 @@ def _lenses(
 
 def _motions(config: Config, table: ShotTable, objects: Sequence[SceneObject]) -> dict[str, Motion]:
     names = [item.name for item in objects]
-    found = {}
+    found = _motions_of_file(config)
+    # Those of the scene's file come first, and stand where it has them.
+    placements = [ObjectTable(file="")] * (len(objects) - len(config.scene.objects))
+    placements += config.scene.objects
     for moving in table.objects:
         number = _named(moving.name, names, "objects", "the scene")
-        placed, item = config.scene.objects[number], objects[number]
+        placed, item = placements[number], objects[number]
         path = None
         if moving.keys:
             keys: dict[float, Mapping[str, Any]] = {
@@ -255,6 +260,19 @@ def _motions(config: Config, table: ShotTable, objects: Sequence[SceneObject]) -
                 frames_per_step=1.0 if moving.frames_per_step is None else moving.frames_per_step,
             )
         found[item.name] = Motion(placement(placed.translate, placed.rotate_deg, placed.scale), path, shape)
+    return found
+
+
+def _motions_of_file(config: Config) -> dict[str, Motion]:
+    """How objects of the scene's file move, whose first frame is the shot's."""
+    stored = build_stored_scene(config)
+    found = {}
+    for name, matrices in ({} if stored is None else stored.motions).items():
+        try:
+            path = transforms_of(dict(enumerate(matrices, start=1)))
+        except ValueError as error:
+            raise ValueError(f"{config.scene.file}: {name!r} moves, and {error}") from error
+        found[name] = Motion(matrices[0], path)
     return found
 
 

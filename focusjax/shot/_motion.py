@@ -73,6 +73,34 @@ def transforms(
     return Transforms(keyframes(shifts, between=between), turns(rotations, between=between), scale)
 
 
+_SKEWED = 1e-4
+"""Cosine between two axes of a placement above which they are not at right angles."""
+
+
+def transforms_of(matrices: Mapping[float, np.ndarray]) -> Transforms:
+    """Placements of an object by frame, of matrices world_from_object [4, 4]; between them all is linear.
+
+    Raises:
+        ValueError: a matrix that is skewed or flat, or mirrored in some frames only.
+    """
+    shifts, rotations, factors = {}, {}, {}
+    for frame, matrix in matrices.items():
+        lengths = np.linalg.norm(matrix[:3, :3], axis=0)
+        if not (lengths > 0).all():
+            raise ValueError(f"is flat at frame {frame:g}; give it some thickness")
+        axes = matrix[:3, :3] / lengths
+        if np.abs(axes.T @ axes - np.eye(3)).max() > _SKEWED:
+            raise ValueError(f"is skewed at frame {frame:g}; apply the scale of its parents")
+        mirrored = -1.0 if np.linalg.det(axes) < 0 else 1.0
+        left, _, right = np.linalg.svd(axes * mirrored)
+        shifts[frame], rotations[frame] = matrix[:3, 3], left @ right
+        factors[frame] = lengths * mirrored
+    scale = keyframes(factors, between="linear")
+    if (np.sign(scale.values) != np.sign(scale.values[0])).any():
+        raise ValueError("is mirrored in some frames only; mirror it in all of them")
+    return Transforms(keyframes(shifts, between="linear"), turns(rotations, between="linear"), scale)
+
+
 @dataclasses.dataclass(frozen=True)
 class Motion:
     """How one object of a scene changes over a shot.

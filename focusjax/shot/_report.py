@@ -89,7 +89,7 @@ def shot_summary(
     return for_json(
         {
             "config_file": str(config.source),
-            "config": config.model_dump(mode="python"),
+            "config": config.model_dump(mode="python", by_alias=True),
             "versions": versions(),
             "solver": {
                 "status": next(name for name in _RESULTS if solution.result == getattr(Result, name)),

@@ -13,8 +13,8 @@ _SKEWED = 1e-4
 """Cosine between two axes of a pose above which they are not at right angles."""
 
 
-class CameraFileError(ValueError):
-    """A camera file that cannot be used; the message names the file and what to do."""
+class SceneFileError(ValueError):
+    """A file of a scene or camera that cannot be used; the message names the file and what to do."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,18 +69,31 @@ class StoredCamera:
     opening: Opening | None = None
 
 
+@dataclasses.dataclass(frozen=True)
+class CameraFrames:
+    """A camera in all frames of its file.
+
+    Attributes:
+        cameras: one for each frame.
+        fps: frames per second.
+    """
+
+    cameras: tuple[StoredCamera, ...]
+    fps: float
+
+
 def rigid(matrix: Float[np.ndarray, "4 4"], path: Path, name: str) -> Float[np.ndarray, "4 4"]:
     """The pose of a camera's transform, whose scale does not matter to a camera.
 
     Raises:
-        CameraFileError: numbers that are not finite, a mirrored or skewed transform, or one of no extent.
+        SceneFileError: numbers that are not finite, a mirrored or skewed transform, or one of no extent.
     """
     lengths = np.linalg.norm(matrix[:3, :3], axis=0)
     if not np.isfinite(matrix).all() or not (lengths > 0).all():
-        raise CameraFileError(f"{path}: the transform of camera {name!r} has no inverse; place it anew")
+        raise SceneFileError(f"{path}: the transform of camera {name!r} has no inverse; place it anew")
     axes = matrix[:3, :3] / lengths
     if np.abs(axes.T @ axes - np.eye(3)).max() > _SKEWED or np.linalg.det(axes) < 0:
-        raise CameraFileError(
+        raise SceneFileError(
             f"{path}: the transform of camera {name!r} is skewed or mirrored; apply the scale of its parents"
         )
     left, _, right = np.linalg.svd(axes)
@@ -93,15 +106,17 @@ def chosen(names: Sequence[str], name: str | None, path: Path) -> int:
     """Which of a file's cameras is meant.
 
     Raises:
-        CameraFileError: there is none, there are several and no name is given, or none of that name.
+        SceneFileError: there is none, there are several and no name is given, or none of that name.
     """
     if not names:
-        raise CameraFileError(f"{path}: has no camera; export the scene with one")
+        raise SceneFileError(
+            f"{path}: has no camera; export the scene with one, or give camera.position and look_at"
+        )
     if name is None:
         if len(names) > 1:
-            raise CameraFileError(f"{path}: has {len(names)} cameras, {listed(names)}; say which by its name")
+            raise SceneFileError(f"{path}: has {len(names)} cameras, {listed(names)}; say which by its name")
         return 0
     if name not in names:
         known = f"it has {listed(names)}"
-        raise CameraFileError(f"{path}: has no camera {name!r}; {did_you_mean(name, names, known)}")
+        raise SceneFileError(f"{path}: has no camera {name!r}; {did_you_mean(name, names, known)}")
     return list(names).index(name)

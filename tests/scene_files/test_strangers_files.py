@@ -9,7 +9,7 @@ from camera_scenes import write_gltf, write_usd
 from scipy.spatial.transform import Rotation
 
 import focusjax as fj
-from focusjax.camera_files import CameraFileError
+from focusjax.scene_files import SceneFileError
 
 
 def test_a_gltf_camera_stands_where_its_parents_put_it(tmp_path):
@@ -56,7 +56,7 @@ def test_the_same_from_a_binary_file_with_a_matrix(tmp_path):
     ids=["none", "several", "a slip", "a cycle", "mirrored", "flat", "index", "numbers"],
 )
 def test_what_is_wrong_with_a_gltf_file_is_said(tmp_path, nodes, name, said):
-    with pytest.raises(CameraFileError, match=said):
+    with pytest.raises(SceneFileError, match=said):
         fj.read_camera(write_gltf(tmp_path / "c.gltf", nodes), name)
 
 
@@ -65,15 +65,15 @@ def test_other_files_are_refused(tmp_path):
     (tmp_path / "c.fbx").write_text("")
     for name, said in (
         ("c.gltf", "cannot be|can be read"),
-        ("c.fbx", "no file of cameras"),
+        ("c.fbx", "no file of scenes with cameras"),
         ("d.glb", "exist"),
     ):
-        with pytest.raises(CameraFileError, match=said):
+        with pytest.raises(SceneFileError, match=said):
             fj.read_camera(tmp_path / name)
     flat = json.loads(write_gltf(tmp_path / "o.gltf", [{"camera": 0}]).read_text())
     flat["cameras"][0] = {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1}}
     (tmp_path / "o.gltf").write_text(json.dumps(flat))
-    with pytest.raises(CameraFileError, match="orthographic; expected one in perspective"):
+    with pytest.raises(SceneFileError, match="orthographic; expected one in perspective"):
         fj.read_camera(tmp_path / "o.gltf")
 
 
@@ -94,12 +94,12 @@ def test_a_usd_camera_in_centimetres_under_a_moving_parent(tmp_path):
 def test_what_is_wrong_with_a_usd_file_is_said(tmp_path):
     pytest.importorskip("pxr.Usd", reason="usd-core is not installed")
     (tmp_path / "broken.usda").write_text("#usda 1.0\ndef Camera {")
-    with pytest.raises(CameraFileError, match="cannot be read as USD"):
+    with pytest.raises(SceneFileError, match="cannot be read as USD"):
         fj.read_camera(tmp_path / "broken.usda")
     apart = tmp_path / "apart"
     apart.mkdir()
     write_usd(tmp_path / "shot.usda")
     (apart / "over.usda").write_text("#usda 1.0\n(\n    subLayers = [@../shot.usda@]\n)\n")
     assert fj.read_camera(apart / "over.usda", "hero").name == "hero"
-    with pytest.raises(CameraFileError, match="outside the folders that may be read"):
+    with pytest.raises(SceneFileError, match="outside the folders that may be read"):
         fj.read_camera(apart / "over.usda", "hero", within=[apart])

@@ -8,25 +8,22 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from jaxtyping import Float
-
-from focusjax.camera_files._stored import CameraFileError, Opening, StoredCamera, chosen, rigid
-from focusjax.scene import gltf_json
+from focusjax.scene import gltf_json, gltf_world
+from focusjax.scene_files._stored_camera import Opening, SceneFileError, StoredCamera, chosen, rigid
 
 
 def gltf_camera(path: Path, name: str | None) -> StoredCamera:
     """The camera; see `read_camera`."""
     content = gltf_json(path)
     if not isinstance(content, dict):
-        raise CameraFileError(f"{path}: is no glTF file that can be read; export it again")
+        raise SceneFileError(f"{path}: is no glTF file that can be read; export it again")
     try:
         return _camera(content, path, name)
-    except CameraFileError:
+    except SceneFileError:
         raise
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
         reason = f"{type(error).__name__}: {error}"
-        raise CameraFileError(f"{path}: is no valid glTF file ({reason}); export it again") from None
+        raise SceneFileError(f"{path}: is no valid glTF file ({reason}); export it again") from None
 
 
 def _camera(content: dict[str, Any], path: Path, name: str | None) -> StoredCamera:
@@ -38,13 +35,13 @@ def _camera(content: dict[str, Any], path: Path, name: str | None) -> StoredCame
     called = names[placed.index(number)]
     camera = cameras[nodes[number]["camera"]]
     if camera.get("type") != "perspective":
-        raise CameraFileError(
+        raise SceneFileError(
             f"{path}: camera {called!r} is {camera.get('type')!s}; expected one in perspective"
         )
-    pose = rigid(_world(nodes, number, path), path, called)
+    pose = rigid(gltf_world(nodes, number), path, called)
     angle = float(camera["perspective"]["yfov"])
     if not 0 < angle < math.pi:
-        raise CameraFileError(f"{path}: camera {called!r} has yfov = {angle:g}; expected 0 to pi")
+        raise SceneFileError(f"{path}: camera {called!r} has yfov = {angle:g}; expected 0 to pi")
     own = camera.get("extras", {})
     own = own.get("focusjax") if isinstance(own, dict) else None
     if not isinstance(own, dict):
@@ -73,28 +70,3 @@ def _opening(own: dict[str, Any]) -> Opening:
 
 def _name(node: dict[str, Any], camera: dict[str, Any], number: int) -> str:
     return str(node.get("name") or camera.get("name") or f"node {number}")
-
-
-def _world(nodes: list[dict[str, Any]], number: int, path: Path) -> Float[np.ndarray, "4 4"]:
-    """The transform of a node and of all above it."""
-    above = {child: parent for parent, node in enumerate(nodes) for child in node.get("children", ())}
-    matrix, seen = _local(nodes[number]), {number}
-    while number in above:
-        number = above[number]
-        if number in seen:
-            raise CameraFileError(f"{path}: node {number} is its own ancestor; export the scene again")
-        seen.add(number)
-        matrix = _local(nodes[number]) @ matrix
-    return matrix
-
-
-def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
-    if "matrix" in node:
-        return np.array(node["matrix"], dtype=float).reshape(4, 4).T
-    from scipy.spatial.transform import Rotation
-
-    matrix = np.eye(4)
-    turn = Rotation.from_quat(node.get("rotation", (0.0, 0.0, 0.0, 1.0))).as_matrix()
-    matrix[:3, :3] = turn * np.array(node.get("scale", (1.0, 1.0, 1.0)), dtype=float)
-    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
-    return matrix

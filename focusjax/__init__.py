@@ -303,4 +303,5 @@ def _version() -> str:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_PACKAGE_OF, *_ROOMS})
+    own = (name for name in globals() if name.startswith("__"))
+    return sorted({*own, "__version__", *_PACKAGE_OF, *_ROOMS})

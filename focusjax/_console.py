@@ -1,7 +1,9 @@
 """What commands say on the terminal: text as it is, without markup, and warnings and errors in one line."""
 
+import enum
 import errno
 import os
+import traceback
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +17,22 @@ from focusjax._words import printable
 
 FAILED, BAD_INPUT, MISSED = 1, 2, 3
 """Exit statuses beside 0: failed; bad usage or config; solved, but a wish is missed."""
+
+
+class Talk(enum.Enum):
+    """How much a command says."""
+
+    QUIET = enum.auto()
+    NORMAL = enum.auto()
+    VERBOSE = enum.auto()
+
+
+def talk_of(quiet: bool, verbose: bool) -> Talk:
+    """By the options --quiet and --verbose; ends the program when both are given."""
+    if quiet and verbose:
+        fail(Console(stderr=True), ValueError("--quiet and --verbose are opposites; give one"), BAD_INPUT)
+    return Talk.QUIET if quiet else Talk.VERBOSE if verbose else Talk.NORMAL
+
 
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 """The system's errors that a disk, or one's share of it, is full."""
@@ -32,6 +50,14 @@ def fail(console: Console, error: BaseException, status: int, place: Path | None
     """The error's first paragraph on one line, and out with the exit status; see `sentence`."""
     say(console, f"focusjax: {sentence(error, place)}")
     raise typer.Exit(status)
+
+
+def fail_inside(console: Console, error: Exception, talk: Talk = Talk.NORMAL) -> NoReturn:
+    """Out with an error that is ours: a sentence, before it where it arose when verbose."""
+    if talk is Talk.VERBOSE:
+        say(console, "".join(traceback.format_exception(error)))
+    hint = "" if talk is Talk.VERBOSE else "; --verbose says where it arose"
+    fail(console, RuntimeError(f"internal error, please report it: {error!r}{hint}"), FAILED)
 
 
 def sentence(error: BaseException, place: Path | None = None) -> str:

@@ -19,3 +19,7 @@ RootOption = Annotated[
         "--root", metavar="DIR", help="Folder below which a config may name files; its own by default."
     ),
 ]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Say warnings and errors only.")]
+VerboseOption = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Say how long each stage took, and where an error arose.")
+]

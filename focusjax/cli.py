@@ -11,9 +11,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from focusjax._console import BAD_INPUT, FAILED, caches, fail, say
+from focusjax._console import BAD_INPUT, FAILED, Talk, caches, fail, say, talk_of
 from focusjax._later import Later, group_of
-from focusjax._options import ConfigArgument, OutOption, RootOption, SetOption
+from focusjax._options import ConfigArgument, OutOption, QuietOption, RootOption, SetOption, VerboseOption
 
 LATER = {
     "export": Later(
@@ -81,26 +81,41 @@ def focusjax(
 
 @app.command()
 def run(
-    config: ConfigArgument, out: OutOption = None, set_: SetOption = None, root: RootOption = None
+    config: ConfigArgument,
+    out: OutOption = None,
+    set_: SetOption = None,
+    root: RootOption = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
     """Solve for the lens settings, then render the picture."""
-    _do(config, out, set_, root, solving=True, rendering=True)
+    _do(config, out, set_, root, talk_of(quiet, verbose), solving=True, rendering=True)
 
 
 @app.command()
 def solve(
-    config: ConfigArgument, out: OutOption = None, set_: SetOption = None, root: RootOption = None
+    config: ConfigArgument,
+    out: OutOption = None,
+    set_: SetOption = None,
+    root: RootOption = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
     """Solve for the lens settings only."""
-    _do(config, out, set_, root, solving=True, rendering=False)
+    _do(config, out, set_, root, talk_of(quiet, verbose), solving=True, rendering=False)
 
 
 @app.command()
 def render(
-    config: ConfigArgument, out: OutOption = None, set_: SetOption = None, root: RootOption = None
+    config: ConfigArgument,
+    out: OutOption = None,
+    set_: SetOption = None,
+    root: RootOption = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
     """Render with the lens as the config has it."""
-    _do(config, out, set_, root, solving=False, rendering=True)
+    _do(config, out, set_, root, talk_of(quiet, verbose), solving=False, rendering=True)
 
 
 @app.command()
@@ -157,11 +172,15 @@ def refocus(
     ] = None,
     out: OutOption = None,
     set_: SetOption = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
     """Refocus a photograph with depth."""
     from focusjax._carry_out import carry_out
     from focusjax._refocus import refocus_config
     from focusjax.config import Config
+
+    talk = talk_of(quiet, verbose)
 
     def read() -> Config:
         settings = {
@@ -188,7 +207,7 @@ def refocus(
         )
 
     folder = out if out is not None else Path("out") / photo.stem
-    carry_out(read, folder, solving=focus_distance is None, rendering=True)
+    carry_out(read, folder, solving=focus_distance is None, rendering=True, talk=talk)
 
 
 @app.command()
@@ -201,6 +220,8 @@ def shot(
     frames: Annotated[
         str | None, typer.Option("--frames", metavar="N,N,...", help="Make pictures of these frames only.")
     ] = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
     r"""Solve all frames of a \[shot] together, then render them; frames that are there already are kept."""
     from focusjax._carry_out import carry_out_shot
@@ -208,7 +229,11 @@ def shot(
 
     folder = out if out is not None else Path("out") / config.stem
     carry_out_shot(
-        lambda: load_config(config, set_ or (), root=root), folder, rendering=not solve_only, frames=frames
+        lambda: load_config(config, set_ or (), root=root),
+        folder,
+        rendering=not solve_only,
+        frames=frames,
+        talk=talk_of(quiet, verbose),
     )
 
 
@@ -279,6 +304,7 @@ def _do(
     out: Path | None,
     overrides: list[str] | None,
     root: Path | None,
+    talk: Talk,
     *,
     solving: bool,
     rendering: bool,
@@ -293,6 +319,7 @@ def _do(
         folder,
         solving=solving,
         rendering=rendering,
+        talk=talk,
     )
 
 
@@ -310,7 +337,8 @@ def _set_up_jax() -> None:
 
 def _quieten() -> None:
     """Other libraries' notes are for their developers."""
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
+    # Of XLA all but what ends the program: it says by an error, too, that it compiles for long.
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     for name in ("jax", "trimesh", "matplotlib", "PIL"):
         logging.getLogger(name).setLevel(logging.ERROR)
 

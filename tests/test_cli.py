@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import typer.main
 from boxes_config import CONFIG, write_boxes
+from complaints import complaints_in
 from typer.testing import CliRunner
 
 from focusjax.cli import app
@@ -32,10 +33,10 @@ def scene_folder(tmp_path_factory):
 
 
 def focusjax(*arguments):
-    """The exit status and what was printed to stdout and stderr."""
+    """The exit status, what was printed to stdout, and to stderr beside the progress."""
     result = CliRunner().invoke(app, [str(argument) for argument in arguments], env={"COLUMNS": "200"})
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
-    return result.exit_code, result.stdout, result.stderr
+    return result.exit_code, result.stdout, complaints_in(result.stderr)
 
 
 @pytest.fixture(scope="module")

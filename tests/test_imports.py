@@ -166,7 +166,7 @@ ALLOWED = {
     "_refocus": {"config"},
     "_later": set(),
     "_options": set(),
-    "_progress": {"job"},
+    "_progress": {"job", "_console"},
     "_templates": set(),
     "_carry_out": {"io", "config", "job", "report", "shot", "_console", "_progress", "_tell"},
     # Commands import what they need when they run; those of packages are in its table.

@@ -55,6 +55,15 @@ def test_the_wish_that_is_commented_out_is_one(made, tmp_path):
     whole.unlink()
 
 
+def test_slips_in_the_configs_path_are_pointed_at(made):
+    status, _, complaint = call("run", made / "my first picture.toml")
+    assert (status, complaint.rpartition("; ")[2]) == (2, f"did you mean {made / 'my-first picture.toml'}?\n")
+    status, _, complaint = call("run", made)
+    expected = f"{made}: is a folder; name a config file in it, such as {made / 'my-first picture.toml'}"
+    assert status == 2
+    assert expected in complaint
+
+
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [("here", "here is there already, and nothing is overwritten"), ("a.toml", "expected one such as")],

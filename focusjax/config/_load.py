@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, PrivateAttr, Strict, ValidationError, model_validator
 
+from focusjax._words import nearest_name
 from focusjax.config._camera_of_file import with_camera_of_file
 from focusjax.config._errors import ConfigError, key_path, sentence_for
 from focusjax.config._exposure import ExposureTable, FilmTable
@@ -264,7 +265,12 @@ def read_toml(path: Path) -> dict[str, Any]:
         # Editors on Windows begin files with a byte-order mark, which TOML does not know.
         return tomllib.loads(data.decode("utf-8-sig"))
     except FileNotFoundError:
-        raise ConfigError(f"{path}: there is no such config file; check the path") from None
+        near = nearest_name(path.name, (each.name for each in path.parent.glob("*.toml")))
+        remedy = "check the path" if near is None else f"did you mean {path.with_name(near)}?"
+        raise ConfigError(f"{path}: there is no such config file; {remedy}") from None
+    except IsADirectoryError:
+        example = min(path.glob("*.toml"), default=path / "a.toml")
+        raise ConfigError(f"{path}: is a folder; name a config file in it, such as {example}") from None
     except OSError as error:
         raise ConfigError(f"{path}: the config cannot be read ({error.strerror}); check the path") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:

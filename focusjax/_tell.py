@@ -105,7 +105,7 @@ def tell_shot(console: Console, solved: SolvedShot) -> None:
     console.print(
         f"[bold]{solution.count} frames, focus from {metres(float(focus[0]))} to"
         f" {metres(float(focus[-1]))}[/]"
-        f"  solved together in {int(solution.steps)} steps",
+        f"  {f'solved together in {int(solution.steps)} steps' if solution.free else 'by keyframes'}",
         highlight=False,
     )
     for name, change in solution.largest_changes().items():

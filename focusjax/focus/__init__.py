@@ -15,6 +15,7 @@ from focusjax.focus._findings import Conflict as Conflict
 from focusjax.focus._findings import Unreachable as Unreachable
 from focusjax.focus._frames_solution import FramesSolution as FramesSolution
 from focusjax.focus._frames_solution import LargestChange as LargestChange
+from focusjax.focus._frames_solution import unsolved as unsolved
 from focusjax.focus._image_points import ACROSS as ACROSS
 from focusjax.focus._image_points import AT_LEAST as AT_LEAST
 from focusjax.focus._image_points import AT_MOST as AT_MOST

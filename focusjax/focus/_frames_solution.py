@@ -1,17 +1,19 @@
 """What a solve of all frames found: a lens for each, and how much they change from one to the next."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._frames_asked import FramesAsked
-from focusjax.focus._image_points import ImagePoints
+from focusjax.focus._image_points import ImagePoints, together
 from focusjax.focus._solution import Result, WishResult, html_of, one_row, text_of, wish_table
 from focusjax.geometry import Camera
-from focusjax.lens import ThinLens, TiltShiftLens
+from focusjax.lens import ThinLens, TiltShiftLens, as_tilt_shift
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,6 +137,44 @@ class FramesSolution(eqx.Module):
                 None if own is None else _largest(own, 2),
             )
         return found
+
+
+def unsolved(cameras: Sequence[Camera], lenses: Sequence[ThinLens | TiltShiftLens]) -> FramesSolution:
+    """The lenses of a shot of which nothing is wished, in the form of a solution without wishes.
+
+    Args:
+        cameras: one a frame.
+        lenses: one a frame.
+    """
+    if any(isinstance(lens, TiltShiftLens) for lens in lenses):
+        lenses = [as_tilt_shift(lens) for lens in lenses]
+    count, none = len(cameras), jnp.zeros((len(cameras), 0))
+    points = ImagePoints(
+        xy=jnp.zeros((count, 0, 2)),
+        disparity=none,
+        target=none,
+        signed=none > 0,
+        weight=none,
+        tolerance=none,
+        wish=jnp.zeros((count, 0), dtype=int),
+        names=(),
+    )
+    return FramesSolution(
+        lens=jax.tree.map(together, *lenses),
+        camera=jax.tree.map(together, *cameras),
+        points=points,
+        blur=none,
+        error=none,
+        pixels=none,
+        cost=jnp.zeros(()),
+        roughness=jnp.zeros(()),
+        result=Result.solved,
+        steps=jnp.zeros((), dtype=int),
+        at_lower=none > 0,
+        at_upper=none > 0,
+        open=jnp.zeros(0, dtype=bool),
+        free=(),
+    )
 
 
 def _largest(values: Float[np.ndarray, "t"], order: int) -> float:

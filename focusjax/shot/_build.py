@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from focusjax._words import did_you_mean, listed
 from focusjax.config import (
     Config,
@@ -15,7 +13,6 @@ from focusjax.config import (
     ShotTable,
     build_camera,
     build_focus_points,
-    build_lens,
     build_look,
     build_objects,
     build_scene,
@@ -25,10 +22,11 @@ from focusjax.config import (
 from focusjax.focus import FocusPoint
 from focusjax.geometry import Camera
 from focusjax.job import Development, find_development
-from focusjax.lens import ThinLens, TiltShiftLens
+from focusjax.lens import AbstractLens
 from focusjax.scene import SceneObject, placement
-from focusjax.shot._camera import Path, moving_camera, pose_path
-from focusjax.shot._keyframes import Keyframes, keyframes
+from focusjax.shot._build_camera import build_path, table_keys
+from focusjax.shot._held import held_frames
+from focusjax.shot._lens_track import LensTrack
 from focusjax.shot._motion import Motion, MovingScene, transforms
 from focusjax.shot._render import FrameSettings, MotionSettings
 from focusjax.shot._sequence import load_vertex_sequence
@@ -58,31 +56,40 @@ def build_shot(config: Config) -> Shot:
             " one of them out"
         )
     camera = build_camera(config)
-    first = build_lens(config, camera, solved=True)
-    assert isinstance(first, ThinLens | TiltShiftLens)
     objects = build_objects(config)
     scene = build_scene(config, objects)
-    points = build_focus_points(config, scene)
-    options = build_solve_options(config)
+    solving = bool(config.focus)
+    points = build_focus_points(config, scene) if solving else ()
+    options = build_solve_options(config) if solving else {}
     _tell_keys_outside(config, table)
     try:
-        camera_at = _camera_at(config, table, camera)
+        moving = MovingScene(scene, objects, _motions(config, table, objects))
+        track = LensTrack(config, table)
+        camera_at = build_path(config, table, camera, track, moving)
         cameras = tuple(camera_at(frame) for frame in range(1, table.frames + 1))
+        held = held_frames(config, table, track) if solving else {}
+        keyed_look = any(track.config_at(frame).lens.look for frame in range(1, table.frames + 1))
         return Shot(
-            scene=MovingScene(scene, objects, _motions(config, table, objects)),
+            scene=moving,
             cameras=cameras,
-            lenses=_lenses(config, table, cameras, camera, first),
+            lenses=track.lenses(cameras, solved=solving and not held.get("focus")),
             wishes=_wishes(table, points),
             smoothness=table.smoothness,
             steadiness=table.steadiness,
             fade_frames=table.fade_frames,
             favour_near=config.solve.favour_near,
             options=options,
-            look=partial(build_look, config) if config.lens.look else None,
+            held=held,
+            look=partial(_look, track) if keyed_look else None,
             camera_at=camera_at,
         )
     except ValueError as error:
         raise ConfigError(f"{config.source}: shot: {error}") from error
+
+
+def _look(track: LensTrack, frame: int, camera: Camera, lens: AbstractLens) -> AbstractLens:
+    """The lens that makes a frame's picture."""
+    return build_look(track.config_at(frame), camera, lens)
 
 
 def build_settings(config: Config) -> FrameSettings:
@@ -171,64 +178,6 @@ def _tell_keys_outside(config: Config, table: ShotTable) -> None:
             )
 
 
-def _camera_at(config: Config, table: ShotTable, camera: Camera) -> Path:
-    view = config.camera
-    size = {
-        "width": camera.width,
-        "height": camera.height,
-        "sensor_width": view.sensor_width_mm / 1000,
-        "shift": view.shift_mm / 1000,
-        "rise": view.rise_mm / 1000,
-    }
-    lengths = _keys(table, values_of(table.camera, "focal_length_mm"))
-    length: float | Keyframes = float(camera.focal_length)
-    if lengths is not None:
-        length = Keyframes(lengths.frames, lengths.values / 1000, lengths.between)
-    positions = _keys(table, values_of(table.camera, "position"))
-    targets = _keys(table, values_of(table.camera, "look_at"))
-    if positions is not None or targets is not None:
-        # What has no keyframes stays; a camera given by a matrix has no such point to look at.
-        if view.position is None or view.look_at is None:
-            raise ValueError(
-                "the camera has a matrix and keyframes of position or look_at; give one or the other"
-            )
-        return moving_camera(
-            focal_length=length,
-            position=positions or keyframes({1: view.position}),
-            target=targets or keyframes({1: view.look_at}),
-            up=view.up,
-            **size,
-        )
-    matrices = values_of(table.camera, "matrix") or {1: np.asarray(camera.world_from_camera, dtype=float)}
-    pose = pose_path({frame: np.asarray(matrix) for frame, matrix in matrices.items()}, between=table.between)
-    return moving_camera(focal_length=length, pose=pose, **size)
-
-
-def _lenses(
-    config: Config,
-    table: ShotTable,
-    cameras: Sequence[Camera],
-    camera: Camera,
-    first: ThinLens | TiltShiftLens,
-) -> tuple[ThinLens | TiltShiftLens, ...]:
-    """The lens before solving, of every frame; it keeps its f-number and angles while the camera zooms."""
-    numbers = _keys(table, values_of(table.lens, "f_number"))
-    if numbers is None and all(float(each.focal_length) == float(camera.focal_length) for each in cameras):
-        return (first,) * len(cameras)
-    if numbers is not None and config.lens.f_number is None:
-        raise ValueError(
-            "the lens has aperture_radius_mm and keyframes of its f-number; give f_number instead"
-        )
-    found: list[ThinLens | TiltShiftLens] = []
-    for frame, each in enumerate(cameras, start=1):
-        changes = {} if numbers is None else {"f_number": float(numbers(frame))}
-        lens_table = config.lens.model_copy(update=changes)
-        lens = build_lens(config.model_copy(update={"lens": lens_table}), each, solved=True)
-        assert isinstance(lens, ThinLens | TiltShiftLens)
-        found.append(lens)
-    return tuple(found)
-
-
 def _motions(config: Config, table: ShotTable, objects: Sequence[SceneObject]) -> dict[str, Motion]:
     names = [item.name for item in objects]
     found = {}
@@ -272,15 +221,11 @@ def _wishes(table: ShotTable, points: Sequence[FocusPoint]) -> tuple[TimedWish, 
             points[number],
             from_frame=timed.from_frame,
             to_frame=timed.to_frame,
-            weight=_keys(table, values_of(timed.keys, "weight")),
-            diameter=_keys(table, values_of(timed.keys, "blur")),
-            place=_keys(table, places[0] or places[1]),
+            weight=table_keys(table, values_of(timed.keys, "weight")),
+            diameter=table_keys(table, values_of(timed.keys, "blur")),
+            place=table_keys(table, places[0] or places[1]),
         )
     return tuple(changed.get(number, TimedWish(point)) for number, point in enumerate(points))
-
-
-def _keys(table: ShotTable, values: Mapping[float, Any]) -> Keyframes | None:
-    return keyframes(values, between=table.between) if values else None
 
 
 def _named(name: str, names: Sequence[str], what: str, where: str) -> int:

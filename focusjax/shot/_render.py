@@ -331,7 +331,7 @@ def _view(solved: SolvedShot, number: int) -> tuple[Camera, AbstractLens]:
     """What a frame is taken with."""
     camera, lens = solved.solution.at(number - 1)
     look = solved.shot.look
-    return camera, lens if look is None else look(camera, lens)
+    return camera, lens if look is None else look(number, camera, lens)
 
 
 def _widest(solved: SolvedShot, wanted: Sequence[int], settings: FrameSettings) -> tuple[Layers, int]:

@@ -57,8 +57,10 @@ def save_report(
 ) -> dict[str, Any]:
     """Write the report's files into an existing folder, and return what report.json holds."""
     save_settings_curves(folder / "settings.png", solved)
-    save_blur_curves(folder / "blur.png", solved)
-    pictures = ["settings", "blur"]
+    pictures = ["settings"]
+    if solved.shot.wishes:
+        save_blur_curves(folder / "blur.png", solved)
+        pictures.append("blur")
     if rendered is not None:
         pngs = [path for files in rendered.files for path in files if path.suffix == ".png"]
         if pngs:
@@ -97,8 +99,8 @@ def shot_summary(
             "config": config.model_dump(mode="python"),
             "versions": versions(),
             "solver": {
-                "status": next(name for name in _RESULTS if solution.result == getattr(Result, name)),
-                "message": str(Result[solution.result]),
+                "status": _status(solved),
+                "message": str(Result[solution.result]) if solved.shot.wishes else "",
                 "steps": int(solution.steps),
                 "cost_px2": float(solution.cost),
                 "roughness_px2": float(solution.roughness),
@@ -133,6 +135,14 @@ def shot_summary(
             "compile_seconds": dict(compile_seconds),
         }
     )
+
+
+def _status(solved: SolvedShot) -> str:
+    """How the solve ended, or that there was none."""
+    if not solved.shot.wishes:
+        return "keyed"
+    result = solved.solution.result
+    return next(name for name in _RESULTS if result == getattr(Result, name))
 
 
 def _diagnosis(solved: SolvedShot) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from focusjax.focus import FramesDiagnosis, FramesSolution, diagnose, solve_frames
+from focusjax.focus import FramesDiagnosis, FramesSolution, diagnose, solve_frames, unsolved
 from focusjax.geometry import Camera
 from focusjax.layers import disparity_map
 from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens
@@ -28,13 +28,15 @@ class Shot:
         scene: what is filmed.
         cameras: one a frame (see `camera_path`).
         lenses: where to start, and what is not solved for; one a frame.
-        wishes: at least one.
+        wishes: what is solved for; without any, `lenses` are taken as they are.
         smoothness: see `solve_frames`.
         steadiness: see `solve_frames`.
         fade_frames: see `find_wishes`.
         favour_near: see `find_wishes`.
         options: what is free, bounds and priors, as for `solve`.
-        look: from a frame's camera and solved lens to the lens that makes its picture; itself if not given.
+        held: by the names of free settings: frames in which these stay as `lenses` has them, one a frame.
+        look: from a frame's number, camera and solved lens to the lens that makes its picture; itself if not
+            given.
         camera_at: the camera between frames, for motion while the shutter is open; without it a camera stands
             still meanwhile.
     """
@@ -48,7 +50,8 @@ class Shot:
     fade_frames: float = 6.0
     favour_near: float = 0.0
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    look: Callable[[Camera, AbstractLens], AbstractLens] | None = None
+    held: Mapping[str, tuple[bool, ...]] = dataclasses.field(default_factory=dict)
+    look: Callable[[int, Camera, AbstractLens], AbstractLens] | None = None
     camera_at: Callable[[float], Camera] | None = None
 
     def __post_init__(self) -> None:
@@ -83,6 +86,8 @@ class SolvedShot:
     @cached_property
     def diagnosis(self) -> FramesDiagnosis:
         """What keeps the lenses from meeting the wishes, judged where these count in full."""
+        if not self.shot.wishes:
+            return FramesDiagnosis((), (), (), {}, (), (), ())
         return diagnose(self.solution, counts=self.share > 1.0 - 1e-6)
 
     def missed(self) -> tuple[tuple[str, int, float], ...]:
@@ -100,7 +105,7 @@ class SolvedShot:
 
 
 def solve_shot(shot: Shot, *, throw: bool = True, progress: Progress | None = None) -> SolvedShot:
-    """The lenses of all frames of a shot, solved together.
+    """The lenses of all frames of a shot, solved together; those given, where nothing is wished.
 
     Args:
         shot: what to solve.
@@ -131,6 +136,11 @@ def solve_shot(shot: Shot, *, throw: bool = True, progress: Progress | None = No
                 "disparity_map": disparity,
             }
 
+    if not shot.wishes:
+        solution = unsolved(shot.cameras, shot.lenses)
+        for _ in views():
+            pass
+        return SolvedShot(shot, solution, np.zeros((shot.count, 0)), np.array(depths))
     found = find_wishes(
         shot.wishes, shot.cameras, views(), fade_frames=shot.fade_frames, favour_near=shot.favour_near
     )
@@ -141,6 +151,7 @@ def solve_shot(shot: Shot, *, throw: bool = True, progress: Progress | None = No
         shot.lenses,
         smoothness=shot.smoothness,
         steadiness=shot.steadiness,
+        held=shot.held,
         throw=throw,
         **shot.options,
     )

@@ -9,7 +9,15 @@ from rich.text import Text
 
 from focusjax import bench, job
 from focusjax._console import say
-from focusjax.focus import WISH_HEADINGS, Solution, SurfaceSolution, diagnose, wish_rows
+from focusjax.focus import (
+    WISH_HEADINGS,
+    FramesSolution,
+    Solution,
+    SurfaceFramesSolution,
+    SurfaceSolution,
+    diagnose,
+    wish_rows,
+)
 from focusjax.lens import depth_of_field
 from focusjax.report import (
     angle,
@@ -105,7 +113,7 @@ def tell_shot(console: Console, solved: SolvedShot) -> None:
     console.print(
         f"[bold]{solution.count} frames, focus from {metres(float(focus[0]))} to"
         f" {metres(float(focus[-1]))}[/]"
-        f"  {f'solved together in {int(solution.steps)} steps' if solution.free else 'by keyframes'}",
+        f"  {_how_solved(solution)}",
         highlight=False,
     )
     for name, change in solution.largest_changes().items():
@@ -118,6 +126,14 @@ def tell_shot(console: Console, solved: SolvedShot) -> None:
             )
     for sentence in solved.diagnosis.sentences:
         say(console, sentence)
+
+
+def _how_solved(solution: FramesSolution | SurfaceFramesSolution) -> str:
+    if not solution.points.names:
+        return "by keyframes"
+    if isinstance(solution, SurfaceFramesSolution):
+        return "in the middle of the picture, surfaces solved together"
+    return f"solved together in {int(solution.steps)} steps"
 
 
 def comparison(found: bench.CaseResults) -> Table:

@@ -30,6 +30,8 @@ from focusjax.config._reach import texts as texts
 from focusjax.config._refusals import refusals_located as refusals_located
 from focusjax.config._render import RenderTable as RenderTable
 from focusjax.config._shot import ShotTable as ShotTable
+from focusjax.config._shot import TimedControlTable as TimedControlTable
+from focusjax.config._shot import TimedWishTable as TimedWishTable
 from focusjax.config._shot_keys import values_of as values_of
 from focusjax.config._shot_lens import ABERRATIONS as ABERRATIONS
 from focusjax.config._shot_lens import SETTINGS as SETTINGS

@@ -93,6 +93,36 @@ class TimedWishTable(Table):
         return self
 
 
+class SurfaceKey(Key):
+    """A keyframe of `[[shot.surface]]`; what it leaves out is as in `[[lens.focal_surface.points]]`."""
+
+    point: Vector | None = Field(default=None, description="the point [x, y, z] in metres")
+    pixel: Annotated[tuple[Number, Number], Strict(False)] | None = Field(
+        default=None, description="the place [x, y] in the picture, in pixels"
+    )
+    blur_px: Number | None = Field(default=None, description="the signed blur wished there, in pixels")
+    aperture_scale: Positive | None = Field(
+        default=None, description="the aperture there in apertures of the lens"
+    )
+    weight: NotNegative | None = Field(default=None, description="how widely the point rules, 0 or more")
+
+
+class TimedControlTable(Table):
+    """`[[shot.surface]]`: when a control point of the focal surface is there, and how it changes."""
+
+    name: str = Field(description="the name of a [[lens.focal_surface.points]] table")
+    from_frame: Number | None = Field(default=None, description="the first frame in which the point is there")
+    to_frame: Number | None = Field(default=None, description="the last frame in which the point is there")
+    keys: Annotated[tuple[SurfaceKey, ...], Strict(False)] = Field(
+        default=(), description="keyframes such as { frame = 1, blur_px = 0 }"
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "TimedControlTable":
+        in_order(self.keys, repr(self.name))
+        return self
+
+
 class ShotTable(Table):
     """`[shot]`: a film of the config's scene, for `focusjax shot`.
 
@@ -147,11 +177,16 @@ class ShotTable(Table):
         default=(), description="[[shot.wishes]] tables, each with a name"
     )
 
+    surface: Annotated[tuple[TimedControlTable, ...], Strict(False)] = Field(
+        default=(), description="[[shot.surface]] tables, each with a name of a focal surface's point"
+    )
+
     @model_validator(mode="after")
     def _fits_together(self) -> "ShotTable":
         in_order(self.camera, "the camera")
         in_order(self.lens, "the lens")
-        for what, tables in (("objects", self.objects), ("wishes", self.wishes), ("free", self.free)):
+        for what in ("objects", "wishes", "free", "surface"):
+            tables = getattr(self, what)
             names = [table.name for table in tables]
             twice = [name for name in names if names.count(name) > 1]
             if twice:

@@ -60,6 +60,9 @@ from focusjax.focus._solve import solve as solve
 from focusjax.focus._solve_frames import solve_frames as solve_frames
 from focusjax.focus._solve_surface import SurfaceSolution as SurfaceSolution
 from focusjax.focus._solve_surface import solve_focal_surface as solve_focal_surface
+from focusjax.focus._solve_surface_frames import SurfaceFramesSolution as SurfaceFramesSolution
+from focusjax.focus._solve_surface_frames import solve_surface_frames as solve_surface_frames
+from focusjax.focus._solve_surface_frames import unsolved_surfaces as unsolved_surfaces
 from focusjax.focus._units import Diameter as Diameter
 from focusjax.focus._units import OfHeight as OfHeight
 from focusjax.focus._units import OnSensor as OnSensor

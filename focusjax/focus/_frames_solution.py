@@ -131,10 +131,10 @@ class FramesSolution(eqx.Module):
             free = names[name] in self.free
             own = pixels[:, self.free.index(names[name])] if free else None
             found[name] = LargestChange(
-                _largest(values, 1),
-                _largest(values, 2),
-                None if own is None else _largest(own, 1),
-                None if own is None else _largest(own, 2),
+                largest_change(values, 1),
+                largest_change(values, 2),
+                None if own is None else largest_change(own, 1),
+                None if own is None else largest_change(own, 2),
             )
         return found
 
@@ -148,17 +148,8 @@ def unsolved(cameras: Sequence[Camera], lenses: Sequence[ThinLens | TiltShiftLen
     """
     if any(isinstance(lens, TiltShiftLens) for lens in lenses):
         lenses = [as_tilt_shift(lens) for lens in lenses]
-    count, none = len(cameras), jnp.zeros((len(cameras), 0))
-    points = ImagePoints(
-        xy=jnp.zeros((count, 0, 2)),
-        disparity=none,
-        target=none,
-        signed=none > 0,
-        weight=none,
-        tolerance=none,
-        wish=jnp.zeros((count, 0), dtype=int),
-        names=(),
-    )
+    points = no_points(len(cameras))
+    none = points.weight
     return FramesSolution(
         lens=jax.tree.map(together, *lenses),
         camera=jax.tree.map(together, *cameras),
@@ -177,7 +168,22 @@ def unsolved(cameras: Sequence[Camera], lenses: Sequence[ThinLens | TiltShiftLen
     )
 
 
-def _largest(values: Float[np.ndarray, "t"], order: int) -> float:
+def no_points(count: int) -> ImagePoints:
+    """The wishes of `count` frames of which nothing is wished."""
+    none = jnp.zeros((count, 0))
+    return ImagePoints(
+        xy=jnp.zeros((count, 0, 2)),
+        disparity=none,
+        target=none,
+        signed=none > 0,
+        weight=none,
+        tolerance=none,
+        wish=jnp.zeros((count, 0), dtype=int),
+        names=(),
+    )
+
+
+def largest_change(values: Float[np.ndarray, "t"], order: int) -> float:
     """Largest difference of that order in size; 0 where there are too few frames for one."""
     # Settings that stay infinite, as the f-number of a pinhole does, do not change.
     with np.errstate(invalid="ignore"):

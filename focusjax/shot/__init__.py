@@ -24,6 +24,7 @@ from focusjax.shot._sequence import load_vertex_sequence as load_vertex_sequence
 from focusjax.shot._solve import Shot as Shot
 from focusjax.shot._solve import SolvedShot as SolvedShot
 from focusjax.shot._solve import solve_shot as solve_shot
+from focusjax.shot._surfaces import TimedSurface as TimedSurface
 from focusjax.shot._video import save_mp4 as save_mp4
 from focusjax.shot._wishes import FoundWishes as FoundWishes
 from focusjax.shot._wishes import TimedWish as TimedWish

@@ -6,12 +6,18 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from focusjax._words import did_you_mean, listed
 from focusjax.config import (
     Config,
     ConfigError,
     ShotTable,
+    TimedControlTable,
+    TimedWishTable,
     build_camera,
+    build_control_points,
+    build_focal_surface,
     build_focus_points,
     build_look,
     build_objects,
@@ -19,18 +25,20 @@ from focusjax.config import (
     build_solve_options,
     values_of,
 )
-from focusjax.focus import FocusPoint
+from focusjax.focus import FocusPoint, ImagePoints
 from focusjax.geometry import Camera
 from focusjax.job import Development, find_development
-from focusjax.lens import AbstractLens
-from focusjax.scene import SceneObject, placement
+from focusjax.lens import AbstractLens, FocalSurface, ThinLens
+from focusjax.scene import Scene, SceneObject, placement
 from focusjax.shot._build_camera import build_path, table_keys
 from focusjax.shot._held import held_frames
+from focusjax.shot._keyframes import Keyframes
 from focusjax.shot._lens_track import LensTrack
 from focusjax.shot._motion import Motion, MovingScene, transforms
 from focusjax.shot._render import FrameSettings, MotionSettings
 from focusjax.shot._sequence import load_vertex_sequence
 from focusjax.shot._solve import Shot
+from focusjax.shot._surfaces import CONTROL_SAMPLES, TimedSurface
 from focusjax.shot._wishes import TimedWish
 from focusjax.shutter import make_shutter
 
@@ -39,17 +47,12 @@ def build_shot(config: Config) -> Shot:
     """Everything that `[shot]` and the tables it changes ask for, loaded and checked.
 
     Raises:
-        ConfigError: no `[shot]` table, a focal surface, a real lens, an unknown name, or a value that does
+        ConfigError: no `[shot]` table, a real lens, an unknown name, or a value that does
             not fit.
     """
     table = config.shot
     if table is None:
         raise ConfigError(f"{config.source}: there is no [shot] table; add one with frames = 48")
-    if config.lens.focal_surface is not None:
-        raise ConfigError(
-            f"{config.source}: there is a [shot] and a lens.focal_surface, which does not change over time;"
-            " leave one of them out"
-        )
     if config.lens.prescription is not None:
         raise ConfigError(
             f"{config.source}: there is a [shot] and a lens.prescription, which is for single pictures; leave"
@@ -60,14 +63,15 @@ def build_shot(config: Config) -> Shot:
     scene = build_scene(config, objects)
     solving = bool(config.focus)
     points = build_focus_points(config, scene) if solving else ()
-    options = build_solve_options(config) if solving else {}
+    of_lens = config.lens.focal_surface is None
+    options = build_solve_options(config) if solving and of_lens else {}
     _tell_keys_outside(config, table)
     try:
         moving = MovingScene(scene, objects, _motions(config, table, objects))
         track = LensTrack(config, table)
         camera_at = build_path(config, table, camera, track, moving)
         cameras = tuple(camera_at(frame) for frame in range(1, table.frames + 1))
-        held = held_frames(config, table, track) if solving else {}
+        held = held_frames(config, table, track) if solving and of_lens else {}
         keyed_look = any(track.config_at(frame).lens.look for frame in range(1, table.frames + 1))
         return Shot(
             scene=moving,
@@ -80,6 +84,7 @@ def build_shot(config: Config) -> Shot:
             favour_near=config.solve.favour_near,
             options=options,
             held=held,
+            surface=_surface(config, table, scene),
             look=partial(_look, track) if keyed_look else None,
             camera_at=camera_at,
         )
@@ -166,6 +171,7 @@ def _tell_keys_outside(config: Config, table: ShotTable) -> None:
     keys = [("shot.camera", table.camera), ("shot.lens", table.lens)]
     keys += [(f"shot.objects ({each.name})", each.keys) for each in table.objects]
     keys += [(f"shot.wishes ({each.name})", each.keys) for each in table.wishes]
+    keys += [(f"shot.surface ({each.name})", each.keys) for each in table.surface]
     for what, frames in keys:
         outside = [key.frame for key in frames if not 1 <= key.frame <= table.frames]
         if outside:
@@ -207,24 +213,56 @@ def _motions(config: Config, table: ShotTable, objects: Sequence[SceneObject]) -
     return found
 
 
+def _surface(config: Config, table: ShotTable, scene: Scene) -> TimedSurface | None:
+    """The control points of a focal surface over time."""
+    described = config.lens.focal_surface
+    if described is None:
+        if table.surface:
+            raise ValueError(
+                "there are [[shot.surface]] tables and no lens.focal_surface; give it its points"
+            )
+        return None
+    points = build_control_points(config, scene, samples=CONTROL_SAMPLES)
+    names = [point.name for point in points]
+    timed = {number: TimedWish(point) for number, point in enumerate(points)}
+    scales: dict[int, Keyframes] = {}
+    for each in table.surface:
+        number = _named(each.name, names, "surface", "lens.focal_surface.points")
+        timed[number] = _timed(table, points[number], each, "blur_px")
+        if (scale := table_keys(table, values_of(each.keys, "aperture_scale"))) is not None:
+            scales[number] = scale
+
+    def build(frame: int, found: ImagePoints, camera: Camera, lens: ThinLens) -> FocalSurface:
+        own = [point.aperture_scale for point in described.points]
+        now = [float(scales[k](frame)) if k in scales else scale for k, scale in enumerate(own)]
+        return build_focal_surface(config, found, camera, lens, aperture_scale=np.array(now))
+
+    return TimedSurface(tuple(timed.values()), build, described.smoothness, described.favour_near)
+
+
+def _timed(
+    table: ShotTable, point: FocusPoint, each: TimedWishTable | TimedControlTable, blur: str
+) -> TimedWish:
+    """A wish or a control point over time; `blur` is the key of its keyframes that has the diameter."""
+    places = values_of(each.keys, "point"), values_of(each.keys, "pixel")
+    if all(places):
+        raise ValueError(f"{each.name!r} has keyframes of point and of pixel; give one or the other")
+    return TimedWish(
+        point,
+        from_frame=each.from_frame,
+        to_frame=each.to_frame,
+        weight=table_keys(table, values_of(each.keys, "weight")),
+        diameter=table_keys(table, values_of(each.keys, blur)),
+        place=table_keys(table, places[0] or places[1]),
+    )
+
+
 def _wishes(table: ShotTable, points: Sequence[FocusPoint]) -> tuple[TimedWish, ...]:
     names = [point.name for point in points]
     changed = {}
     for timed in table.wishes:
         number = _named(timed.name, names, "wishes", "[[focus]]")
-        places = values_of(timed.keys, "point"), values_of(timed.keys, "pixel")
-        if all(places):
-            raise ValueError(
-                f"wish {timed.name!r} has keyframes of point and of pixel; give one or the other"
-            )
-        changed[number] = TimedWish(
-            points[number],
-            from_frame=timed.from_frame,
-            to_frame=timed.to_frame,
-            weight=table_keys(table, values_of(timed.keys, "weight")),
-            diameter=table_keys(table, values_of(timed.keys, "blur")),
-            place=table_keys(table, places[0] or places[1]),
-        )
+        changed[number] = _timed(table, points[number], timed, "blur")
     return tuple(changed.get(number, TimedWish(point)) for number, point in enumerate(points))
 
 

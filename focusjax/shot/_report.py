@@ -10,7 +10,7 @@ import jinja2
 import numpy as np
 
 from focusjax.config import Config
-from focusjax.focus import Result
+from focusjax.focus import FramesSolution, Result, SurfaceFramesSolution
 from focusjax.io import for_json, json_text
 from focusjax.report import versions
 from focusjax.shot._curves import save_blur_curves, save_contact_sheet, save_settings_curves
@@ -101,15 +101,11 @@ def shot_summary(
             "solver": {
                 "status": _status(solved),
                 "message": str(Result[solution.result]) if solved.shot.wishes else "",
-                "steps": int(solution.steps),
+                "steps": int(solution.steps) if isinstance(solution, FramesSolution) else 1,
                 "cost_px2": float(solution.cost),
                 "roughness_px2": float(solution.roughness),
-                "free": list(solution.free),
-                "undetermined": list(solution.undetermined),
-                "frames_at_bounds": int(
-                    np.sum(np.asarray(solution.at_lower) | np.asarray(solution.at_upper))
-                ),
-            },
+            }
+            | _freedom(solution),
             "largest_changes": {
                 name: dataclasses.asdict(change) for name, change in solution.largest_changes().items()
             },
@@ -135,6 +131,18 @@ def shot_summary(
             "compile_seconds": dict(compile_seconds),
         }
     )
+
+
+def _freedom(solution: FramesSolution | SurfaceFramesSolution) -> dict[str, Any]:
+    """What was solved for, and what stood against it."""
+    if isinstance(solution, SurfaceFramesSolution):
+        free = ["focal_surface"] if solution.points.names else []
+        return {"free": free, "undetermined": [], "frames_at_bounds": 0}
+    return {
+        "free": list(solution.free),
+        "undetermined": list(solution.undetermined),
+        "frames_at_bounds": int(np.sum(np.asarray(solution.at_lower) | np.asarray(solution.at_upper))),
+    }
 
 
 def _status(solved: SolvedShot) -> str:

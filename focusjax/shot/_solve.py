@@ -8,12 +8,22 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from focusjax.focus import FramesDiagnosis, FramesSolution, diagnose, solve_frames, unsolved
+from focusjax.focus import (
+    FramesDiagnosis,
+    FramesSolution,
+    SurfaceFramesSolution,
+    diagnose,
+    solve_frames,
+    solve_surface_frames,
+    unsolved,
+    unsolved_surfaces,
+)
 from focusjax.geometry import Camera
 from focusjax.layers import disparity_map
 from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens
 from focusjax.scene import Scene
 from focusjax.shot._motion import MovingScene
+from focusjax.shot._surfaces import TimedSurface, find_surfaces
 from focusjax.shot._wishes import TimedWish, find_wishes
 
 Progress = Callable[[str, float | None], None]
@@ -35,6 +45,7 @@ class Shot:
         favour_near: see `find_wishes`.
         options: what is free, bounds and priors, as for `solve`.
         held: by the names of free settings: frames in which these stay as `lenses` has them, one a frame.
+        surface: the control points of a focal surface, of which the focus is solved for instead.
         look: from a frame's number, camera and solved lens to the lens that makes its picture; itself if not
             given.
         camera_at: the camera between frames, for motion while the shutter is open; without it a camera stands
@@ -51,6 +62,7 @@ class Shot:
     favour_near: float = 0.0
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     held: Mapping[str, tuple[bool, ...]] = dataclasses.field(default_factory=dict)
+    surface: TimedSurface | None = None
     look: Callable[[int, Camera, AbstractLens], AbstractLens] | None = None
     camera_at: Callable[[float], Camera] | None = None
 
@@ -60,6 +72,8 @@ class Shot:
                 f"the shot has {len(self.cameras)} cameras and {len(self.lenses)} lenses; expected one each"
                 " per frame"
             )
+        if self.surface is not None and not all(isinstance(lens, ThinLens) for lens in self.lenses):
+            raise ValueError("the shot has a focal surface and a lens that is turned; leave one of them out")
 
     @property
     def count(self) -> int:
@@ -79,7 +93,7 @@ class SolvedShot:
     """
 
     shot: Shot
-    solution: FramesSolution
+    solution: FramesSolution | SurfaceFramesSolution
     share: Float[np.ndarray, "t m"]
     depths: Float[np.ndarray, "t 2"]
 
@@ -136,23 +150,38 @@ def solve_shot(shot: Shot, *, throw: bool = True, progress: Progress | None = No
                 "disparity_map": disparity,
             }
 
-    if not shot.wishes:
-        solution = unsolved(shot.cameras, shot.lenses)
+    surfaces, thin = None, [lens for lens in shot.lenses if isinstance(lens, ThinLens)]
+    if shot.surface is not None:
+        surfaces = find_surfaces(shot.surface, shot.cameras, thin, views(), fade_frames=shot.fade_frames)
+    share = np.zeros((shot.count, 0))
+    if shot.wishes:
+        depths.clear()
+        found = find_wishes(
+            shot.wishes, shot.cameras, views(), fade_frames=shot.fade_frames, favour_near=shot.favour_near
+        )
+        share = found.share
+        tell("solve", None)
+        over_time = {"smoothness": shot.smoothness, "steadiness": shot.steadiness}
+        if surfaces is None:
+            solution = solve_frames(
+                found.points,
+                shot.cameras,
+                shot.lenses,
+                held=shot.held,
+                throw=throw,
+                **over_time,
+                **shot.options,
+            )
+        else:
+            assert shot.surface is not None
+            solution = solve_surface_frames(
+                found.points, shot.cameras, surfaces, thin, roughness=shot.surface.roughness, **over_time
+            )
+    elif surfaces is None:
+        # Nothing is looked for, and what is seen decides how far layers reach.
         for _ in views():
             pass
-        return SolvedShot(shot, solution, np.zeros((shot.count, 0)), np.array(depths))
-    found = find_wishes(
-        shot.wishes, shot.cameras, views(), fade_frames=shot.fade_frames, favour_near=shot.favour_near
-    )
-    tell("solve", None)
-    solution = solve_frames(
-        found.points,
-        shot.cameras,
-        shot.lenses,
-        smoothness=shot.smoothness,
-        steadiness=shot.steadiness,
-        held=shot.held,
-        throw=throw,
-        **shot.options,
-    )
-    return SolvedShot(shot, solution, found.share, np.array(depths))
+        solution = unsolved(shot.cameras, shot.lenses)
+    else:
+        solution = unsolved_surfaces(shot.cameras, surfaces, thin)
+    return SolvedShot(shot, solution, share, np.array(depths))

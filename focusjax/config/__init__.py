@@ -29,6 +29,7 @@ from focusjax.config._reach import Reach as Reach
 from focusjax.config._reach import texts as texts
 from focusjax.config._refusals import refusals_located as refusals_located
 from focusjax.config._render import RenderTable as RenderTable
+from focusjax.config._scene import ObjectTable as ObjectTable
 from focusjax.config._shot import ShotTable as ShotTable
 from focusjax.config._shot import TimedControlTable as TimedControlTable
 from focusjax.config._shot import TimedWishTable as TimedWishTable

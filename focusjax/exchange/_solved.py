@@ -41,11 +41,8 @@ def export_config(
     if shot:
         made = build_shot(config)
         solved = solve_shot(made, progress=progress)
-        pairs = [solved.solution.at(frame) for frame in range(solved.solution.count)]
-        lenses = [
-            lens if made.look is None else made.look(number, camera, lens)
-            for number, (camera, lens) in enumerate(pairs, start=1)
-        ]
+        pairs = [solved.seen_with(number, fit=False) for number in range(1, made.count + 1)]
+        lenses = [pair[1] for pair in pairs]
         assert config.shot is not None
         record = record_of([pair[0] for pair in pairs], lenses, name=name, fps=config.shot.fps)
         seen = [(float(low), float(high)) for low, high in solved.depths]

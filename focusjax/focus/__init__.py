@@ -56,6 +56,7 @@ from focusjax.focus._priors import Prior as Prior
 from focusjax.focus._solution import Result as Result
 from focusjax.focus._solution import Solution as Solution
 from focusjax.focus._solution import WishResult as WishResult
+from focusjax.focus._solution import one_row as one_row
 from focusjax.focus._solve import solve as solve
 from focusjax.focus._solve_frames import solve_frames as solve_frames
 from focusjax.focus._solve_surface import SurfaceSolution as SurfaceSolution

@@ -257,6 +257,8 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
         "rays_per_pixel": picture.rays,
         "quality": quality_facts(outcome),
         "largest_blur_px": float(np.abs(outcome.blur).max()),
+        "largest_motion_px": picture.motion_px,
+        "shutter_spans": picture.spans,
     }
 
 

@@ -2,9 +2,8 @@
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -27,37 +26,38 @@ from focusjax.config import (
 )
 from focusjax.focus import FocusPoint, ImagePoints
 from focusjax.geometry import Camera
-from focusjax.job import Development, find_development
+from focusjax.job import (
+    FIT_PX,
+    Development,
+    ThroughGlass,
+    build_shutter,
+    find_development,
+    keyed_transforms,
+    left_to_quality,
+    refuse_uneven,
+    through_glass,
+)
 from focusjax.lens import AbstractLens, FocalSurface, ThinLens
+from focusjax.motion import Keyframes, Motion, MovingScene, load_vertex_sequence
 from focusjax.scene import Scene, SceneObject, placement
 from focusjax.shot._build_camera import build_path, table_keys
 from focusjax.shot._held import held_frames
-from focusjax.shot._keyframes import Keyframes
 from focusjax.shot._lens_track import LensTrack
-from focusjax.shot._motion import Motion, MovingScene, transforms
 from focusjax.shot._render import FrameSettings, MotionSettings
-from focusjax.shot._sequence import load_vertex_sequence
 from focusjax.shot._solve import Shot
 from focusjax.shot._surfaces import CONTROL_SAMPLES, TimedSurface
 from focusjax.shot._wishes import TimedWish
-from focusjax.shutter import make_shutter
 
 
 def build_shot(config: Config) -> Shot:
     """Everything that `[shot]` and the tables it changes ask for, loaded and checked.
 
     Raises:
-        ConfigError: no `[shot]` table, a real lens, an unknown name, or a value that does
-            not fit.
+        ConfigError: no `[shot]` table, an unknown name, or a value that does not fit.
     """
     table = config.shot
     if table is None:
         raise ConfigError(f"{config.source}: there is no [shot] table; add one with frames = 48")
-    if config.lens.prescription is not None:
-        raise ConfigError(
-            f"{config.source}: there is a [shot] and a lens.prescription, which is for single pictures; leave"
-            " one of them out"
-        )
     camera = build_camera(config)
     objects = build_objects(config)
     scene = build_scene(config, objects)
@@ -85,6 +85,7 @@ def build_shot(config: Config) -> Shot:
             options=options,
             held=held,
             surface=_surface(config, table, scene),
+            glass=None if config.lens.prescription is None else partial(_through_glass, track),
             look=partial(_look, track) if keyed_look else None,
             camera_at=camera_at,
         )
@@ -97,6 +98,23 @@ def _look(track: LensTrack, frame: int, camera: Camera, lens: AbstractLens) -> A
     return build_look(track.config_at(frame), camera, lens)
 
 
+def _through_glass(
+    track: LensTrack,
+    frame: int,
+    camera: Camera,
+    lens: ThinLens,
+    points: ImagePoints | None,
+    disparity: np.ndarray,
+    *,
+    fit: bool,
+) -> ThroughGlass:
+    """The real lens of a frame; frames have polynomials as exact as those of a still without a quality."""
+    config = track.config_at(frame)
+    if left_to_quality(config):
+        config = config.model_copy(update={"lens": config.lens.model_copy(update={"fit_px": FIT_PX})})
+    return through_glass(config, camera, lens, points, disparity, fit=fit)
+
+
 def build_settings(config: Config) -> FrameSettings:
     """How carefully `[render]` wants the frames."""
     table = config.render
@@ -104,13 +122,7 @@ def build_settings(config: Config) -> FrameSettings:
     # A config with a shot refuses it.
     assert table.method != "auto"
     if table.method == "post" and motion is not None:
-        uneven = max(motion.shutter.curve) > min(motion.shutter.curve)
-        odd = "opens slowly" if uneven else "travels over the picture" if motion.shutter.travel_time else None
-        if odd is not None:
-            raise ConfigError(
-                f"{config.source}: the shutter {odd}, which post-processing does not know; leave out"
-                f" shutter.{'ramp and shutter.curve' if uneven else 'travel_time'}, or render.method"
-            )
+        refuse_uneven(config, motion.shutter)
     return FrameSettings(
         method=table.method,
         rays=table.rays,
@@ -136,19 +148,7 @@ def _motion_settings(config: Config) -> MotionSettings | None:
     table, shot = config.shutter, config.shot
     if table is None or shot is None:
         return None
-    seconds = config.shutter_seconds
-    assert seconds is not None
-    try:
-        shutter = make_shutter(
-            seconds,
-            ramp=table.ramp,
-            curve=table.curve,
-            travel_time=table.travel_time,
-            direction=table.direction,
-            align=table.align,
-        )
-    except ValueError as error:
-        raise ConfigError(f"{config.source}: shutter: {error}") from error
+    shutter = build_shutter(config)
     return MotionSettings(shutter, shot.fps, math.radians(table.turn_deg), table.step_px, table.most_spans)
 
 
@@ -192,15 +192,7 @@ def _motions(config: Config, table: ShotTable, objects: Sequence[SceneObject]) -
         placed, item = config.scene.objects[number], objects[number]
         path = None
         if moving.keys:
-            keys: dict[float, Mapping[str, Any]] = {
-                key.frame: {
-                    "translate": placed.translate if key.translate is None else key.translate,
-                    "rotate": placed.rotate_deg if key.rotate_deg is None else key.rotate_deg,
-                    "scale": placed.scale if key.scale is None else key.scale,
-                }
-                for key in moving.keys
-            }
-            path = transforms(keys, between=table.between)
+            path = keyed_transforms(placed, {key.frame: key for key in moving.keys}, table.between)
         shape = None
         if moving.vertices is not None:
             shape = load_vertex_sequence(

@@ -8,10 +8,8 @@ from jaxtyping import Float
 
 from focusjax.config import Config, ShotTable, values_of
 from focusjax.geometry import Camera
-from focusjax.shot._camera import Path, moving_camera, pose_path
-from focusjax.shot._keyframes import Keyframes, keyframes
+from focusjax.motion import Keyframes, MovingScene, Path, keyframes, moving_camera, pose_path
 from focusjax.shot._lens_track import LensTrack
-from focusjax.shot._motion import MovingScene
 
 
 def build_path(

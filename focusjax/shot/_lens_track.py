@@ -9,7 +9,7 @@ import numpy as np
 from focusjax.config import ABERRATIONS, SETTINGS, Config, ShotTable, Table, build_lens, values_of
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens
-from focusjax.shot._keyframes import Keyframes, keyframes
+from focusjax.motion import Keyframes, keyframes
 
 
 class LensTrack:

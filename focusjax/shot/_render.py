@@ -15,14 +15,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
-from focusjax.job import Development, make_layers
+from focusjax.job import Development, blurred_view, make_layers
 from focusjax.layers import Extent, Layers
 from focusjax.lens import AbstractLens
-from focusjax.post import closed_lens, post_process, view_in_layers
+from focusjax.motion import solved_path
 from focusjax.scene import Scene
 from focusjax.shot._frame_files import read_done, save_shown, save_with_depth, write_done
 from focusjax.shot._solve import Progress, SolvedShot
-from focusjax.shutter import MovingPicture, Shutter, middle_of, render_moving, velocity_map
+from focusjax.shutter import MovingPicture, Shutter, render_moving
 from focusjax.trace import plan_rays, render
 
 FORMATS = ("png", "exr", "mp4")
@@ -165,7 +165,7 @@ def render_frames(
     ways = [0.0]
     for position, number in enumerate(wanted):
         tell("render", position / len(wanted))
-        camera, lens = _view(solved, number)
+        camera, lens = solved.seen_with(number)
         scene = shot.scene.at(number)
         names = [f"frame_{number:04d}.{kind}" for kind in kinds]
         files.append(tuple(folder / name for name in names))
@@ -226,17 +226,7 @@ def _camera_at(solved: SolvedShot, number: int) -> Callable[[float], Camera]:
     """The camera of a frame as it moves on from there."""
     camera = solved.solution.at(number - 1)[0]
     path = solved.shot.camera_at
-    if path is None:
-        return lambda _: camera
-    first = path(number)
-
-    def at(time: float) -> Camera:
-        then = path(time)
-        length = camera.focal_length * (then.focal_length / first.focal_length)
-        # What was solved for, such as a shift, is that of the frame.
-        return dataclasses.replace(camera, world_from_camera=then.world_from_camera, focal_length=length)
-
-    return at
+    return (lambda _: camera) if path is None else solved_path(path, number, camera)
 
 
 def _exposed(
@@ -252,7 +242,7 @@ def _exposed(
     return render_moving(
         solved.shot.scene,
         _camera_at(solved, number),
-        _view(solved, number)[1],
+        solved.seen_with(number)[1],
         motion.shutter,
         frame=number,
         fps=motion.fps,
@@ -270,21 +260,19 @@ def _exposed(
 def _post_processed(
     solved: SolvedShot, number: int, settings: FrameSettings, like: Layers | None
 ) -> tuple[np.ndarray, Layers, float]:
-    """A frame blurred from one sharp view, the layers of that view, and the farthest way in it, in pixels.
-
-    With a shutter the view is of the middle of its time.
-    """
-    time, motion = float(number), settings.motion
-    camera_at, velocity = _camera_at(solved, number), None
-    if motion is not None:
-        time = middle_of(motion.shutter, frame=number, fps=motion.fps)
-        velocity = velocity_map(solved.shot.scene, camera_at, motion.shutter, frame=number, fps=motion.fps)
-    scene, camera = solved.shot.scene.at(time), camera_at(time)
-    layers = make_layers(settings, scene, camera, closed_lens(), like)
-    view = view_in_layers(layers, scene, velocity=None if velocity is None else jnp.asarray(velocity))
-    image = post_process(view, camera, _view(solved, number)[1], taps=settings.rays)
-    way = 0.0 if velocity is None else float(np.linalg.norm(velocity, axis=-1).max())
-    return np.asarray(image), layers, way
+    """A frame blurred from one sharp view, the layers of that view, and the farthest way in it, in pixels."""
+    motion = settings.motion
+    return blurred_view(
+        settings,
+        solved.shot.scene,
+        _camera_at(solved, number),
+        solved.seen_with(number)[1],
+        None if motion is None else motion.shutter,
+        frame=number,
+        fps=1.0 if motion is None else motion.fps,
+        taps=settings.rays,
+        like=like,
+    )
 
 
 def _seen(solved: SolvedShot, number: int, settings: FrameSettings) -> tuple[tuple[Scene, Camera], ...]:
@@ -327,21 +315,14 @@ def fingerprint(
     return digest.hexdigest()[:32]
 
 
-def _view(solved: SolvedShot, number: int) -> tuple[Camera, AbstractLens]:
-    """What a frame is taken with."""
-    camera, lens = solved.solution.at(number - 1)
-    look = solved.shot.look
-    return camera, lens if look is None else look(number, camera, lens)
-
-
 def _widest(solved: SolvedShot, wanted: Sequence[int], settings: FrameSettings) -> tuple[Layers, int]:
     """Layers of the frame whose rays stray farthest, and the rays per pixel."""
     reach = []
     for number in wanted:
-        camera, lens = _view(solved, number)
+        camera, lens = solved.seen_with(number, fit=False)
         reach.append(float(_reach(lens, camera, jnp.asarray(solved.depths[number - 1], dtype=float))))
     number = wanted[int(np.argmax(reach))]
-    camera, lens = _view(solved, number)
+    camera, lens = solved.seen_with(number)
     layers = make_layers(settings, solved.shot.scene.at(number), camera, lens)
     if settings.quality is None:
         return layers, settings.rays

@@ -115,6 +115,7 @@ def shot_summary(
                 {"frame": t + 1}
                 | {name: float(values[t]) for name, values in settings.items()}
                 | {"wishes": _rows(solved, t)}
+                | _glass(solved, t)
                 for t in range(solution.count)
             ],
             "pictures": None
@@ -218,6 +219,16 @@ def _rows(solved: SolvedShot, frame: int) -> list[dict[str, Any]]:
         }
         for number, row in enumerate(solved.solution.table(frame))
     ]
+
+
+def _glass(solved: SolvedShot, frame: int) -> dict[str, Any]:
+    """How a real lens is focused in a frame; nothing without one."""
+    glass = solved.glass
+    if glass is None:
+        return {}
+    focus = float(glass.focus_per_m[frame])
+    by = "spots" if frame + 1 in glass.by_rays else "distance"
+    return {"glass": {"focus_per_m": focus, "focused_by": by, "spots_px": glass.spots[frame]}}
 
 
 def _motion(rendered: RenderedFrames) -> dict[str, Any]:

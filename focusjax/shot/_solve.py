@@ -5,6 +5,8 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -13,16 +15,19 @@ from focusjax.focus import (
     FramesSolution,
     SurfaceFramesSolution,
     diagnose,
+    one_row,
+    sharp_weights,
     solve_frames,
     solve_surface_frames,
     unsolved,
     unsolved_surfaces,
 )
 from focusjax.geometry import Camera
+from focusjax.job import ThroughGlass
 from focusjax.layers import disparity_map
 from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens
+from focusjax.motion import MovingScene
 from focusjax.scene import Scene
-from focusjax.shot._motion import MovingScene
 from focusjax.shot._surfaces import TimedSurface, find_surfaces
 from focusjax.shot._wishes import TimedWish, find_wishes
 
@@ -46,6 +51,8 @@ class Shot:
         options: what is free, bounds and priors, as for `solve`.
         held: by the names of free settings: frames in which these stay as `lenses` has them, one a frame.
         surface: the control points of a focal surface, of which the focus is solved for instead.
+        glass: `focusjax.job.through_glass` of a frame's number, camera, lens, wishes (None for the lens's own
+            focus), disparities and whether to `fit`: a real lens makes the pictures instead of a thin one.
         look: from a frame's number, camera and solved lens to the lens that makes its picture; itself if not
             given.
         camera_at: the camera between frames, for motion while the shutter is open; without it a camera stands
@@ -63,6 +70,7 @@ class Shot:
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     held: Mapping[str, tuple[bool, ...]] = dataclasses.field(default_factory=dict)
     surface: TimedSurface | None = None
+    glass: Callable[..., ThroughGlass] | None = None
     look: Callable[[int, Camera, AbstractLens], AbstractLens] | None = None
     camera_at: Callable[[float], Camera] | None = None
 
@@ -79,6 +87,21 @@ class Shot:
     def count(self) -> int:
         """Number of frames."""
         return len(self.cameras)
+
+
+@dataclasses.dataclass(frozen=True)
+class FramesThroughGlass:
+    """How a real lens is focused over a shot.
+
+    Attributes:
+        focus_per_m: dioptres of every frame [t].
+        spots: of every frame, RMS diameters in pixels of the spots of what is wished sharp, by name.
+        by_rays: numbers of the frames whose focus spots have set, from 1.
+    """
+
+    focus_per_m: Float[np.ndarray, "t"]
+    spots: tuple[dict[str, float], ...]
+    by_rays: tuple[int, ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,6 +126,68 @@ class SolvedShot:
         if not self.shot.wishes:
             return FramesDiagnosis((), (), (), {}, (), (), ())
         return diagnose(self.solution, counts=self.share > 1.0 - 1e-6)
+
+    def seen_with(self, number: int, *, fit: bool = True) -> tuple[Camera, AbstractLens]:
+        """Camera and lens that make the picture of a frame, counted from 1.
+
+        Args:
+            number: of the frame.
+            fit: of a real lens, whether to trace polynomials for its rays where they are good enough.
+        """
+        camera, lens = self.solution.at(number - 1)
+        if self.shot.glass is not None:
+            return camera, self._glass_at(number, fit)
+        look = self.shot.look
+        return camera, lens if look is None else look(number, camera, lens)
+
+    @cached_property
+    def glass(self) -> FramesThroughGlass | None:
+        """The focus of a real lens in every frame; None without one.
+
+        Where a wish for sharpness counts in full, its spots set the focus, as in a still. How far that is
+        from the thin lens's, in dioptres, holds for other frames, too, on straight lines in between: a focus
+        that changes smoothly over the shot changes so through the glass.
+        """
+        glass, solution = self.shot.glass, self.solution
+        if glass is None or not isinstance(solution, FramesSolution):
+            return None
+        thin = solution.settings()["focus_per_m"]
+        full, found, spots = self.share > 1.0 - 1e-6, {}, []
+        for t in range(solution.count):
+            spots.append({})
+            points = jax.tree.map(lambda leaf, t=t: one_row(leaf, t), solution.points)
+            weight = (
+                np.asarray(points.weight) * full[t][np.asarray(points.wish)] if full.size else np.zeros(0)
+            )
+            points = dataclasses.replace(points, weight=jnp.asarray(weight, dtype=float))
+            if not (np.asarray(sharp_weights(points)) > 0).any():
+                continue
+            camera, lens = solution.at(t)
+            made = glass(t + 1, camera, lens, points, self.depths[t], fit=False)
+            spots[-1] = made.spots
+            if made.by_rays:
+                found[t] = float(made.middle.focus_disparity) - thin[t]
+        frames = np.arange(solution.count)
+        offset = np.interp(frames, list(found), list(found.values())) if found else np.zeros(len(frames))
+        return FramesThroughGlass(thin + offset, tuple(spots), tuple(t + 1 for t in found))
+
+    def _glass_at(self, number: int, fit: bool) -> AbstractLens:
+        """The real lens of a frame."""
+        known = self._known.get((number, fit))
+        if known is None:
+            assert self.shot.glass is not None
+            assert self.glass is not None
+            camera, lens = self.solution.at(number - 1)
+            assert isinstance(lens, ThinLens)
+            focus = jnp.asarray(self.glass.focus_per_m[number - 1], dtype=float)
+            lens = dataclasses.replace(lens, focus_disparity=jnp.maximum(focus, 0.0))
+            known = self.shot.glass(number, camera, lens, None, self.depths[number - 1], fit=fit).traced
+            self._known[number, fit] = known
+        return known
+
+    @cached_property
+    def _known(self) -> dict[tuple[int, bool], AbstractLens]:
+        return {}
 
     def missed(self) -> tuple[tuple[str, int, float], ...]:
         """Wishes that are missed by more than their tolerance in some frame in which they count in full.

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from focusjax._words import shown
 from focusjax.focus import ArgumentError, AtPixel, AtPoint, FocusPoint, ImagePoints, locate
 from focusjax.geometry import Camera
-from focusjax.shot._keyframes import Keyframes
+from focusjax.motion import Keyframes
 
 
 @dataclasses.dataclass(frozen=True)

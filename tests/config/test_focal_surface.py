@@ -32,7 +32,7 @@ CONFIG = Path(__file__).parents[2] / "configs" / "focal_surface.toml"
         ("lens.focal_surface.points.0.aperture_scale=0", "points.0.aperture_scale is 0; expected a number"),
         (
             "lens.focal_surface.points.0.pixel=[1, 2]",
-            "needs exactly one of pixel, point, direction, triangle,",
+            "needs exactly one of pixel, point, direction,",
         ),
         ("lens.focal_surface.point=1", "unknown key lens.focal_surface.point; did you mean points?"),
         ("lens.focus_distance_m=2", "lens has focus_distance_m and a focal_surface; give one or the other"),

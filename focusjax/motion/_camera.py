@@ -1,5 +1,6 @@
 """A camera that moves: poses and focal lengths by frame."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -7,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from focusjax.geometry import Camera, look_at, make_camera
-from focusjax.shot._keyframes import Keyframes, keyframes, turns
+from focusjax.motion._keyframes import Keyframes, keyframes, turns
 
 Pose = Callable[[float], Float[np.ndarray, "4 4"]]
 """The matrix world_from_camera at a frame."""
@@ -59,7 +60,7 @@ def moving_camera(
     keep_size_at: Callable[[float], Float[np.ndarray, "3"]] | None = None,
     **size: Any,
 ) -> Path:
-    """The camera of a shot at any frame, whole or not; arguments are those of `camera_path`.
+    """The camera at any frame, whole or not; arguments are those of `camera_path`.
 
     With `keep_size_at`, a point in world metres by frame, the focal length is `focal_length` in frame 1 and
     grows with the point's depth, so that what is there keeps its size in the picture.
@@ -121,6 +122,24 @@ def moving_camera(
             except ValueError as error:
                 raise ValueError(f"frame {frame:g}: {error}") from None
         return known[key]
+
+    return at
+
+
+def solved_path(path: Path, frame: float, camera: Camera) -> Path:
+    """`path` with what was solved for, such as a shift, as `camera` has it at a frame.
+
+    Args:
+        path: the camera over time before solving.
+        frame: when `camera` is the camera.
+        camera: solved.
+    """
+    first = path(frame)
+
+    def at(time: float) -> Camera:
+        then = path(time)
+        length = camera.focal_length * (then.focal_length / first.focal_length)
+        return dataclasses.replace(camera, world_from_camera=then.world_from_camera, focal_length=length)
 
     return at
 

@@ -25,6 +25,7 @@ from focusjax.report import (
     glass_facts,
     glass_sentences,
     guessed_sentence,
+    left_out,
     metres,
     movements,
     quality_facts,
@@ -81,9 +82,8 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     if outcome.solution is not None:
         for sentence in diagnose(outcome.solution).sentences:
             say(console, sentence)
-    if outcome.picture is not None and not outcome.picture.complete:
-        more = job.room_for_more(outcome.config.render)
-        console.print(f"Some surfaces did not fit into the layers; {more}.")
+    if (missing := left_out(outcome)) is not None:
+        say(console, missing)
     if outcome.picture is not None and outcome.picture.examined is not None:
         missed, saving = outcome.picture.examined.missed, outcome.picture.examined.saving
         behind = ", not counting what is seen through others" if outcome.picture.examined.see_through else ""

@@ -72,6 +72,7 @@ class Picture:
         pinhole: radiance [h, w, 3] with everything sharp.
         layer_count: layers that the lens sees and that hold anything.
         samples_kept: samples of surface in them.
+        samples_left_out: samples of surface for which there were too few layers.
         layer_bytes: memory of the layers with their N-buffers.
         margin: pixels that the layers reach beyond the frame.
         complete: whether no surface was left out for want of layers.
@@ -90,6 +91,7 @@ class Picture:
     pinhole: Float[Array, "h w 3"]
     layer_count: int
     samples_kept: int
+    samples_left_out: int
     layer_bytes: int
     margin: float
     complete: bool
@@ -268,6 +270,7 @@ def _facts(layers: Layers) -> dict[str, Any]:
     return {
         "layer_count": layers.filled,
         "samples_kept": layers.samples_kept,
+        "samples_left_out": layers.left_out.count,
         "layer_bytes": layers.nbytes,
         "margin": layers.grid.margin / layers.grid.supersampling,
     }

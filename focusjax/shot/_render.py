@@ -106,6 +106,8 @@ class RenderedFrames:
         kept: how many frames were there already, made from the same scene, camera, lens and settings.
         rays: rays per pixel on the average; None when all frames were there and a quality was asked for.
         complete: whether no surface was left out for want of layers.
+        left_out: samples of surface for which there were too few layers, in the frame with the most.
+        worst_frame: that frame.
         motion_px: farthest way in pixels of anything that moves by itself while the shutter is open, over the
             frames that were made; None without a shutter.
         step_px: how far what deforms goes at most from one span of the shutter's time to the next; see
@@ -118,6 +120,8 @@ class RenderedFrames:
     kept: int
     rays: int | None
     complete: bool
+    left_out: int = 0
+    worst_frame: int = 1
     motion_px: float | None = None
     step_px: float = 0.0
     spans: int = 1
@@ -159,7 +163,8 @@ def render_frames(
     done = read_done(folder)
     widest: Layers | None = None
     rays = None if settings.quality is not None else settings.rays
-    kept, complete, files = 0, True, []
+    kept, files = 0, []
+    left_out: dict[int, int] = {}
     moved: list[MovingPicture] = []
     view: Layers | None = None
     ways = [0.0]
@@ -182,11 +187,11 @@ def render_frames(
             ways.append(way)
         elif settings.motion is not None:
             moved.append(_exposed(solved, number, settings, rays, moved[-1].extents if moved else {}))
-            complete &= moved[-1].complete
+            left_out[number] = moved[-1].left_out
             image = np.asarray(moved[-1].image)
         else:
             layers = make_layers(settings, scene, camera, lens, widest)
-            complete &= layers.complete
+            left_out[number] = layers.left_out.count
             seed = settings.seed_of(number)
             image = np.asarray(render(layers, lens, rays=rays, smooth=settings.smooth, seed=seed))
         for kind, path in zip(kinds, files[-1], strict=True):
@@ -199,8 +204,11 @@ def render_frames(
             done[path.name] = mark
         write_done(folder, done)
     tell("render", 1.0)
+    worst = max(left_out, key=lambda frame: left_out[frame], default=1)
+    lacking = left_out.get(worst, 0)
+    complete = lacking == 0
     if settings.motion is None:
-        return RenderedFrames(wanted, tuple(files), kept, rays, complete)
+        return RenderedFrames(wanted, tuple(files), kept, rays, complete, lacking, worst)
     step = max((each.step_px for each in moved), default=0.0)
     if step > settings.motion.step_px:
         warnings.warn(
@@ -210,7 +218,7 @@ def render_frames(
         )
     way = max([*ways, *(each.motion_px for each in moved)])
     spans = max((each.spans for each in moved), default=1)
-    return RenderedFrames(wanted, tuple(files), kept, rays, complete, way, step, spans)
+    return RenderedFrames(wanted, tuple(files), kept, rays, complete, lacking, worst, way, step, spans)
 
 
 def save_frame(

@@ -12,6 +12,7 @@ import numpy as np
 from focusjax.config import Config
 from focusjax.focus import FramesSolution, Result, SurfaceFramesSolution
 from focusjax.io import for_json, json_text
+from focusjax.job import room_for_more
 from focusjax.report import versions
 from focusjax.shot._curves import save_blur_curves, save_contact_sheet, save_settings_curves
 from focusjax.shot._render import RenderedFrames
@@ -125,6 +126,7 @@ def shot_summary(
                 "kept": rendered.kept,
                 "rays_per_pixel": rendered.rays,
                 "layers_complete": rendered.complete,
+                "layers_left_out": left_out_of_frames(config, rendered),
             }
             | _motion(rendered)
             | _long_exposure(config, rendered),
@@ -229,6 +231,16 @@ def _glass(solved: SolvedShot, frame: int) -> dict[str, Any]:
     focus = float(glass.focus_per_m[frame])
     by = "spots" if frame + 1 in glass.by_rays else "distance"
     return {"glass": {"focus_per_m": focus, "focused_by": by, "spots_px": glass.spots[frame]}}
+
+
+def left_out_of_frames(config: Config, rendered: RenderedFrames) -> str | None:
+    """How much found no place in the layers, in a sentence; None where everything did."""
+    if rendered.complete:
+        return None
+    return (
+        f"{rendered.left_out:,} samples of surface that the lens may see found no place in the layers of"
+        f" frame {rendered.worst_frame}, so that light from them is missing; {room_for_more(config.render)}."
+    )
 
 
 def _motion(rendered: RenderedFrames) -> dict[str, Any]:

@@ -33,7 +33,7 @@ def test_a_still_with_an_open_shutter_is_the_mean_of_its_instants(config_file):
     instants = [picture(config_file, f"scene.objects.0.translate=[{shift}, 0, 0]") for shift in shifts]
     mean, middle = np.mean(instants, axis=0), instants[4]
     off = np.sqrt(np.mean((blurred - mean) ** 2))
-    print("OBSERVED", off, np.sqrt(np.mean((middle - mean) ** 2)))
+    # Observed: 0.0045, of the rays; 0.057 between one instant and the mean.
     assert off < 0.008
     assert np.sqrt(np.mean((middle - mean) ** 2)) > 2 * off
 
@@ -41,7 +41,8 @@ def test_a_still_with_an_open_shutter_is_the_mean_of_its_instants(config_file):
 def test_a_moving_camera_and_the_report(config_file, tmp_path):
     """The camera slides, and wishes are about the instant of the picture, in the middle of its time."""
     slides = "shutter={time=0.5, camera=[{at=0, position=[0, 0, 0]}, {at=1, position=[0.05, 0, 0.1]}]}"
-    options = [part for change in ("render.rays=4", slides) for part in ("--set", change)]
+    few = "render.max_layers=1"
+    options = [part for change in ("render.rays=4", few, slides) for part in ("--set", change)]
     result = CliRunner().invoke(app, ["run", str(config_file), "--out", str(tmp_path), *options])
     assert result.exit_code in (0, 3), result.output
     report = json.loads((tmp_path / "report.json").read_text())
@@ -49,6 +50,9 @@ def test_a_moving_camera_and_the_report(config_file, tmp_path):
     assert report["picture"]["shutter_spans"] >= 1
     near = next(wish for wish in report["wishes"] if wish["name"] == "near card")
     assert near["distance_m"] == pytest.approx(1.05, abs=0.01)
+    missing = report["picture"]["layers_left_out"]
+    assert "found no place in 1 layer, so that light from them is missing; raise render.max_layers" in missing
+    assert missing in " ".join(result.output.split())
     assert "motion while the shutter was open" in (tmp_path / "report.html").read_text()
 
 

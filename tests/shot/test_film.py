@@ -83,6 +83,7 @@ def test_frames_that_are_there_are_kept(filmed, config_file):
     CliRunner().invoke(app, ["shot", str(config_file), "--out", str(out), *brighter])
     assert json.loads((out / "report.json").read_text())["pictures"] == {
         "frames": [1], "kept": 0, "rays_per_pixel": 4, "layers_complete": True,
+        "layers_left_out": None,
     }  # fmt: skip
     assert iio.imread(first).mean() > iio.imread(lost).mean() + 20
 

@@ -10,7 +10,15 @@ from rich.text import Text
 from focusjax import job
 from focusjax._console import duration, say
 from focusjax._words import printable
-from focusjax.focus import WISH_HEADINGS, Solution, SurfaceSolution, diagnose, wish_rows
+from focusjax.focus import (
+    WISH_HEADINGS,
+    FramesSolution,
+    Solution,
+    SurfaceFramesSolution,
+    SurfaceSolution,
+    diagnose,
+    wish_rows,
+)
 from focusjax.lens import depth_of_field
 from focusjax.report import (
     angle,
@@ -18,6 +26,7 @@ from focusjax.report import (
     glass_facts,
     glass_sentences,
     guessed_sentence,
+    left_out,
     metres,
     movements,
     quality_facts,
@@ -74,9 +83,8 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     if outcome.solution is not None:
         for sentence in diagnose(outcome.solution).sentences:
             say(console, sentence)
-    if outcome.picture is not None and not outcome.picture.complete:
-        more = job.room_for_more(outcome.config.render)
-        console.print(f"Some surfaces did not fit into the layers; {more}.")
+    if (missing := left_out(outcome)) is not None:
+        say(console, missing)
     if outcome.picture is not None and outcome.picture.examined is not None:
         missed, saving = outcome.picture.examined.missed, outcome.picture.examined.saving
         behind = ", not counting what is seen through others" if outcome.picture.examined.see_through else ""
@@ -106,7 +114,7 @@ def tell_shot(console: Console, solved: SolvedShot) -> None:
     console.print(
         f"[bold]{solution.count} frames, focus from {metres(float(focus[0]))} to"
         f" {metres(float(focus[-1]))}[/]"
-        f"  solved together in {int(solution.steps)} steps",
+        f"  {_how_solved(solution)}",
         highlight=False,
     )
     for name, change in solution.largest_changes().items():
@@ -119,6 +127,14 @@ def tell_shot(console: Console, solved: SolvedShot) -> None:
             )
     for sentence in solved.diagnosis.sentences:
         say(console, sentence)
+
+
+def _how_solved(solution: FramesSolution | SurfaceFramesSolution) -> str:
+    if not solution.points.names:
+        return "by keyframes"
+    if isinstance(solution, SurfaceFramesSolution):
+        return "in the middle of the picture, surfaces solved together"
+    return f"solved together in {int(solution.steps)} steps"
 
 
 def _wishes(solution: Solution | SurfaceSolution) -> Table:

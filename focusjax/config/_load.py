@@ -43,7 +43,7 @@ class Config(Table):
     exposure: ExposureTable | None = Field(default=None, description="an [exposure] table")
     film: FilmTable | None = Field(default=None, description="a [film] table")
     shot: ShotTable | None = Field(default=None, description="a [shot] table with the number of frames")
-    shutter: ShutterTable | None = Field(default=None, description="a [shutter] table, of a [shot]")
+    shutter: ShutterTable | None = Field(default=None, description="a [shutter] table")
     _reach: Reach = PrivateAttr(Reach())
 
     @model_validator(mode="before")
@@ -118,8 +118,26 @@ class Config(Table):
         table = self.shutter
         if table is None:
             return self
-        if self.shot is None:
-            raise ValueError("has a [shutter] but no [shot], which says what moves; leave the [shutter] out")
+        keyed = [f"shutter.{name}" for name in ("camera", "objects") if getattr(table, name)]
+        if self.shot is None and not keyed:
+            raise ValueError(
+                "has a [shutter] and nothing that moves; give [[shutter.camera]] or [[shutter.objects]]"
+                " tables with keyframes, or a [shot], or leave the [shutter] out"
+            )
+        if self.shot is not None and keyed:
+            raise ValueError(
+                f"has a [shot], whose keyframes say what moves, and {keyed[0]}; leave one of them out"
+            )
+        if self.shot is None and table.angle_deg is not None:
+            raise ValueError(
+                "has shutter.angle_deg, a share of a frame, and no [shot] with frames; give shutter.time"
+                " instead"
+            )
+        if self.shot is None and self.render.method == "auto":
+            raise ValueError(
+                "has a [shutter] and render.method = 'auto', which is for what stands still; say 'trace' or"
+                " 'post'"
+            )
         seconds, exposed = self.shutter_seconds, None if self.exposure is None else self.exposure.time
         if seconds is None:
             raise ValueError(
@@ -152,11 +170,11 @@ class Config(Table):
     def shutter_seconds(self) -> float | None:
         """The time of the shutter in seconds; None without a `[shutter]`, or without a time."""
         table = self.shutter
-        if table is None or self.shot is None:
+        if table is None:
             return None
         if table.time is not None:
             return table.time
-        if table.angle_deg is not None:
+        if table.angle_deg is not None and self.shot is not None:
             return table.angle_deg / 360.0 / self.shot.fps
         return None if self.exposure is None else self.exposure.time
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
+from focusjax.motion._keyframes import Keyframes, Turns, keyframes, turns
+from focusjax.motion._sequence import VertexSequence
 from focusjax.scene import Scene, SceneObject, placement
-from focusjax.shot._keyframes import Keyframes, Turns, keyframes, turns
-from focusjax.shot._sequence import VertexSequence
 from focusjax.shutter import Body
 
 

@@ -21,6 +21,8 @@ def gltf_parents(nodes: list[dict[str, Any]]) -> dict[int, int]:
     above: dict[int, int] = {}
     for parent, node in enumerate(nodes):
         for child in node.get("children", ()):
+            if not (isinstance(child, int) and 0 <= child < len(nodes)):
+                raise ValueError(f"node {parent} has a child {child!r}, which is no node")
             if child in above:
                 raise ValueError(f"node {child} has two parents, {above[child]} and {parent}")
             above[child] = parent

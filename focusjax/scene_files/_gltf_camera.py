@@ -22,7 +22,7 @@ def gltf_camera(path: Path, name: str | None) -> StoredCamera:
     except SceneFileError:
         raise
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
-        reason = f"{type(error).__name__}: {error}"
+        reason = str(error) if type(error) is ValueError else f"{type(error).__name__}: {error}"
         raise SceneFileError(f"{path}: is no valid glTF file ({reason}); export it again") from None
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib
+import warnings
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -37,10 +38,15 @@ def open_stage(path: Path, within: Sequence[Path] | None) -> Any:
     Raises:
         SceneFileError: it cannot be read, is put together from files outside `within`, or is a package that
             holds compressed or damaged files.
+
+    Warns:
+        Layers and references that cannot be found or read.
     """
-    Tf, Usd = pxr(path, "Tf", "Usd")
+    Tf, Usd, UsdUtils = pxr(path, "Tf", "Usd", "UsdUtils")
     if path.suffix.lower() == ".usdz":
         _check_package(path)
+    # USD would write its remarks to the terminal.
+    remarks = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
@@ -50,6 +56,9 @@ def open_stage(path: Path, within: Sequence[Path] | None) -> Any:
     for layer in stage.GetUsedLayers():
         if layer.realPath:
             refuse_outside(layer.realPath, path, within)
+    for each in remarks.TakeUncoalescedDiagnostics():
+        said = each.commentary.partition(" (instantiating")[0]
+        warnings.warn(f"{path}: {said}; what is missing is left out, so check its paths", stacklevel=4)
     return stage
 
 

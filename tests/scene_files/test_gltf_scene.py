@@ -51,11 +51,12 @@ def test_nodes_stand_where_their_parents_put_them_below_cameras_too(tmp_path):
     [
         ([{**RIG, "children": [1]}, {"mesh": 0, "children": [0]}], "is its own ancestor.*export the"),
         ([RIG, {"mesh": 0, "children": [2]}, {"mesh": 0}], "node 2 has two parents, 0 and 1"),
+        ([{"mesh": 0, "children": [9]}], "node 0 has a child 9, which is no node"),
         ([{"mesh": 3}], "nodes: .*export the scene again"),
         ([{"mesh": 0, **lit(7)}], "has lights that cannot be read"),
         ([{"name": "empty"}], "has no faces"),
     ],
-    ids=["cycle", "two parents", "mesh", "light", "empty"],
+    ids=["cycle", "two parents", "child", "mesh", "light", "empty"],
 )  # fmt: skip
 def test_what_is_wrong_is_said(tmp_path, nodes, said):
     with pytest.raises(SceneFileError, match=rf"a\.gltf.* {said}"):

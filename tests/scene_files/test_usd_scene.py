@@ -158,6 +158,11 @@ def test_files_that_are_up_to_something(tmp_path):
     bomb.write_bytes(bomb.read_bytes()[:300])
     with pytest.raises(SceneFileError, match=r"bomb\.usdz: is no whole usdz package.*export it again"):
         read_scene(bomb)
+    path.write_text(path.read_text().replace("(\n", "(\n    subLayers = [@gone.usda@]\n", 1))
+    with pytest.warns(
+        UserWarning, match=r"shot\.usda: Could not load sublayer @gone\.usda@.*check its paths"
+    ):
+        read_scene(path)
     empty = theirs / "empty.usda"
     empty.write_text('#usda 1.0\ndef Camera "hero" {}\n')
     with pytest.raises(SceneFileError, match=r"empty\.usda: has no meshes to be seen"):

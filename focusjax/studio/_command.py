@@ -2,7 +2,7 @@
 
 import importlib.util
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -15,7 +15,24 @@ _INSTALL = "the page needs NiceGUI, which is not installed; install it with: pip
 
 
 def command(
-    config: Annotated[Path, typer.Argument(help="A TOML file.", metavar="CONFIG")],
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(help="A config (TOML), meshes, or a photograph with depth.", metavar="[FILE]..."),
+    ] = None,
+    depth: Annotated[
+        Path | None, typer.Option("--depth", metavar="FILE", help="A photograph's depth map.")
+    ] = None,
+    depth_unit: Annotated[
+        str | None,
+        typer.Option("--depth-unit", metavar="UNIT", help="What it has: m, mm, 1/m, px, relative."),
+    ] = None,
+    depth_scale: Annotated[
+        float | None, typer.Option("--depth-scale", metavar="X", help="What a stored 1 is in that unit.")
+    ] = None,
+    focal_length_35mm: Annotated[
+        float | None,
+        typer.Option("--focal-length-35mm", metavar="MM", help="A photograph's, as on 36 x 24 mm film."),
+    ] = None,
     root: Annotated[
         Path | None,
         typer.Option(
@@ -33,18 +50,24 @@ def command(
     console, errors = Console(), Console(stderr=True)
     if importlib.util.find_spec("nicegui") is None:
         fail(errors, ModuleNotFoundError(_INSTALL), _BAD_INPUT)
+    from focusjax.studio._desk import Desk
+    from focusjax.studio._gallery import Gallery
     from focusjax.studio._serve import serve
-    from focusjax.studio._session import Session
-    from focusjax.studio._studio import Studio
 
-    try:
-        session = Session(config, root=root)
-    except ConfigError as error:
-        fail(errors, error, _BAD_INPUT)
-    studio = Studio(session)
-    studio.warm_up()
+    photo: dict[str, Any] = {
+        "depth": None if depth is None else str(depth),
+        "depth_unit": depth_unit,
+        "depth_scale": depth_scale,
+        "focal_length_35mm": focal_length_35mm,
+    }
+    desk = Desk(gallery=None if files else Gallery(), any_file=host is None)
+    if files:
+        try:
+            desk.open(files, root=root, photo=photo)
+        except ConfigError as error:
+            fail(errors, error, _BAD_INPUT)
     serve(
-        studio,
+        desk,
         host=host,
         port=port,
         show=show,

@@ -7,9 +7,11 @@ from typing import Any
 
 from nicegui import events, ui
 
+from focusjax.studio._desk import Desk
 from focusjax.studio._document import EditError
 from focusjax.studio._lens_panel import LensPanel
 from focusjax.studio._picture_view import PictureView
+from focusjax.studio._save_dialog import SaveDialog
 from focusjax.studio._session import Session
 from focusjax.studio._side_view import Plan, make_plan, side_view
 from focusjax.studio._stage import Stage
@@ -17,7 +19,6 @@ from focusjax.studio._studio import Studio
 from focusjax.studio._text_dialog import TextDialog
 from focusjax.studio._wish_panel import WishPanel
 
-_LOOK = Path(__file__).with_name("_look.css")
 _EVERY = 0.05
 """Seconds between looks for something new."""
 _WORDS = {
@@ -40,15 +41,12 @@ _STEPS = {"ArrowLeft": (-1, 0), "ArrowRight": (1, 0), "ArrowUp": (0, -1), "Arrow
 class Page:
     """One tab that shows a studio; several may show the same."""
 
-    def __init__(self, studio: Studio):
-        """Build the page's elements where NiceGUI is at."""
-        self.studio = studio
+    def __init__(self, studio: Studio, desk: Desk | None = None):
+        """Build the page's elements where NiceGUI is at; `desk` is where the studio is open."""
+        self.studio, self._desk = studio, desk
         self._version = -1
         self._planned: object = None
         self._plan: tuple[Stage, Plan] | None = None
-        ui.add_css(_LOOK)
-        ui.tooltip.default_props("delay=700")
-        ui.add_head_html('<meta name="color-scheme" content="light dark">')
         self._dark = ui.dark_mode(None)
         self._bar()
         with ui.row().classes("fj-body"):
@@ -60,7 +58,14 @@ class Page:
                 self._side = ui.html("", sanitize=False).classes("w-full").mark("above").classes("at-above")
                 ui.label(_KEYS).classes("fj-dim").style("white-space: pre-line")
         self.text = TextDialog(studio)
+        self.saving = SaveDialog(studio)
         ui.keyboard(on_key=self._on_key, ignore=["input", "select", "textarea"])
+        self._warned = ""
+        if studio.session.document.recovered:
+            ui.notify(
+                "Changes that were not saved last time are here again. Undo goes back to the file.",
+                type="info", position="bottom", multi_line=True, timeout=8000,
+            )  # fmt: skip
         self.look()
         ui.timer(_EVERY, self.look)
 
@@ -75,15 +80,22 @@ class Page:
     def look(self) -> None:
         """Show what is new."""
         studio = self.studio
+        if self._desk is not None and self._desk.studio is not studio:
+            # Another tab has opened something else, or left it.
+            ui.navigate.reload()
+            return
         if self._version == studio.version:
             return
+        if studio.warning != self._warned:
+            self._warned = studio.warning
+            ui.notify(studio.warning, type="warning", position="bottom", multi_line=True)
         self._version = studio.version
         document, state = studio.session.document, studio.state
         word = _WORDS[state.word]
         share = f" {100 * state.share:.0f} %" if state.word == "refining" else ""
         self._state.text = f"{word}{share}" + (f": {state.detail}" if state.word == "rendering" else "")
         self._progress.set_visibility(state.word in ("starting", "solving", "draft", "refining", "rendering"))
-        self._name.text = document.path.name + (" •" if document.unsaved else "")
+        self._name.text = document.path.name + (" • unsaved" if document.unsaved else "")
         self._undo.set_enabled(document.can_undo)
         self._redo.set_enabled(document.can_redo)
         self.picture.show()
@@ -93,8 +105,11 @@ class Page:
         self.text.show()
 
     def save(self) -> None:
-        """Write the config to its file; a second time over what others wrote."""
+        """Write the config to its file, or ask for one; a second time over what others wrote."""
         document = self.studio.session.document
+        if document.new:
+            self.saving.open()
+            return
         try:
             document.save(even_if_changed=self._refused)
         except EditError as error:
@@ -107,6 +122,8 @@ class Page:
 
     def _bar(self) -> None:
         with ui.row().classes("fj-bar"):
+            if self._desk is not None and self._desk.gallery is not None:
+                _button("home", "Back to the start page", self._leave)
             config = self.studio.session.document.config
             title = (config.title if config is not None else "") or "focusjax studio"
             ui.label(title).classes("fj-title")
@@ -137,6 +154,7 @@ class Page:
             ui.button("Save", on_click=self.save).props("dense no-caps unelevated size=sm").mark(
                 "save"
             ).classes("at-save").tooltip("Write the config to its file, comments and all (Ctrl-S)")
+            _button("save_as", "Save to another file (Ctrl-Shift-S)", lambda: self.saving.open())
         self._refused = False
 
     def _selected(self, number: int | None) -> None:
@@ -168,6 +186,11 @@ class Page:
         self.picture.select(None)
         self.attempt(lambda session: getattr(session, way)())
 
+    def _leave(self) -> None:
+        assert self._desk is not None
+        self._desk.leave()
+        ui.navigate.reload()
+
     def _toggle_wipe(self) -> None:
         self.picture.set_wipe(None if self.picture.wipe is not None else 0.5)
 
@@ -183,7 +206,7 @@ class Page:
             act: dict[str, Callable[[], Any]] = {
                 "z": lambda: self._step("redo" if event.modifiers.shift else "undo"),
                 "y": lambda: self._step("redo"),
-                "s": self.save,
+                "s": self.saving.open if event.modifiers.shift else self.save,
             }
         else:
             act = {

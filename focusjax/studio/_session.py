@@ -26,17 +26,18 @@ class Session:
         >>> print(session.solve().outcome.solution)  # doctest: +SKIP
     """
 
-    def __init__(self, path: Path | str, *, root: Path | None = None):
+    def __init__(self, path: Path | str, *, root: Path | None = None, text: str | None = None):
         """Open the config at `path`, also where it has errors: `document.problem` tells them.
 
         Args:
             path: a TOML file.
             root: the folder below which its files lie; the config's own by default.
+            text: of a new config, which is not written to `path` before it is saved.
 
         Raises:
             ConfigError: the file cannot be read as text.
         """
-        self.document = Document(Path(path), root=root)
+        self.document = Document(Path(path), root=root, text=text)
         self.number = 0
         self._maker = StageMaker()
         self._answer: Answer | None = None

@@ -66,6 +66,7 @@ class Studio:
         shown: the latest picture of each kind.
         version: rises with every change of these, for pages that look at it.
         drafts: how many drafts were made.
+        warning: why changes cannot be kept before they are saved; empty where they can.
     """
 
     def __init__(self, session: Session):
@@ -76,11 +77,13 @@ class Studio:
         self.shown: dict[str, Shown] = {}
         self.version = 0
         self.drafts = 0
+        self.warning = ""
         self.painter = Painter()
         self._lock = threading.Lock()
         self._pictures = 0
         self._numbers = Latest("focusjax numbers", self._failed)
         self._painting = Latest("focusjax pictures", self._failed)
+        self._keeping = Latest("focusjax unsaved", self._unkept)
         self._sharp_of: object = None
         self.refresh()
 
@@ -93,6 +96,7 @@ class Studio:
         before = self.session.number
         result = edit(self.session)
         if self.session.number != before:
+            self._keeping.submit(lambda cancelled: self.session.document.keep())
             self.refresh()
         return result
 
@@ -126,7 +130,9 @@ class Studio:
         return self._numbers.wait(seconds) and self._painting.wait(seconds)
 
     def close(self) -> None:
-        """End the threads."""
+        """End the threads; what is not saved is kept."""
+        self._keeping.wait()
+        self._keeping.close()
         self._numbers.close()
         self._painting.close()
 
@@ -212,6 +218,12 @@ class Studio:
         with self._lock:
             self.answer = self.answer if answer is None else answer
             self.state = self.state if state is None else state
+            self.version += 1
+
+    def _unkept(self, error: Exception) -> None:
+        """Say once that changes cannot be kept."""
+        with self._lock:
+            self.warning = self.warning or str(error)
             self.version += 1
 
     def _failed(self, error: Exception) -> None:

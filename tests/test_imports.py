@@ -134,6 +134,7 @@ ALLOWED = {
         "config",
         "job",
         "report",
+        "shot",
         "_console",
         "_freed",
         "_settings",

@@ -37,8 +37,12 @@ from focusjax.shot._wishes import TimedWish
 from focusjax.shutter import make_shutter
 
 
-def build_shot(config: Config) -> Shot:
+def build_shot(config: Config, scene: MovingScene | None = None) -> Shot:
     """Everything that `[shot]` and the tables it changes ask for, loaded and checked.
+
+    Args:
+        config: a checked config.
+        scene: that of a shot of another config with the same scene and moving objects; loaded if None.
 
     Raises:
         ConfigError: no `[shot]` table, a focal surface, a real lens, an unknown name, or a value that does
@@ -60,16 +64,18 @@ def build_shot(config: Config) -> Shot:
     camera = build_camera(config)
     first = build_lens(config, camera, solved=True)
     assert isinstance(first, ThinLens | TiltShiftLens)
-    objects = build_objects(config)
-    scene = build_scene(config, objects)
-    points = build_focus_points(config, scene)
+    objects = build_objects(config) if scene is None else []
+    still = build_scene(config, objects) if scene is None else scene.still
+    points = build_focus_points(config, still)
     options = build_solve_options(config)
     _tell_keys_outside(config, table)
     try:
+        if scene is None:
+            scene = MovingScene(still, objects, _motions(config, table, objects))
         camera_at = _camera_at(config, table, camera)
         cameras = tuple(camera_at(frame) for frame in range(1, table.frames + 1))
         return Shot(
-            scene=MovingScene(scene, objects, _motions(config, table, objects)),
+            scene=scene,
             cameras=cameras,
             lenses=_lenses(config, table, cameras, camera, first),
             wishes=_wishes(table, points),

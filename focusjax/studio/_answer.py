@@ -53,6 +53,9 @@ class Answer:
         sentences: which wishes and limits stand in the way; None where they are not worked out yet.
         uncertainty: by how much settings would change if blurs were uncertain by the wishes' tolerances, in
             the units of `values`; empty where that is not worked out.
+        frame: of a shot, counted from 1; 0 for a still.
+        rows: the wishes' lines, of a frame; None where the outcome has them.
+        left_open: settings that the wishes of all frames together leave open.
     """
 
     number: int
@@ -62,10 +65,15 @@ class Answer:
     problem: str = ""
     sentences: tuple[str, ...] | None = None
     uncertainty: dict[str, float] = dataclasses.field(default_factory=dict)
+    frame: int = 0
+    rows: tuple[WishResult, ...] | None = None
+    left_open: tuple[str, ...] = ()
 
     @property
     def wishes(self) -> tuple[WishResult, ...]:
         """A line for each wish, in the config's order; empty where nothing was solved."""
+        if self.rows is not None:
+            return self.rows
         solution = None if self.outcome is None else self.outcome.solution
         return () if solution is None else solution.table()
 
@@ -78,9 +86,14 @@ class Answer:
         if points is None:
             return [wish.pixel for wish in self.config.focus]
         xy, wish = np.asarray(points.xy, dtype=float), np.asarray(points.wish)
+        seen = np.asarray(points.weight) > 0
         found: list[tuple[float, float] | None] = []
         for number in range(len(points.names)):
-            mine = xy[wish == number]
+            both = (wish == number) & seen
+            mine = xy[both if both.any() else wish == number]
+            if not len(mine):
+                found.append(None)
+                continue
             best = mine[np.argmin(np.linalg.norm(mine - mine.mean(axis=0), axis=1))]
             found.append((float(best[0]), float(best[1])))
         return found
@@ -119,7 +132,7 @@ class Answer:
     def uncertain(self) -> tuple[str, ...]:
         """Names of settings that the wishes leave open."""
         solution = None if self.outcome is None else self.outcome.solution
-        return solution.undetermined if isinstance(solution, Solution) else ()
+        return solution.undetermined if isinstance(solution, Solution) else self.left_open
 
     def with_sentences(self) -> "Answer":
         """The same with what stands in the way, which takes further solves."""

@@ -78,8 +78,8 @@ class Document:
             keep_text(self.path, self.text if self.text != self._on_disk else None)
         except OSError as error:
             raise EditError(
-                f"{kept_file(self.path)}: changes cannot be kept there ({error.strerror}); save them somewhere"
-                " else before you stop the command"
+                f"{kept_file(self.path)}: changes cannot be kept there ({error.strerror}); save them to"
+                " another folder before you stop the command"
             ) from None
 
     @property

@@ -17,6 +17,7 @@ from focusjax.studio._side_view import Plan, make_plan, side_view
 from focusjax.studio._stage import Stage
 from focusjax.studio._studio import Studio
 from focusjax.studio._text_dialog import TextDialog
+from focusjax.studio._timeline import Timeline
 from focusjax.studio._wish_panel import WishPanel
 
 _EVERY = 0.05
@@ -24,6 +25,7 @@ _EVERY = 0.05
 _WORDS = {
     "starting": "loading and compiling…",
     "solving": "solving…",
+    "solving the shot": "solving the shot",
     "draft": "draft",
     "refining": "refining",
     "refined": "refined",
@@ -32,6 +34,8 @@ _WORDS = {
     "rendering": "rendering",
     "rendered": "rendered",
 }
+_WITH_SHARE = ("refining", "solving the shot")
+_WORKING = ("starting", "solving", "solving the shot", "draft", "refining", "rendering")
 _KEYS = """Click: new point · drag: move it · arrows: nudge (Shift: 10 px)
 Delete: remove · Esc: close the card
 Space: wipe · B: blur map · D: depth · N: next wish · Ctrl-Z, Ctrl-Y: undo, redo · Ctrl-S: save"""
@@ -50,7 +54,9 @@ class Page:
         self._dark = ui.dark_mode(None)
         self._bar()
         with ui.row().classes("fj-body"):
-            self.picture = PictureView(studio, self.attempt, self._selected)
+            with ui.column().classes("fj-left"):
+                self.picture = PictureView(studio, self.attempt, self._selected)
+                self.timeline = Timeline(studio, self.picture, self.attempt)
             with ui.column().classes("fj-panel"):
                 self.lens = LensPanel(studio, self.attempt)
                 self.wishes = WishPanel(studio, self.picture)
@@ -92,13 +98,14 @@ class Page:
         self._version = studio.version
         document, state = studio.session.document, studio.state
         word = _WORDS[state.word]
-        share = f" {100 * state.share:.0f} %" if state.word == "refining" else ""
+        share = f" {100 * state.share:.0f} %" if state.word in _WITH_SHARE else ""
         self._state.text = f"{word}{share}" + (f": {state.detail}" if state.word == "rendering" else "")
-        self._progress.set_visibility(state.word in ("starting", "solving", "draft", "refining", "rendering"))
+        self._progress.set_visibility(state.word in _WORKING)
         self._name.text = document.path.name + (" • unsaved" if document.unsaved else "")
         self._undo.set_enabled(document.can_undo)
         self._redo.set_enabled(document.can_redo)
         self.picture.show()
+        self.timeline.show()
         self.lens.show()
         self.wishes.show()
         self._show_from_above()
@@ -159,6 +166,7 @@ class Page:
 
     def _selected(self, number: int | None) -> None:
         self.wishes.show()
+        self.timeline.show()
         self._planned = None
         self._show_from_above()
 
@@ -166,7 +174,7 @@ class Page:
         answer = self.studio.answer
         if answer is None:
             return
-        key = (answer.number, self.picture.selected)
+        key = (answer.number, answer.frame, self.picture.selected)
         if key != self._planned:
             self._planned = key
             if self._plan is None or self._plan[0] is not answer.stage:
@@ -214,6 +222,10 @@ class Page:
                 "b": lambda: self._overlay.set_value("" if self._overlay.value == "blur" else "blur"),
                 "d": lambda: self._overlay.set_value("" if self._overlay.value == "depth" else "depth"),
                 "n": self._next,
+                "p": self.timeline.toggle,
+                "k": self.timeline.toggle_key,
+                ",": lambda: self.timeline.step(-1),
+                ".": lambda: self.timeline.step(1),
                 "Escape": lambda: self.picture.select(None),
             }
             if selected is not None:

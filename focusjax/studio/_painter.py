@@ -1,6 +1,7 @@
 """Pictures of an answer: a draft at once, then a refined one, of layers that are peeled but seldom."""
 
 import dataclasses
+from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
 
 import jax.numpy as jnp
@@ -26,6 +27,8 @@ DRAFT_WIDTH = 480
 """Pixels; of wider pictures the draft is made smaller, of the same frame."""
 _DRAFT_TAPS = 16
 _DRAFT_LEVELS = 4
+_MOST_VIEWS = 150
+"""Sharp views that are kept, of the frames of a shot: about 3 MB each."""
 _PASS_RAYS = 16
 """Rays per pixel of one pass of the refined picture: a change waits for one pass at most."""
 
@@ -57,7 +60,8 @@ class Painter:
     def __init__(self) -> None:
         self.peels = 0
         self._stage: Stage | None = None
-        self._views: dict[Hashable, PinholeView] = {}
+        self._views: OrderedDict[Hashable, PinholeView] = OrderedDict()
+        self._view_extents: dict[Hashable, Extent] = {}
         self._layers: Layers | None = None
         self._peeled: Hashable = None
         self._extent: Extent | None = None
@@ -117,7 +121,9 @@ class Painter:
         """Forget what is of another stage."""
         if answer.stage is not self._stage:
             same_frame = self._stage is not None and _frame(self._stage.camera) == _frame(answer.stage.camera)
-            self._views, self._layers, self._peeled, self._grey = {}, None, None, None
+            if answer.frame == 0:
+                self._views.clear()
+            self._layers, self._peeled, self._grey = None, None, None
             self._extent = self._extent if same_frame else None
             self._stage = answer.stage
 
@@ -125,10 +131,16 @@ class Painter:
         """The sharp view of a camera."""
         assert self._stage is not None
         table = config.render.model_copy(update={"view_dependent": False})
-        key = (_frame(camera), _layer_settings(config))
+        size = _frame(camera), _layer_settings(config)
+        key = self._stage, *size
         if key not in self._views:
-            layers = job.make_layers(table, self._stage.scene, camera, closed_lens())
+            like = self._view_extents.get(size)
+            layers = job.make_layers(table, self._stage.scene, camera, closed_lens(), like)
+            self._view_extents[size] = layers.extent.for_others(like)
             self._views[key] = view_in_layers(layers, self._stage.scene)
+            if len(self._views) > _MOST_VIEWS:
+                self._views.popitem(last=False)
+        self._views.move_to_end(key)
         return self._views[key]
 
     def _layers_for(self, answer: Answer, look: AbstractLens) -> Layers:

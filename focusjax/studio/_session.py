@@ -4,9 +4,11 @@ from pathlib import Path
 
 from focusjax.config import Config
 from focusjax.studio import _lens_settings as lens_settings
+from focusjax.studio import _timing as timing
 from focusjax.studio import _wishes as wishes
 from focusjax.studio._answer import Answer, Under, answer
-from focusjax.studio._document import Change, Document, EditError, delete_wish
+from focusjax.studio._document import Change, Document, EditError, delete_wish, together
+from focusjax.studio._reel import Progress, Reel, ReelMaker
 from focusjax.studio._stage import StageMaker
 
 
@@ -40,6 +42,7 @@ class Session:
         self.document = Document(Path(path), root=root, text=text)
         self.number = 0
         self._maker = StageMaker()
+        self._reels = ReelMaker()
         self._answer: Answer | None = None
         self._weights: dict[str, float] = {}
         self._pixels: dict[str, tuple[float, float]] = {}
@@ -71,6 +74,34 @@ class Session:
         self._answer = answer(config, self._maker.stage_for(config), number)
         return self._answer
 
+    def solve_shot(
+        self, config: Config | None = None, number: int | None = None, progress: Progress | None = None
+    ) -> Reel:
+        """The lenses of all frames of the config's shot, as `focusjax shot` finds them.
+
+        Args:
+            config: as for `solve`.
+            number: as for `solve`.
+            progress: told how far it is.
+
+        Raises:
+            EditError: the text is no usable config.
+            ValueError: a shot that cannot be built or solved.
+            RuntimeError: the solver failed.
+        """
+        config = self.config if config is None else config
+        return self._reels.reel_for(config, self.number if number is None else number, progress)
+
+    def before_shot(self, config: Config, frame: int, number: int, problem: str = "") -> Answer:
+        """What a frame shows before the shot is solved, or where that fails."""
+        self._answer = Answer(number, config, self._reels.stage(config, frame), None, problem, frame=frame)
+        return self._answer
+
+    def frame_of(self, reel: Reel, frame: int) -> Answer:
+        """A frame of a shot as an answer, to which `under` refers from then on."""
+        self._answer = reel.answer(frame)
+        return self._answer
+
     def under(self, x: float, y: float) -> Under:
         """What the last answer has at pixel position (`x`, `y`)."""
         return (self._answer or self.solve()).under(x, y)
@@ -92,8 +123,8 @@ class Session:
         self.document.end_label()
 
     def delete_point(self, number: int) -> None:
-        """Forget a wish."""
-        self._edit(delete_wish(number))
+        """Forget a wish, and its track in a shot."""
+        self._edit(together(timing.delete_track(self.config, number), delete_wish(number)))
 
     def wish_for(self, number: int, kind: str, *, pixels: float = 0.0, other: str = "") -> None:
         """Change what is wished; see `wish_for` of the wishes."""
@@ -101,7 +132,9 @@ class Session:
 
     def rename(self, number: int, name: str) -> None:
         """Call a wish something else."""
-        self._edit(wishes.rename(self.config, number, name))
+        config = self.config
+        renamed = wishes.rename(config, number, name)
+        self._edit(together(timing.rename_track(config, number, name.strip()), renamed))
 
     def set_weight(self, number: int, weight: float) -> None:
         """How much a wish counts."""
@@ -140,6 +173,22 @@ class Session:
             raise EditError(f"{name!r} is on the background, which is no object; move it onto one")
         self._pixels[name] = mark
         self._edit(wishes.whole_object(number, found))
+
+    def act(self, number: int, end: str, frame: int | None) -> None:
+        """Let a wish of a shot act "from" or "to" a frame; None for the shot's first or last."""
+        self._edit(timing.set_span(self.config, number, end, frame))
+
+    def value_at(self, number: int, frame: int, what: str) -> float:
+        """The "blur" or the "weight" of a wish at a frame of the shot."""
+        return timing.value_at(self.config, number, frame, what)
+
+    def set_key(self, number: int, frame: int, what: str, value: float) -> None:
+        """Give the "blur" (in the unit of the wish) or the "weight" of a wish a keyframe."""
+        self._edit(timing.set_key(self.config, number, frame, what, value))
+
+    def delete_key(self, number: int, frame: int) -> None:
+        """Take a keyframe of a wish away."""
+        self._edit(timing.delete_key(self.config, number, frame))
 
     def free(self, name: str) -> None:
         """Let the wishes decide a setting of the lens."""

@@ -132,6 +132,7 @@ ALLOWED = {
         "inverse",
         "io",
         "config",
+        "exchange",
         "job",
         "report",
         "shot",

@@ -117,7 +117,7 @@ class Answer:
         return depth_of_field(self.outcome.camera, self.outcome.middle_lens)
 
     def values(self) -> dict[str, float]:
-        """Settings of the lens by name: metres, f-number, degrees; empty without a lens."""
+        """Settings of the lens by name: metres, f-number, degrees, mm; empty without a lens."""
         if self.outcome is None:
             return {}
         lens, camera = self.outcome.middle_lens, self.outcome.camera
@@ -127,6 +127,7 @@ class Answer:
             "f_number": float(lens.f_number(camera)),
             "tilt": moved["tilt_deg"],
             "swing": moved["swing_deg"],
+            "focal_length": 1000 * float(camera.focal_length),
         }
 
     def uncertain(self) -> tuple[str, ...]:
@@ -151,7 +152,10 @@ class Answer:
 
     def _in_units(self, errors: dict[str, float]) -> dict[str, float]:
         """Standard errors of a diagnosis (dioptres, f-numbers, radians) in the units of `values`."""
-        factors = {"focus": self.values()["focus"] ** 2, "f_number": 1.0, "tilt": _DEGREE, "swing": _DEGREE}
+        factors = {
+            "focus": self.values()["focus"] ** 2, "f_number": 1.0, "tilt": _DEGREE, "swing": _DEGREE,
+            "focal_length": 1000.0,
+        }  # fmt: skip
         return {name: error * factors[name] for name, error in errors.items() if name in factors}
 
 

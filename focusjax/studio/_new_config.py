@@ -57,11 +57,11 @@ def open_session(
             f"{paths[1]}: cannot be opened together with {paths[0]}; give one config, one photograph, or"
             " meshes"
         )
+    if kinds == {"config"}:
+        return Session(paths[0], root=root)
     for path in paths:
         if not path.is_file():
             raise ConfigError(f"{path}: there is no such file; check the path")
-    if kinds == {"config"}:
-        return Session(paths[0], root=root)
     text, file = _of_photo(paths[0], given) if kinds == {"photo"} else _of_meshes(paths)
     parse_config(text, file, root=root)
     return Session(file, root=root, text=text)

@@ -1,14 +1,17 @@
 """The page: one picture, its marks and cards, the lens and the wishes beside it. It only shows a studio."""
 
+import functools
 import html
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from nicegui import events, ui
+from nicegui import events, run, ui
 
+from focusjax.exchange import TARGETS
 from focusjax.studio._desk import Desk
 from focusjax.studio._document import EditError
+from focusjax.studio._exposure_panel import ExposurePanel
 from focusjax.studio._lens_panel import LensPanel
 from focusjax.studio._picture_view import PictureView
 from focusjax.studio._save_dialog import SaveDialog
@@ -20,7 +23,7 @@ from focusjax.studio._text_dialog import TextDialog
 from focusjax.studio._timeline import Timeline
 from focusjax.studio._wish_panel import WishPanel
 
-_EVERY = 0.05
+_EVERY = 0.02
 """Seconds between looks for something new."""
 _WORDS = {
     "starting": "loading and compiling…",
@@ -37,8 +40,9 @@ _WORDS = {
 _WITH_SHARE = ("refining", "solving the shot")
 _WORKING = ("starting", "solving", "solving the shot", "draft", "refining", "rendering")
 _KEYS = """Click: new point · drag: move it · arrows: nudge (Shift: 10 px)
-Delete: remove · Esc: close the card
-Space: wipe · B: blur map · D: depth · N: next wish · Ctrl-Z, Ctrl-Y: undo, redo · Ctrl-S: save"""
+Delete: remove · Esc: close the card · N: next wish · Enter: new point in the middle
+Space: wipe · B: blur · D: depth · L: layers · Z: zoom · R: render
+Ctrl-Z, Ctrl-Y: undo, redo · Ctrl-S: save · shots: P: play · , and .: frames · K: keyframe"""
 _STEPS = {"ArrowLeft": (-1, 0), "ArrowRight": (1, 0), "ArrowUp": (0, -1), "ArrowDown": (0, 1)}
 
 
@@ -59,6 +63,7 @@ class Page:
                 self.timeline = Timeline(studio, self.picture, self.attempt)
             with ui.column().classes("fj-panel"):
                 self.lens = LensPanel(studio, self.attempt)
+                self.exposure = ExposurePanel(studio, self.attempt)
                 self.wishes = WishPanel(studio, self.picture)
                 ui.label("From above").classes("fj-head")
                 self._side = ui.html("", sanitize=False).classes("w-full").mark("above").classes("at-above")
@@ -91,6 +96,8 @@ class Page:
             ui.navigate.reload()
             return
         if self._version == studio.version:
+            # The view from above comes after what was just shown is on its way.
+            self._show_from_above()
             return
         if studio.warning != self._warned:
             self._warned = studio.warning
@@ -107,8 +114,8 @@ class Page:
         self.picture.show()
         self.timeline.show()
         self.lens.show()
+        self.exposure.show()
         self.wishes.show()
-        self._show_from_above()
         self.text.show()
 
     def save(self) -> None:
@@ -143,21 +150,29 @@ class Page:
             self._undo = _button("undo", "Take the last change back (Ctrl-Z)", lambda: self._step("undo"))
             self._redo = _button("redo", "Do it again (Ctrl-Y)", lambda: self._step("redo"))
             self._overlay = ui.toggle(
-                {"": "picture", "blur": "blur", "depth": "depth"},
+                {"": "picture", "blur": "blur", "depth": "depth", "layers": "layers"},
                 value="",
                 on_change=lambda e: self.picture.set_overlay(e.value),
             ).props("dense no-caps size=sm")
             self._overlay.tooltip(
                 "Blur: orange behind the focus, blue before it, hatched where sharp. Depth: near is bright."
+                " Layers: surfaces that lens rays meet, from one (dark) to five (bright)."
             )
             self._wipe = _button(
                 "compare", "Wipe between the sharp view and the picture (Space)", self._toggle_wipe
             )
+            _button("zoom_in", "Zoom to the picture's pixels: fit, 1, 2, 4 (Z)", self.picture.zoom)
             _button("dark_mode", "Light or dark", self._toggle_dark)
             _button("notes", "The config's text", lambda: self.text.open())
             _button(
                 "photo_camera", "Make the final picture with its report, as focusjax run does", self._render
             )
+            with (
+                _button("ios_share", "Write the camera for another program, as focusjax export does"),
+                ui.menu(),
+            ):
+                for name, target in TARGETS.items():
+                    ui.menu_item(target.called, functools.partial(self._export, name)).mark(f"export-{name}")
             ui.button("Save", on_click=self.save).props("dense no-caps unelevated size=sm").mark(
                 "save"
             ).classes("at-save").tooltip("Write the config to its file, comments and all (Ctrl-S)")
@@ -167,8 +182,6 @@ class Page:
     def _selected(self, number: int | None) -> None:
         self.wishes.show()
         self.timeline.show()
-        self._planned = None
-        self._show_from_above()
 
     def _show_from_above(self) -> None:
         answer = self.studio.answer
@@ -189,6 +202,15 @@ class Page:
         folder = Path("out") / self.studio.session.document.path.stem
         self.attempt(lambda session: self.studio.render(folder))
         ui.notify(f"The final picture goes to {folder}; press again to stop.", position="bottom")
+
+    async def _export(self, to: str, _: object = None) -> None:
+        folder = Path("out") / self.studio.session.document.path.stem
+        try:
+            said = await run.io_bound(self.studio.export, to, folder)
+        except (ValueError, RuntimeError, OSError) as error:
+            ui.notify(" ".join(str(error).split("\n\n")[0].split()), type="warning", position="bottom")
+            return
+        ui.notify(" ".join(said or ()), type="positive", position="bottom", multi_line=True, timeout=8000)
 
     def _step(self, way: str) -> None:
         self.picture.select(None)
@@ -222,6 +244,10 @@ class Page:
                 "b": lambda: self._overlay.set_value("" if self._overlay.value == "blur" else "blur"),
                 "d": lambda: self._overlay.set_value("" if self._overlay.value == "depth" else "depth"),
                 "n": self._next,
+                "Enter": self._add_in_the_middle,
+                "l": lambda: self._overlay.set_value("" if self._overlay.value == "layers" else "layers"),
+                "z": self.picture.zoom,
+                "r": self._render,
                 "p": self.timeline.toggle,
                 "k": self.timeline.toggle_key,
                 ",": lambda: self.timeline.step(-1),
@@ -241,6 +267,13 @@ class Page:
         if action is not None:
             action()
 
+    def _add_in_the_middle(self) -> None:
+        """A new point for those who use no mouse; the arrows take it where it is to be."""
+        config = self.studio.session.document.config
+        if self.studio.answer is not None and config is not None:
+            width, height = config.camera.resolution
+            self.picture.add(width / 2, height / 2)
+
     def _next(self) -> None:
         answer = self.studio.answer
         count = 0 if answer is None else len(answer.config.focus)
@@ -249,7 +282,7 @@ class Page:
             self.picture.select(0 if selected is None else (selected + 1) % count)
 
 
-def _button(icon: str, help_: str, act: Callable[[], object]) -> ui.button:
+def _button(icon: str, help_: str, act: Callable[[], object] | None = None) -> ui.button:
     button = ui.button(icon=icon, on_click=act).props(
         f'flat dense size=sm color=grey aria-label="{html.escape(help_)}"'
     )

@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable, Iterator
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, UInt8
+from jaxtyping import Array, Float, Int, UInt8
 
 from focusjax import job
 from focusjax._freed import return_programs
@@ -55,10 +55,12 @@ class Painter:
 
     Attributes:
         peels: how often layers for the refined picture were peeled.
+        taken: the latest picture as the config's exposure and film have it; None without either.
     """
 
     def __init__(self) -> None:
         self.peels = 0
+        self.taken: job.Photograph | None = None
         self._stage: Stage | None = None
         self._views: OrderedDict[Hashable, PinholeView] = OrderedDict()
         self._view_extents: dict[Hashable, Extent] = {}
@@ -116,6 +118,17 @@ class Painter:
             total = total + rays * render(layers, look, rays=rays, smooth=table.smooth, seed=seed)
             traced += rays
             yield Painted(self._shown(answer, camera, total / traced), traced / table.rays)
+
+    def layer_counts(self) -> Int[np.ndarray, "h w"] | None:
+        """How many surfaces lens rays may meet at each pixel, of the layers at hand; None without any."""
+        layers = self._layers
+        if layers is None:
+            return None
+        grid, camera = layers.grid, layers.camera
+        step, margin = grid.supersampling, grid.margin
+        counts = np.asarray(layers.cells > 0).sum(axis=0)
+        inside = counts[margin : margin + step * camera.height, margin : margin + step * camera.width]
+        return inside[::step, ::step]
 
     def _look_at(self, answer: Answer) -> None:
         """Forget what is of another stage."""
@@ -184,6 +197,7 @@ class Painter:
             config, camera, outcome.middle_lens, image, image[:1, :1], grey=self._grey, weighed=told
         )
         assert taken is not None
+        self.taken = taken
         return to_bytes(taken.image)
 
 

@@ -1,13 +1,14 @@
 """One config being worked on: its text, wishes, lens and history, without any page."""
 
 from pathlib import Path
+from typing import Any
 
 from focusjax.config import Config
 from focusjax.studio import _lens_settings as lens_settings
 from focusjax.studio import _timing as timing
 from focusjax.studio import _wishes as wishes
 from focusjax.studio._answer import Answer, Under, answer
-from focusjax.studio._document import Change, Document, EditError, delete_wish, together
+from focusjax.studio._document import Change, Document, EditError, delete_wish, set_value, together
 from focusjax.studio._reel import Progress, Reel, ReelMaker
 from focusjax.studio._stage import StageMaker
 
@@ -205,6 +206,10 @@ class Session:
     def limit(self, name: str, end: str, value: float | None) -> None:
         """Set the "low" or "high" limit of a free setting; None for the usual one."""
         self._edit(lens_settings.limit(self.config, name, end, value))
+
+    def set_value(self, *keys: str, value: Any) -> None:
+        """Set any other key of the config, such as "exposure", "iso"; None removes it."""
+        self._edit(set_value(*keys, value=value))
 
     def set_text(self, text: str) -> None:
         """Take a whole text."""

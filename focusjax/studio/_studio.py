@@ -8,21 +8,27 @@ from pathlib import Path
 
 from focusjax import job
 from focusjax.config import Config, ConfigError
+from focusjax.exchange import export_config, target_named
 from focusjax.io import staged_folder
 from focusjax.report import FILES, save_outcome
+from focusjax.shot import film
 from focusjax.studio._answer import Answer, answer
 from focusjax.studio._document import EditError
 from focusjax.studio._latest import Cancelled as IsCancelled
 from focusjax.studio._latest import Latest
-from focusjax.studio._overlays import blur_overlay, depth_overlay, jpeg, shown_size, webp
+from focusjax.studio._overlays import blur_overlay, depth_overlay, jpeg, layers_overlay, shown_size, webp
 from focusjax.studio._painter import Cancelled, Painter
 from focusjax.studio._reel import Reel
 from focusjax.studio._session import Session
 
 _NO_WISH = dict.fromkeys(("sharp", "same_blur_as", "shown_at", "blur_px", "blur_mm", "blur_height"))
+_FIRST_NUMBERS_S = 0.04
+"""Seconds that the page has to show marker and numbers, before a draft takes all of the processor."""
+_AFTER_DRAFT_S = 0.3
+"""Seconds before it is worked out what stands in the way, so that the draft is not held up."""
 _STILL_S = 0.7
 """Seconds for which a frame is looked at before its picture is refined."""
-KINDS = ("picture", "sharp", "blur", "depth")
+KINDS = ("picture", "sharp", "blur", "depth", "layers")
 """Pictures that the studio has."""
 
 
@@ -98,6 +104,7 @@ class Studio:
         self._painting = Latest("focusjax pictures", self._failed)
         self._keeping = Latest("focusjax unsaved", self._unkept)
         self._sharp_of: object = None
+        self._layers_of = 0
         self.refresh()
 
     def apply(self, edit: Callable[[Session], object]) -> object:
@@ -147,6 +154,17 @@ class Studio:
         config = self.session.config
         self._painting.submit(lambda cancelled: self._render(config, folder, cancelled))
 
+    def export(self, to: str, folder: Path) -> tuple[str, ...]:
+        """Write the camera for another program into `folder`, as `focusjax export` does; what it says.
+
+        Raises:
+            ValueError: as `export_config`.
+        """
+        config = self.session.config
+        file = folder / f"{self.session.document.path.stem}{target_named(to).suffix}"
+        has_shot = config.shot is not None and bool(config.focus)
+        return export_config(config, file, to=to, shot=has_shot, approximate=True).sentences
+
     def cancel_render(self) -> None:
         """Stop at the next stage."""
         self._painting.cancel()
@@ -170,7 +188,7 @@ class Studio:
         if answer.outcome is None:
             self._set(state=State("no lens", detail=answer.problem))
         self._painting.submit(functools.partial(self._paint, answer))
-        if not cancelled():
+        if not self._numbers.overtaken(cancelled, _AFTER_DRAFT_S):
             told = answer.with_sentences()
             if not cancelled():
                 self._set(answer=told)
@@ -232,7 +250,7 @@ class Studio:
 
     def _paint(self, answer: Answer, cancelled: IsCancelled) -> None:
         size = shown_size(answer.config.camera.resolution)
-        if cancelled():
+        if self._painting.overtaken(cancelled, _FIRST_NUMBERS_S):
             return
         reel, drafts = self._drafts
         if answer.frame and reel is not self.reel:
@@ -257,12 +275,21 @@ class Studio:
             for painted in self.painter.refined(answer, cancelled):
                 if cancelled():
                     return
+                self._lay_layers(answer, size)
                 data = jpeg(painted.pixels, size)
                 self._show("picture", answer, lambda data=data: data)
                 done = painted.share >= 1.0
                 self._set(state=State("refined" if done else "refining", painted.share))
         except Cancelled:
             return
+
+    def _lay_layers(self, answer: Answer, size: tuple[int, int]) -> None:
+        """The number of layers, once for each time that they are peeled."""
+        if self._layers_of != self.painter.peels:
+            self._layers_of = self.painter.peels
+            counts = self.painter.layer_counts()
+            if counts is not None:
+                self._show("layers", answer, lambda: webp(layers_overlay(counts), size))
 
     def _extras(self, answer: Answer, size: tuple[int, int]) -> None:
         """The sharp view and depth, once for each stage."""
@@ -279,6 +306,10 @@ class Studio:
             self._set(state=State("rendering", share or 0.0, stage))
 
         try:
+            if config.shot is not None and config.focus:
+                film(config, folder, progress=tell)
+                self._set(state=State("rendered", 1.0, f"Report: {folder / 'report.html'}"))
+                return
             with staged_folder(folder, owned=FILES) as made:
                 outcome = job.run(config, solving=bool(config.focus), progress=tell)
                 save_outcome(made, outcome)
@@ -288,7 +319,7 @@ class Studio:
         self._set(state=State("rendered", 1.0, f"Report: {folder / 'report.html'}"))
 
     def _show(self, kind: str, answer: Answer, make: Callable[[], bytes]) -> None:
-        media = "image/webp" if kind in ("blur", "depth") else "image/jpeg"
+        media = "image/jpeg" if kind in ("picture", "sharp") else "image/webp"
         with self._lock:
             self._pictures += 1
             self.shown = {**self.shown, kind: Shown(self._pictures, answer.number, media, make)}

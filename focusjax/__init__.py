@@ -3,6 +3,7 @@
 The names a script needs are here; each package below holds the rest of its own.
 """
 
+from focusjax._show import show as show
 from focusjax.camera_files import CameraFileError as CameraFileError
 from focusjax.camera_files import read_camera as read_camera
 from focusjax.exchange import ExportError as ExportError

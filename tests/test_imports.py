@@ -141,6 +141,7 @@ ALLOWED = {
         "_settings",
         "_whole_file",
     },
+    "_show": {"focus", "lens", "layers", "scene", "trace", "film", "_arguments", "_settings"},
     "_tell": {"focus", "lens", "job", "report", "shot", "bench", "_console"},
     "_refocus": {"config"},
     "cli": {

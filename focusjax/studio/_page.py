@@ -161,7 +161,7 @@ class Page:
             self._wipe = _button(
                 "compare", "Wipe between the sharp view and the picture (Space)", self._toggle_wipe
             )
-            _button("zoom_in", "Zoom to the picture's pixels: fit, 1, 2, 4 (Z)", self.picture.zoom)
+            _button("zoom_in", "Zoom to the picture's pixels: fit, 1, 2, 4 (Z)", lambda: self.picture.zoom())
             _button("dark_mode", "Light or dark", self._toggle_dark)
             _button("notes", "The config's text", lambda: self.text.open())
             _button(

@@ -133,8 +133,10 @@ def chromium(*, width: int = 1280, height: int = 720, dark: bool = False) -> Ite
 
 
 @contextlib.contextmanager
-def server(config: Path, *options: str, programs: str | None = None) -> Iterator[str]:
-    """The studio of a config; the address that it printed."""
+def server(
+    config: Path | None = None, *options: str, programs: str | None = None, cwd: Path | None = None
+) -> Iterator[str]:
+    """The studio of a config, or its start page; the address that it printed."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -146,9 +148,15 @@ def server(config: Path, *options: str, programs: str | None = None) -> Iterator
             "JAX_COMPILATION_CACHE_DIR": programs,
             "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
         }
-    command = [sys.executable, "-m", "focusjax.cli", "studio", str(config), "--no-open", "--port", str(port)]
+    command = [sys.executable, "-m", "focusjax.cli", "studio", "--no-open", "--port", str(port)]
+    command += [] if config is None else [str(config)]
     process = subprocess.Popen(
-        [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
+        [*command, *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=environment,
+        cwd=cwd,
     )
     try:
         assert process.stdout is not None

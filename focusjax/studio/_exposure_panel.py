@@ -66,7 +66,7 @@ class ExposurePanel:
 
     def _set(self, table: str, key: str, value: Any) -> None:
         if not self._quiet:
-            self._attempt(lambda session: session.set_value(table, key, value=value))
+            self._attempt(lambda session: session.set_exposure(table, key, value))
             self.show()
 
 

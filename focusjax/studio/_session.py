@@ -12,6 +12,8 @@ from focusjax.studio._document import Change, Document, EditError, delete_wish, 
 from focusjax.studio._reel import Progress, Reel, ReelMaker
 from focusjax.studio._stage import StageMaker
 
+_LIMITS_OF = {"time": ("longest_time", "shortest_time"), "iso": ("iso_min", "iso_max")}
+
 
 class Session:
     """Edits a config and solves it: everything that the page does, for any other program to do.
@@ -207,9 +209,14 @@ class Session:
         """Set the "low" or "high" limit of a free setting; None for the usual one."""
         self._edit(lens_settings.limit(self.config, name, end, value))
 
-    def set_value(self, *keys: str, value: Any) -> None:
-        """Set any other key of the config, such as "exposure", "iso"; None removes it."""
-        self._edit(set_value(*keys, value=value))
+    def set_exposure(self, table: str, key: str, value: Any) -> None:
+        """Set a key of "exposure" or "film"; None removes it. Limits to what is given by hand go."""
+        limits = _LIMITS_OF.get(key, ()) if value is not None else ()
+        self._edit(
+            together(
+                *(set_value(table, each, value=None) for each in limits), set_value(table, key, value=value)
+            )
+        )
 
     def set_text(self, text: str) -> None:
         """Take a whole text."""

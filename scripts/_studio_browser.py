@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from selenium import webdriver
+from selenium.common.exceptions import WebDriverException
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -37,10 +38,20 @@ class Tab:
 
     def open(self, address: str) -> None:
         """Open a studio's page, and wait until what is typed there reaches the server."""
-        self.driver.get(address)
+        self.wait(lambda: self._reached(address), 60, "the server to listen")
         self.wait(
             lambda: self.driver.execute_script("return window.did_handshake === true"), 60, "the server"
         )
+
+    def _reached(self, address: str) -> bool:
+        """Whether the server answers: it prints its address just before it listens."""
+        try:
+            self.driver.get(address)
+        except WebDriverException as error:
+            if "ERR_CONNECTION_REFUSED" not in str(error):
+                raise
+            return False
+        return True
 
     def all(self, marker: str) -> list[Any]:
         """Elements that the page has given that marker."""

@@ -6,7 +6,7 @@ the press of the mouse to the elements that change. Median and 95th percentile, 
 
     python scripts/bench_studio.py configs/still_life.toml configs/town.toml --events 50
 
-Of a config with a shot it steps through all frames twice, and takes the time from the key to the frame's draft:
+Of a config with a shot it steps through all frames twice, and times from the key to the frame's draft:
 
     python scripts/bench_studio.py configs/rack_focus.toml
 """
@@ -83,6 +83,9 @@ document.querySelector('.fj-frame img').addEventListener('load', () => {
 """
 
 
+_SEEN = "return window.seen.frame ? window.seen.frame - window.seen.start : 0"
+
+
 def scrubbed(config: Path) -> dict[str, np.ndarray]:
     """Milliseconds from a key to the draft of the next frame, the first time and the second."""
     times: dict[str, list[float]] = {"first pass": [], "second pass": []}
@@ -97,8 +100,7 @@ def scrubbed(config: Path) -> dict[str, np.ndarray]:
         for name, key in (("first pass", "."), ("second pass", ",")):
             for _ in range(count - 1):
                 tab.press(key)
-                script = "return window.seen.frame ? window.seen.frame - window.seen.start : 0"
-                times[name].append(tab.wait(lambda: driver.execute_script(script), 120, "the frame"))
+                times[name].append(tab.wait(lambda: driver.execute_script(_SEEN), 120, "the frame"))
     return {name: np.array(each) for name, each in times.items()}
 
 

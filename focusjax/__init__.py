@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     __version__: str
+    from focusjax._show import show as show
     from focusjax.exchange import ExportError as ExportError
     from focusjax.exchange import export_camera as export_camera
     from focusjax.film import CameraSettings as CameraSettings
@@ -115,6 +116,7 @@ if TYPE_CHECKING:
     from focusjax.trace import render_pinhole as render_pinhole
 
 _NAMES = {
+    "_show": ("show",),
     "exchange": (
         "ExportError",
         "export_camera",

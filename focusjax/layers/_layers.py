@@ -98,6 +98,10 @@ class Layers(eqx.Module):
     pixel_filter: str = eqx.field(static=True)
     left_out: LeftOut = eqx.field(static=True)
 
+    def __repr__(self) -> str:
+        size = f"{self.grid.width} x {self.grid.height} pixels"
+        return f"Layers({self.count} of {size}, peeled for a {type(self.lens).__name__})"
+
     @property
     def count(self) -> int:
         """Number of layers, with the empty ones that are added so that few different numbers occur."""

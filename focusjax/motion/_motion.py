@@ -169,6 +169,11 @@ class MovingScene:
         self._known: dict[bytes, Scene] = {}
 
     @property
+    def still(self) -> Scene:
+        """The scene with all objects where they were placed."""
+        return self._scene
+
+    @property
     def moves(self) -> bool:
         """Whether anything does."""
         return bool(self._moving)

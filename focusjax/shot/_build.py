@@ -51,8 +51,12 @@ from focusjax.shot._surfaces import CONTROL_SAMPLES, TimedSurface
 from focusjax.shot._wishes import TimedWish
 
 
-def build_shot(config: Config) -> Shot:
+def build_shot(config: Config, scene: MovingScene | None = None) -> Shot:
     """Everything that `[shot]` and the tables it changes ask for, loaded and checked.
+
+    Args:
+        config: a checked config.
+        scene: that of a shot of another config with the same scene and moving objects; loaded if None.
 
     Raises:
         ConfigError: no `[shot]` table, an unknown name, or a value that does not fit.
@@ -61,22 +65,23 @@ def build_shot(config: Config) -> Shot:
     if table is None:
         raise ConfigError(f"{config.source}: there is no [shot] table; add one with frames = 48")
     camera = build_camera(config)
-    objects = build_objects(config)
-    scene = build_scene(config, objects)
+    objects = build_objects(config) if scene is None else []
+    still = build_scene(config, objects) if scene is None else scene.still
     solving = bool(config.focus)
-    points = build_focus_points(config, scene) if solving else ()
+    points = build_focus_points(config, still) if solving else ()
     of_lens = config.lens.focal_surface is None
     options = build_solve_options(config) if solving and of_lens else {}
     _tell_keys_outside(config, table)
     try:
-        moving = MovingScene(scene, objects, _motions(config, table, objects))
+        if scene is None:
+            scene = MovingScene(still, objects, _motions(config, table, objects))
         track = LensTrack(config, table)
-        camera_at = build_path(config, table, camera, track, moving)
+        camera_at = build_path(config, table, camera, track, scene)
         cameras = tuple(camera_at(frame) for frame in range(1, table.frames + 1))
         held = held_frames(config, table, track) if solving and of_lens else {}
         keyed_look = any(track.config_at(frame).lens.look for frame in range(1, table.frames + 1))
         return Shot(
-            scene=moving,
+            scene=scene,
             cameras=cameras,
             lenses=track.lenses(cameras, solved=solving and not held.get("focus")),
             wishes=_wishes(table, points),
@@ -86,7 +91,7 @@ def build_shot(config: Config) -> Shot:
             favour_near=config.solve.favour_near,
             options=options,
             held=held,
-            surface=_surface(config, table, scene),
+            surface=_surface(config, table, still),
             glass=None if config.lens.prescription is None else partial(_through_glass, track),
             look=partial(_look, track) if keyed_look else None,
             camera_at=camera_at,

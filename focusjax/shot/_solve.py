@@ -203,13 +203,20 @@ class SolvedShot:
         return tuple((name, count, error) for name, (count, error) in worst.items())
 
 
-def solve_shot(shot: Shot, *, throw: bool = True, progress: Progress | None = None) -> SolvedShot:
+def solve_shot(
+    shot: Shot,
+    *,
+    throw: bool = True,
+    progress: Progress | None = None,
+    disparities: Callable[[int], np.ndarray] | None = None,
+) -> SolvedShot:
     """The lenses of all frames of a shot, solved together; those given, where nothing is wished.
 
     Args:
         shot: what to solve.
         throw: raise an error when the solver fails.
         progress: told how far it is.
+        disparities: `disparity_map` of a frame by its number, where these are at hand.
 
     Raises:
         ValueError: as `find_wishes` and `solve_frames`.
@@ -224,7 +231,9 @@ def solve_shot(shot: Shot, *, throw: bool = True, progress: Progress | None = No
         for number, camera in enumerate(shot.cameras):
             tell("locate", number / shot.count)
             scene = shot.scene.at(number + 1)
-            if known is None or known[0] is not scene or known[1] is not camera:
+            if disparities is not None:
+                known = scene, camera, disparities(number + 1)
+            elif known is None or known[0] is not scene or known[1] is not camera:
                 known = scene, camera, disparity_map(scene, camera)
             disparity = known[2]
             depths.append((float(disparity.min()), float(disparity.max())))

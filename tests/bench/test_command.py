@@ -16,7 +16,7 @@ def bench(*arguments):
     words = ["bench", "speed-error", *(str(argument) for argument in arguments)]
     result = CliRunner().invoke(app, words, env={"COLUMNS": "200"})
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
-    return result.exit_code, result.stdout, complaints_in(result.stderr)
+    return result.exit_code, result.stdout, complaints_in(result.stderr, "Ball & <wall>")
 
 
 @pytest.fixture(scope="module")

@@ -163,7 +163,7 @@ class SolvedShot:
             if not (np.asarray(sharp_weights(points)) > 0).any():
                 continue
             camera, lens = solution.at(t)
-            made = glass(t + 1, camera, lens, points, self.depths[t], fit=False)
+            made = glass(t + 1, camera, lens, points, self.depths[t][None], fit=False)
             spots[-1] = made.spots
             if made.by_rays:
                 found[t] = float(made.middle.focus_disparity) - thin[t]
@@ -181,7 +181,7 @@ class SolvedShot:
             assert isinstance(lens, ThinLens)
             focus = jnp.asarray(self.glass.focus_per_m[number - 1], dtype=float)
             lens = dataclasses.replace(lens, focus_disparity=jnp.maximum(focus, 0.0))
-            known = self.shot.glass(number, camera, lens, None, self.depths[number - 1], fit=fit).traced
+            known = self.shot.glass(number, camera, lens, None, self.depths[number - 1][None], fit=fit).traced
             self._known[number, fit] = known
         return known
 

@@ -342,7 +342,6 @@ def test_frames_that_are_held_keep_their_lens_and_others_follow_it(make_setup, m
     np.testing.assert_array_equal(focus[:2], [0.3, 0.3])
     slope = jax.jacfwd(lambda x: solved(x).focus_disparity)(start)
     ends = [solved(start + sign * step).focus_disparity for sign in (-1, 1)]
-    # Observed: 1e-9.
     np.testing.assert_allclose(slope, (ends[1] - ends[0]) / (2 * step), atol=1e-6)
     assert 0.01 < float(slope[2]) < 1
     with pytest.raises(ValueError, match="'tilt', which is not free; free is"):

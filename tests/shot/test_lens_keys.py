@@ -35,7 +35,6 @@ def test_every_setting_of_the_lens_may_have_keyframes(config_file):
     expected = {"focus_per_m": [1, 0.625, 0.25], "f_number": [2, 4, 8], "focal_length_mm": [40, 60, 80]}
     expected |= {"tilt_deg": [0, 3, 6], "swing_deg": [4, 4, 4]}
     for name, values in expected.items():
-        # Observed: 2e-7.
         np.testing.assert_allclose(found[name][[0, 2, 4]], values, rtol=1e-5, atol=1e-5)
     rises = [1000 * float(camera.rise) for camera in shot.cameras]
     np.testing.assert_allclose(rises[::2], [0, 1.5, 3], atol=1e-5)
@@ -63,7 +62,6 @@ def test_a_setting_may_be_keyed_in_some_frames_and_free_in_the_others(config_fil
     smooth = ["shot.smoothness=0", "shot.steadiness=0"]
     free = "shot.free=[{name='focus', from_frame=3}]"
     solved = solve_shot(build_shot(keyed(config_file, wish, keys, free, *smooth)))
-    # Observed: 1e-7.
     np.testing.assert_allclose(solved.solution.settings()["focus_per_m"], [0.25, 0.5, 1, 1, 1], rtol=1e-5)
     assert solved.diagnosis.active_bounds == {}
     tied = solve_shot(build_shot(keyed(config_file, wish, keys, free)))

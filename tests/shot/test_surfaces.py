@@ -44,7 +44,7 @@ def test_a_surface_follows_what_moves(config_file):
             place = solution.surface.xy[frame, control]
             exact = solution.surface.focus_disparity[frame, control]
             assert float(exact) == pytest.approx(1 / distance, rel=1e-4)
-            # Between corners of pixels. Observed: 0.02.
+            # Between corners of pixels.
             focus = lens.thin_lens_at(camera, place).focus_disparity
             assert float(focus) == pytest.approx(1 / distance, abs=0.05)
 
@@ -84,7 +84,6 @@ def test_frames_solved_together_are_the_smoothest_that_meet_the_wishes():
     bend, pace = np.diff(np.eye(4), n=2, axis=0), np.diff(np.eye(4), n=1, axis=0)
     normal = np.eye(4) + 3 * bend.T @ bend + 0.5 * pace.T @ pace
     expected = np.linalg.solve(normal, slope * depths + 2) / slope
-    # Observed: 3e-9, of the damping.
     np.testing.assert_allclose(solved(depths), expected, atol=1e-7)
     step = 1e-4 * np.eye(4)[1]
     change = (solved(depths + step) - solved(depths - step)) / 2e-4

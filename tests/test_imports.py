@@ -100,7 +100,8 @@ ALLOWED = {
         "_console",
         "_freed",
     },
-    "batch": {"io", "config", "job", "report", "_console", "_freed", "_parallel"},
+    "many": {"io", "_console", "_freed", "_parallel"},
+    "batch": {"io", "config", "job", "report", "many", "_console"},
     "shot": {
         "geometry",
         "lens",

@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from focusjax import __version__, batch, bench, charts, exchange, hard_cases, job, studio
+from focusjax import __version__, batch, bench, charts, exchange, hard_cases, job, stack, studio
 from focusjax._arguments import ArgumentError
 from focusjax._console import fail, say, warnings_told
 from focusjax._refocus import refocus_config
@@ -48,6 +48,7 @@ app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
 bench_app = typer.Typer(help="Measure focusjax beside other methods.", no_args_is_help=True)
 app.command("batch")(batch.command)
 app.command("lens")(charts.command)
+app.command("stack")(stack.command)
 app.command("studio")(studio.command)
 app.add_typer(bench_app, name="bench")
 bench_app.command("hard-cases")(hard_cases.command)

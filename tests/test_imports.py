@@ -101,6 +101,7 @@ ALLOWED = {
         "_freed",
     },
     "many": {"io", "_console", "_freed", "_parallel"},
+    "stack": {"geometry", "focus", "io", "config", "job", "report", "many", "_console"},
     "batch": {"io", "config", "job", "report", "many", "_console"},
     "shot": {
         "geometry",
@@ -155,6 +156,7 @@ ALLOWED = {
         "shot",
         "bench",
         "batch",
+        "stack",
         "studio",
         "_tell",
         "_console",
@@ -180,6 +182,8 @@ ALLOWED["__init__"] = set(ALLOWED) - {
     "baselines",
     "bench",
     "batch",
+    "many",
+    "stack",
     "studio",
 }
 

@@ -26,6 +26,10 @@ LATER = {
         "Draw a real lens: cross-section, spots, highlights, focus and distortion; list its first-order "
         "data.",
     ),
+    "stack": Later(
+        "focusjax.stack",
+        "Plan the fewest shots that make every sharp wish sharp in one of them, take them, and merge them.",
+    ),
     "studio": Later(
         "focusjax.studio",
         "Click what should be sharp on a page in the browser, and see the lens and the picture.",

@@ -111,7 +111,9 @@ ALLOWED = {
         "_templates",
     },
     "starter": {"config", "io"},
-    "batch": {"io", "config", "job", "report", "_console", "_freed", "_parallel"},
+    "many": {"io", "_console", "_freed", "_parallel"},
+    "stack": {"geometry", "focus", "io", "config", "job", "report", "many", "_console"},
+    "batch": {"io", "config", "job", "report", "many", "_console"},
     "shot": {
         "geometry",
         "lens",
@@ -191,6 +193,7 @@ ALLOWED = {
 }
 # The public face re-exports from everywhere below the command line.
 ALLOWED["__init__"] = {
+    "_show",
     "exchange",
     "film",
     "focus",

@@ -1,5 +1,6 @@
 """Reading a config: TOML, then overrides, then validation."""
 
+import dataclasses
 import math
 import tomllib
 from collections.abc import Sequence
@@ -203,6 +204,13 @@ class Config(Table):
     def reach(self) -> Reach:
         """Where the files that it names may lie."""
         return self._reach
+
+    def anywhere(self) -> "Config":
+        """The same config with absolute paths of its own, to be used by a process in another folder."""
+        same = self.model_copy()
+        root = None if self._reach.root is None else self._reach.root.absolute()
+        same._reach = dataclasses.replace(self._reach, source=self.source.absolute(), root=root)
+        return same
 
 
 def load_config(path: Path | str, overrides: Sequence[str] = (), *, root: Path | str | None = None) -> Config:

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from focusjax import job
 from focusjax.config import Config
-from focusjax.focus import ImagePoints
+from focusjax.focus import FramesSolution, ImagePoints
 from focusjax.job import Progress as Progress
 from focusjax.layers import first_surfaces
 from focusjax.shot import MovingScene, SolvedShot, build_shot, solve_shot
@@ -77,7 +77,7 @@ class Reel:
             outcome,
             sentences=self._told[-1] if self._told else None,
             rows=rows,
-            left_open=solution.undetermined,
+            left_open=solution.undetermined if isinstance(solution, FramesSolution) else (),
             frame=frame,
         )
 

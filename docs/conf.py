@@ -34,6 +34,7 @@ extensions = [
     "public_names",
     "config_keys",
     "commands",
+    "rooms",
 ]
 exclude_patterns = ["_ext", "_build", "jupyter_execute"]
 nitpicky = True
@@ -76,3 +77,18 @@ html_theme_options = {
     "navbar_align": "left",
     "show_toc_level": 2,
 }
+
+OWN_PLACES = {"index", "gallery", "glossary", "contributing", "measurements"}
+
+
+def _other_pages(app, name: str, source: list[str]) -> None:
+    """Pages that lie directly in docs/ and have no place elsewhere are listed among the how-to pages."""
+    del app
+    if name == "howto/index":
+        pages = sorted(path.stem for path in HERE.glob("*.md") if path.stem not in OWN_PLACES)
+        source[0] = source[0].replace("OTHER_PAGES", "\n".join(f"../{page}" for page in pages))
+
+
+def setup(app) -> None:
+    """Have Sphinx call what is above."""
+    app.connect("source-read", _other_pages)

@@ -20,8 +20,14 @@ from typer.testing import CliRunner
 
 import focusjax as fj
 from focusjax.cli import app
-from focusjax.config import build_camera, build_focus_points, build_lens, build_scene, build_solve_options
-from focusjax.config import load_config
+from focusjax.config import (
+    build_camera,
+    build_focus_points,
+    build_lens,
+    build_scene,
+    build_solve_options,
+    load_config,
+)
 
 ROOT = Path(__file__).parents[1]
 CONFIGS = ROOT / "configs"
@@ -79,19 +85,14 @@ def conflict(options: argparse.Namespace) -> None:
         f" {{object='lamp', at_least_px={20 * height:g}, tolerance_px=1}}]"
     )
     with tempfile.TemporaryDirectory() as folder:
-        shown = focusjax(
-            "run", CONFIGS / "still_life.toml", "--out", folder, *set_all([*sized(options), wishes])
-        )
-        compromise = iio.imread(Path(folder) / "image.png")
-        blur = iio.imread(Path(folder) / "blur.png")
-    save(options.out / "conflict.jpg", beside(compromise, blur))
+        focusjax("run", CONFIGS / "still_life.toml", "--out", folder, *set_all([*sized(options), wishes]))
+        save(options.out / "conflict.jpg", iio.imread(Path(folder) / "image.png")[..., :3])
     config = load_config(CONFIGS / "still_life.toml", [*sized(options), wishes])
     camera, scene = build_camera(config), build_scene(config)
     points = fj.find_points(build_focus_points(config, scene), scene, camera)
     lens = build_lens(config, camera, solved=True)
     solution = fj.solve(points, camera, lens, **build_solve_options(config))
     (options.out / "conflict.txt").write_text(f"{solution}\n", "utf-8")
-    print(shown)
 
 
 def surface(options: argparse.Namespace) -> None:
@@ -100,11 +101,9 @@ def surface(options: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory() as folder:
         focusjax("run", config, "--out", folder, *set_all(sized(options)))
         curved = iio.imread(Path(folder) / "image.png")
-    plain = load_config(CONFIGS / "still_life.toml", sized(options))
-    camera, scene = build_camera(load_config(config, sized(options))), build_scene(load_config(config))
-    length = plain.camera.focal_length_mm
-    assert length is not None
-    lens = fj.thin_lens(focus_distance=0.73, f_number=2.8, focal_length=length / 1000)
+    read = load_config(config, sized(options))
+    camera, scene = build_camera(read), build_scene(read)
+    lens = fj.thin_lens(focus_distance=0.73, f_number=2.8, focal_length=float(camera.focal_length))
     flat = fj.render(fj.peel(scene, camera, lens), lens, rays=options.rays)
     with tempfile.TemporaryDirectory() as folder:
         fj.save_png(Path(folder) / "flat.png", flat)
@@ -113,12 +112,11 @@ def surface(options: argparse.Namespace) -> None:
 
 def film(options: argparse.Namespace) -> None:
     """A rack focus: every second frame, forth and back, as an animated WebP."""
-    keys = [f"camera.resolution={list(options.size)}", f"render.rays={options.rays}"]
     numbers = range(1, 49, 2)
     with tempfile.TemporaryDirectory() as folder:
         focusjax(
             "shot", CONFIGS / "rack_focus.toml", "--out", folder, "--frames",
-            ",".join(map(str, numbers)), *set_all(keys),
+            ",".join(map(str, numbers)), *set_all(sized(options)),
         )  # fmt: skip
         frames = [Image.open(Path(folder) / "frames" / f"frame_{n:04d}.png").convert("RGB") for n in numbers]
     path = options.out / "rack_focus.webp"

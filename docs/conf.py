@@ -18,7 +18,7 @@ os.environ.setdefault(
     " --xla_cpu_parallel_codegen_split_count=1",
 )
 
-import focusjax  # noqa: E402
+import focusjax
 
 project = "focusjax"
 author = "focusjax contributors"

@@ -1,6 +1,6 @@
-"""Whether a built site stands on its own: every link within it leads somewhere, and no page loads from elsewhere.
+"""Whether a built site stands on its own: its links lead somewhere, and no page loads from elsewhere.
 
-    python scripts/check_site.py out/site
+python scripts/check_site.py out/site
 """
 
 import argparse

@@ -154,7 +154,9 @@ def gradient(options: argparse.Namespace) -> None:
     layers = fj.peel(scene, camera, lens, supersampling=2)
     direction = jax.tree.map(jnp.zeros_like, lens)
     direction = type(lens)(**{**vars(direction), "focus_disparity": jnp.ones_like(lens.focus_disparity)})
-    picture, slope = jax.jvp(lambda lens: fj.render(layers, lens, rays=4 * options.rays), (lens,), (direction,))
+    picture, slope = jax.jvp(
+        lambda lens: fj.render(layers, lens, rays=4 * options.rays), (lens,), (direction,)
+    )
     slope = np.asarray(slope.mean(axis=-1))
     most = np.quantile(np.abs(slope), 0.99)
     share = np.clip(slope / most, -1, 1)[..., None]

@@ -43,9 +43,7 @@ def test_the_patches_apply_and_do_what_they_say(tmp_path):
     """To a copy of the package, one after the other, and their code runs with it."""
     patch = shutil.which("patch")
     assert patch, "the examples are patches; install the program patch"
-    shutil.copytree(
-        ROOT / "focusjax", tmp_path / "focusjax", ignore=shutil.ignore_patterns("__pycache__")
-    )
+    shutil.copytree(ROOT / "focusjax", tmp_path / "focusjax", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(ROOT / "configs", tmp_path / "configs")
     code = []
     for title in PATCHES:
@@ -53,13 +51,18 @@ def test_the_patches_apply_and_do_what_they_say(tmp_path):
             if kind == "python":
                 code.append(text)
                 continue
+            command = [patch, "-p1", "--no-backup-if-mismatch"]
             done = subprocess.run(
-                [patch, "-p1", "--no-backup-if-mismatch"], input=text, text=True, cwd=tmp_path, capture_output=True, check=False
-            )  # fmt: skip
+                command, input=text, text=True, cwd=tmp_path, capture_output=True, check=False
+            )
             assert done.returncode == 0, f"{title}: {done.stdout}"
     (tmp_path / "check.py").write_text("\n".join(code), "utf-8")
     done = subprocess.run(
-        [sys.executable, "-W", "ignore", "check.py"], cwd=tmp_path, text=True, capture_output=True, check=False
+        [sys.executable, "-W", "ignore", "check.py"],
+        cwd=tmp_path,
+        text=True,
+        capture_output=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
 

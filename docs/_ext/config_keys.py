@@ -1,4 +1,4 @@
-"""The reference of config keys, from the models that check a config: `docs/reference/generated/config.rst`."""
+"""The reference of config keys, from the models that check them: `docs/reference/generated/config.rst`."""
 
 import types
 import typing
@@ -42,7 +42,9 @@ def kind_of(kind: object, metadata: tuple = ()) -> str:
     if origin in (types.UnionType, typing.Union):
         return " or ".join(dict.fromkeys(kind_of(each) for each in parts if each is not type(None)))
     if origin is typing.Literal:
-        return ", ".join(f"``{str(each).lower() if isinstance(each, bool) else repr(each)}``" for each in parts)
+        return ", ".join(
+            f"``{str(each).lower() if isinstance(each, bool) else repr(each)}``" for each in parts
+        )
     if origin is tuple:
         if parts[-1] is Ellipsis:
             return f"array of {kind_of(parts[0])}"
@@ -54,7 +56,12 @@ def kind_of(kind: object, metadata: tuple = ()) -> str:
 
 
 def _limits(metadata: tuple) -> str:
-    signs = {annotated_types.Gt: ">", annotated_types.Ge: "≥", annotated_types.Lt: "<", annotated_types.Le: "≤"}
+    signs = {
+        annotated_types.Gt: ">",
+        annotated_types.Ge: "≥",
+        annotated_types.Lt: "<",
+        annotated_types.Le: "≤",
+    }
     found = []
     for each in (part for one in metadata for part in getattr(one, "metadata", [one])):
         for sort, sign in signs.items():
@@ -94,7 +101,12 @@ def page() -> str:
         for key, field in model.model_fields.items():
             meaning = (field.description or "").replace("`", "``").replace("*", r"\*")
             kind = kind_of(field.annotation, tuple(field.metadata))
-            lines += [f"   * - ``{key}``", f"     - {kind}", f"     - {default_of(field)}", f"     - {meaning}"]
+            lines += [
+                f"   * - ``{key}``",
+                f"     - {kind}",
+                f"     - {default_of(field)}",
+                f"     - {meaning}",
+            ]
         lines.append("")
     return "\n".join(lines)
 

@@ -94,7 +94,9 @@ def _comment(package: str, name: str) -> str:
     body = ast.parse(source.read_text("utf-8")).body if source.exists() else []
     for node, after in itertools.pairwise(body):
         targets = getattr(node, "targets", None) or [getattr(node, "target", None)]
-        names = {each.id for part in targets for each in ast.walk(part or ast.Pass()) if isinstance(each, ast.Name)}
+        names = {
+            each.id for part in targets for each in ast.walk(part or ast.Pass()) if isinstance(each, ast.Name)
+        }
         if name in names and isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
             return inspect.cleandoc(str(after.value.value))
     return ""
@@ -107,16 +109,25 @@ def _indented(text: str) -> list[str]:
 
 
 _CODE_OR_SIGN = re.compile(r"`[^`]*`|[|*]")
+_SECTION = re.compile(r"(Args|Attributes|Returns|Yields|Raises|Examples?):$")
 
 
 def _plain_signs(app, what, name, value, options, lines: list[str]) -> None:
-    """Bars and asterisks of formulas are themselves, and no marks of reStructuredText."""
+    """Indented lines above the first section are formulas; elsewhere bars and asterisks are themselves."""
     del app, what, name, value, options
+    found, above, formula = [], True, False
     for number, line in enumerate(lines):
-        if not line.lstrip().startswith((">>>", "...", "* ")):
-            lines[number] = _CODE_OR_SIGN.sub(
-                lambda found: found[0] if len(found[0]) > 1 else "\\" + found[0], line
-            )
+        above = above and not _SECTION.match(line)
+        if above and line.startswith("    "):
+            if not formula and not lines[number - 1]:
+                formula = True
+                found += [".. code-block:: text", ""]
+        elif line:
+            formula = False
+        if not formula and not line.lstrip().startswith((">>>", "...")):
+            line = _CODE_OR_SIGN.sub(lambda sign: sign[0] if len(sign[0]) > 1 else "\\" + sign[0], line)
+        found.append(line)
+    lines[:] = found
 
 
 def write(name: str, text: str) -> None:

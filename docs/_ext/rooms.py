@@ -78,9 +78,9 @@ def drawing() -> str:
         x, y = places[room]
         for each in sorted(below):
             u, v = places[each]
+            bend = f"C{x:.0f} {y + DOWN / 2:.0f} {u:.0f} {v - DOWN / 2:.0f} {u:.0f} {v - HEIGHT / 2:.0f}"
             parts.append(
-                f'<path d="M{x:.0f} {y + HEIGHT / 2:.0f} C{x:.0f} {y + DOWN / 2:.0f} {u:.0f} {v - DOWN / 2:.0f}'
-                f' {u:.0f} {v - HEIGHT / 2:.0f}" fill="none" stroke="#7a8794" marker-end="url(#tip)"/>'
+                f'<path d="M{x:.0f} {y + HEIGHT / 2:.0f} {bend}" fill="none" stroke="#7a8794" marker-end="url(#tip)"/>'
             )
     for room, (x, y) in places.items():
         parts.append(

@@ -80,7 +80,8 @@ def drawing() -> str:
             u, v = places[each]
             bend = f"C{x:.0f} {y + DOWN / 2:.0f} {u:.0f} {v - DOWN / 2:.0f} {u:.0f} {v - HEIGHT / 2:.0f}"
             parts.append(
-                f'<path d="M{x:.0f} {y + HEIGHT / 2:.0f} {bend}" fill="none" stroke="#7a8794" marker-end="url(#tip)"/>'
+                f'<path d="M{x:.0f} {y + HEIGHT / 2:.0f} {bend}" fill="none" stroke="#7a8794"'
+                ' marker-end="url(#tip)"/>'
             )
     for room, (x, y) in places.items():
         parts.append(

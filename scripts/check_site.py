@@ -32,7 +32,7 @@ class Page(HTMLParser):
 def faults(site: Path) -> list[str]:
     """What is wrong, a sentence each."""
     pages = {}
-    for path in sorted(site.rglob("*.html")):
+    for path in sorted(each for each in site.rglob("*.html") if "_static" not in each.parts):
         pages[path.resolve()] = page = Page()
         page.feed(path.read_text("utf-8"))
     found = []

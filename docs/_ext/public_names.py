@@ -133,7 +133,7 @@ def _plain_signs(app, what, name, value, options, lines: list[str]) -> None:
 def write(name: str, text: str) -> None:
     """Write a page of the reference, unless it is as it was."""
     path = DOCS / "reference" / "generated" / name
-    path.parent.mkdir(exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     if not path.exists() or path.read_text("utf-8") != text:
         path.write_text(text, "utf-8")
 
@@ -142,7 +142,7 @@ def _write_all(app: Sphinx) -> None:
     del app
     used = uses()
     for package in public_packages():
-        write(f"{package.removeprefix('focusjax.')}.rst", package_page(package, used))
+        write(f"packages/{package.removeprefix('focusjax.')}.rst", package_page(package, used))
     write("names.rst", table_of_names())
 
 

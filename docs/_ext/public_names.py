@@ -32,7 +32,7 @@ def public_names(package: str) -> dict[str, str]:
 
 
 def public_packages() -> list[str]:
-    """The packages below `focusjax`, and its one public module."""
+    """The packages below `focusjax`."""
     found = sorted(path.parent.name for path in (ROOT / "focusjax").glob("*/__init__.py"))
     return [f"focusjax.{name}" for name in found]
 

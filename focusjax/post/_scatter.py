@@ -14,7 +14,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
-from scipy.stats import qmc
 
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
@@ -94,6 +93,8 @@ def scattered(
     row, column = (np.pad(axis, (0, room - axis.size), mode="edge") for axis in (row, column))
     light = excess[row, column]
     light[np.count_nonzero(excess.max(axis=-1) > 0) :] = 0.0
+    from scipy.stats import qmc
+
     square = qmc.Sobol(2, rng=np.random.default_rng(0)).random(each)
     real = jnp.zeros(()).dtype
     return _sent(

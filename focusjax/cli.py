@@ -345,6 +345,8 @@ def _quieten() -> None:
     os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     for name in ("jax", "trimesh", "matplotlib", "PIL"):
         logging.getLogger(name).setLevel(logging.ERROR)
+    # Dask leaves answers unread that nobody waits for any more.
+    logging.getLogger("asyncio").setLevel(logging.CRITICAL)
 
 
 if __name__ == "__main__":

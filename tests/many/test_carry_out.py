@@ -4,6 +4,7 @@ import concurrent.futures
 import json
 import os
 import signal
+import subprocess
 import sys
 
 import distributed
@@ -98,6 +99,37 @@ def test_a_task_at_which_three_processes_ended_is_begun_no_more(tmp_path):
     assert not (tmp_path / "poison").exists()
     assert attempt(write, Task("poison", 0.0), journal).error == ""
     assert finishes(tmp_path) == {"poison": 1}
+
+
+POISON = """
+from pathlib import Path
+from tasks_for_workers import write
+from focusjax.many import Task, carry_out
+
+if __name__ == "__main__":
+    tasks = [Task("poison", "kill"), *(Task(f"task{number}", 0.1) for number in range(3))]
+    for ended in carry_out(write, tasks, Path.cwd(), workers=2):
+        print(ended.task.name, ended.error)
+"""
+
+
+def test_a_task_that_kills_processes_of_this_machine_fails_alone(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(POISON)
+    path = os.pathsep.join([str(ROOT), os.path.dirname(__file__)])
+    done = subprocess.run(
+        [sys.executable, script],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=True,
+    )
+    said = dict(line.split(" ", 1) for line in done.stdout.splitlines())
+    assert said.pop("poison").startswith("its process ended 3 times before it was done")
+    assert said == {"task0": "", "task1": "", "task2": ""}
+    assert finishes(tmp_path) == {"task0": 1, "task1": 1, "task2": 1}
 
 
 def test_workers_that_cannot_be_used_are_refused_before_work(tmp_path):

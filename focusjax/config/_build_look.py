@@ -6,6 +6,7 @@ import numpy as np
 
 from focusjax.config._errors import ConfigError
 from focusjax.config._load import Config
+from focusjax.config._look import SeidelTable
 from focusjax.config._opening import ImageTable, PolygonTable
 from focusjax.geometry import Camera
 from focusjax.lens import (
@@ -15,6 +16,7 @@ from focusjax.lens import (
     AbstractLens,
     DarkenedLens,
     Disk,
+    Seidel,
     ThinLens,
     apodized,
     chromatic_lens,
@@ -31,6 +33,7 @@ from focusjax.lens import (
     power_profile,
     profiled_lens,
     seidel,
+    seidel_of_wavefront,
     squeezed,
     table_falloff,
     vignetted_lens,
@@ -73,8 +76,7 @@ def build_look(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLe
             made = _profiled(config, camera, lens)
         terms: list[AbstractAberration] = []
         if table.seidel is not None:
-            coefficients = {key.removesuffix("_px"): value for key, value in table.seidel}
-            terms.append(seidel(lens, camera, **coefficients))
+            terms.append(_seidel(table.seidel, camera, lens))
         if table.power_profile is not None:
             terms.append(power_profile(table.power_profile))
         if table.field_curvature:
@@ -139,3 +141,12 @@ def _profiled(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLen
         return profiled_lens(lens, profile, camera, colour=table.colour, extrapolate=table.extrapolate)
     except ValueError as error:
         raise ValueError(f"lens.profile: {error}") from error
+
+
+def _seidel(table: SeidelTable, camera: Camera, lens: AbstractLens) -> Seidel:
+    lengths = {name: 1e-6 * value for name, value in table.in_unit("um").items()}
+    if not lengths:
+        return seidel(lens, camera, **table.in_unit("px"))
+    assert table.f_number is not None
+    height = None if table.height_mm is None else 1e-3 * table.height_mm
+    return seidel_of_wavefront(lens, camera, f_number=table.f_number, height=height, **lengths)

@@ -12,7 +12,11 @@ SizeOfColours = Annotated[tuple[Positive, Positive, Positive], Strict(False)]
 
 
 class SeidelTable(Table):
-    """`[lens.seidel]`: third-order aberrations, at the opening that the lens has in the picture."""
+    """`[lens.seidel]`: third-order aberrations.
+
+    In pixels at the opening that the lens has in the picture, whatever it is; or as a wavefront in
+    micrometres at a stated f-number and height, from which they grow by the third-order laws.
+    """
 
     w040_px: Number = Field(default=0.0, description="spherical aberration, under-corrected above 0")
     w131_px: Number = Field(
@@ -21,6 +25,41 @@ class SeidelTable(Table):
     w222_px: Number = Field(default=0.0, description="astigmatism in pixels")
     w220_px: Number = Field(default=0.0, description="field curvature in pixels, corners nearer above 0")
     w311_px: Number = Field(default=0.0, description="distortion in pixels, barrel above 0")
+    w040_um: Number = Field(default=0.0, description="spherical aberration of the wavefront in micrometres")
+    w131_um: Number = Field(default=0.0, description="coma of the wavefront in micrometres")
+    w222_um: Number = Field(default=0.0, description="astigmatism of the wavefront in micrometres")
+    w220_um: Number = Field(default=0.0, description="field curvature of the wavefront in micrometres")
+    w311_um: Number = Field(default=0.0, description="distortion of the wavefront in micrometres")
+    f_number: Positive | None = Field(
+        default=None, description="the f-number for which the micrometres are, for example 2"
+    )
+    height_mm: Positive | None = Field(
+        default=None,
+        description="the height on the sensor for which the micrometres are; half its diagonal if left out",
+    )
+
+    def in_unit(self, unit: str) -> dict[str, float]:
+        """The coefficients that are given in "px" or "um", by their names."""
+        return {
+            key.removesuffix(f"_{unit}"): getattr(self, key)
+            for key in type(self).model_fields
+            if key.endswith(f"_{unit}") and key in self.model_fields_set
+        }
+
+    @model_validator(mode="after")
+    def _one_unit(self) -> "SeidelTable":
+        pixels, lengths = self.in_unit("px"), self.in_unit("um")
+        if pixels and lengths:
+            raise ValueError(
+                f"has {min(pixels)}_px and {min(lengths)}_um; give all coefficients in pixels or all in"
+                " micrometres"
+            )
+        if lengths and self.f_number is None:
+            raise ValueError(f"has {min(lengths)}_um without the f_number that it is for; give f_number, too")
+        idle = [key for key in ("f_number", "height_mm") if getattr(self, key) is not None]
+        if idle and not lengths:
+            raise ValueError(f"has {idle[0]}, but no coefficient in micrometres; give one, or leave it out")
+        return self
 
 
 class ColourTable(Table):

@@ -100,4 +100,5 @@ from focusjax.lens.aberrations import field_curvature as field_curvature
 from focusjax.lens.aberrations import pixels_per_wave as pixels_per_wave
 from focusjax.lens.aberrations import power_profile as power_profile
 from focusjax.lens.aberrations import seidel as seidel
+from focusjax.lens.aberrations import seidel_of_wavefront as seidel_of_wavefront
 from focusjax.lens.aberrations import tabulated_aberrations as tabulated_aberrations

@@ -147,6 +147,28 @@ def test_a_lens_without_a_look_stays_as_it_is(path):
     assert build_look(load_config(path), camera, lens) is lens
 
 
+def test_a_wavefront_in_micrometres_grows_by_the_third_order_laws(path):
+    """Kyaw eq. 6.3 to 6.7: spots as 1/N^3, h/N^2, h^2/N and h^2/N, distortion as h^3."""
+    names = ("w040", "w131", "w222", "w220", "w311")
+    waves = [f"lens.seidel.{name}_um=3" for name in names]
+
+    def pixels(f_number: float, height_mm: float) -> np.ndarray:
+        stated = [f"lens.f_number={f_number}", "lens.seidel.f_number=2", f"lens.seidel.height_mm={height_mm}"]
+        config = load_config(path, [*waves, *stated])
+        camera, lens = lens_of(path, *waves, *stated)
+        made = build_look(config, camera, lens)
+        assert isinstance(made, AberratedLens)
+        return np.array([float(getattr(made.aberrations[0], name)) for name in names])
+
+    wide = pixels(2.0, 20.0)
+    # 2 N W on the sensor: 12 um, in pixels of which 64 are 36 mm.
+    camera, _ = lens_of(path)
+    micrometres = 1e6 * float(camera.sensor_width) / camera.width
+    assert wide[0] == pytest.approx(12.0 / micrometres)
+    np.testing.assert_allclose(wide / pixels(8.0, 20.0), [64.0, 16.0, 4.0, 4.0, 1.0], rtol=1e-6)
+    np.testing.assert_allclose(pixels(2.0, 10.0) / wide, [1.0, 2.0, 4.0, 4.0, 8.0], rtol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("override", "message"),
     [
@@ -158,6 +180,12 @@ def test_a_lens_without_a_look_stays_as_it_is(path):
         ("lens.colour.magnification=[1, 0, 1]", "lens.colour.magnification"),
         ("lens.cats_eyes={disk = 1}", "lens.cats_eyes.corner_shift is missing"),
         ("lens.seidel.w041_px=1", "w041_px"),
+        ("lens.seidel.w040_um=1", "lens.seidel has w040_um without the f_number that it is for"),
+        ("lens.seidel={w040_um=1, w131_px=1, f_number=2}", "lens.seidel has w131_px and w040_um; give all"),
+        (
+            "lens.seidel={w040_px=1, f_number=2}",
+            "lens.seidel has f_number, but no coefficient in micrometres",
+        ),
         ("lens.profile={}", "lens.profile needs exactly one of name and file"),
         ('lens.profile={file = "db.xml"}', "lens.profile has a lensfun file and no lens"),
         ("render={method = 'post', quality = 'draft'}", "render has quality, which is about tracing"),

@@ -14,5 +14,6 @@ from focusjax.lens.aberrations._magnification import Magnification as Magnificat
 from focusjax.lens.aberrations._seidel import Seidel as Seidel
 from focusjax.lens.aberrations._seidel import pixels_per_wave as pixels_per_wave
 from focusjax.lens.aberrations._seidel import seidel as seidel
+from focusjax.lens.aberrations._seidel import seidel_of_wavefront as seidel_of_wavefront
 from focusjax.lens.aberrations._tabulated import TabulatedAberrations as TabulatedAberrations
 from focusjax.lens.aberrations._tabulated import tabulated_aberrations as tabulated_aberrations

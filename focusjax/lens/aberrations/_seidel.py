@@ -172,6 +172,78 @@ def pixels_per_wave(
     return 2.0 * number * wave * camera.focal_px / camera.focal_length
 
 
+def seidel_of_wavefront(
+    lens: AbstractLens,
+    camera: Camera,
+    *,
+    f_number: SupportsFloat,
+    height: SupportsFloat | None = None,
+    w040: SupportsFloat = 0.0,
+    w131: SupportsFloat = 0.0,
+    w222: SupportsFloat = 0.0,
+    w220: SupportsFloat = 0.0,
+    w311: SupportsFloat = 0.0,
+) -> Seidel:
+    """`Seidel` aberrations from wavefront coefficients of one opening and one height in the picture.
+
+    By the third-order laws (Kyaw eq. 6.2 to 6.7) W040 grows as the fourth power of the opening's radius, W131
+    as the third and the height, W222 and W220 as the squares of both, W311 as the radius and the third power
+    of the height. On the sensor a slope of the wavefront moves rays by 2 N times as much, so that spots grow
+    as 1/N^3, h/N^2, h^2/N and h^2/N, and distortion as h^3 whatever the opening is. As the picture keeps its
+    framing at every focus, so do they.
+
+    Args:
+        lens: as it is open in the picture; it may be wider or narrower than `f_number`.
+        camera: whose pixels are meant.
+        f_number: of the opening that the coefficients are for.
+        height: metres on the sensor from the principal point, for which they are; half the sensor's diagonal
+            when not given.
+        w040: metres, at the rim of that opening, as all are; the signs are those of `Seidel`.
+        w131: metres.
+        w222: metres.
+        w220: metres.
+        w311: metres.
+
+    Raises:
+        ValueError: a number that is not finite, an f-number or a height that is not positive, or a closed
+            lens.
+
+    Example:
+        >>> from focusjax import look_at
+        >>> from focusjax.lens import thin_lens
+        >>> camera = look_at((0, 0, 0), (0, 0, -1), width=60, height=40, focal_length=0.05)
+        >>> wide, narrow = (thin_lens(focus_distance=2, f_number=n, focal_length=0.05) for n in (2, 4))
+        >>> spots = [seidel_of_wavefront(lens, camera, f_number=2, w040=1e-5).w040 for lens in (wide, narrow)]
+        >>> round(float(spots[0] / spots[1]), 6)
+        8.0
+    """
+    diagonal = _half_diagonal(camera) * float(camera.focal_length) / float(camera.focal_px)
+    stated = real_number(f_number, "the f-number of the coefficients", "a positive number such as 2.0")
+    at = diagonal if height is None else real_number(height, "the height in metres", "a positive length")
+    if not (0 < stated < np.inf and 0 < at < np.inf):
+        raise ValueError(
+            f"the coefficients are for f/{stated:g} and a height of {at:g} m; expected positive numbers"
+        )
+    opening = stated * 2.0 * float(lens.parallax(camera) / camera.focal_px) / float(camera.focal_length)
+    if not opening > 0:
+        raise ValueError("a closed lens has no Seidel aberrations; open it, and stop it down afterwards")
+    # Pixels per metre of the wavefront, at the opening that there is.
+    gain = float(pixels_per_wave(camera, stated / opening, 1.0))
+    given = {"w040": w040, "w131": w131, "w222": w222, "w220": w220, "w311": w311}
+    pixels = {
+        name: gain
+        * real_number(value, name, "a finite length in metres")
+        * opening ** _RADIUS_POWERS[name]
+        * (diagonal / at) ** _HEIGHT_POWERS[name]
+        for name, value in given.items()
+    }
+    return seidel(lens, camera, **pixels)
+
+
+_RADIUS_POWERS = {"w040": 4, "w131": 3, "w222": 2, "w220": 2, "w311": 1}
+_HEIGHT_POWERS = {"w040": 0, "w131": 1, "w222": 2, "w220": 2, "w311": 3}
+
+
 def _half_diagonal(camera: Camera) -> float:
     return 0.5 * float(np.hypot(camera.width, camera.height))
 

@@ -85,7 +85,7 @@ class FocalSurfaceTable(Table):
     )
 
     favour_near: NotNegative = Field(
-        default=1.0,
+        default=0.0,
         description="how much more near points count where several overlap: 1 makes the nearest count twice",
     )
 

@@ -71,7 +71,8 @@ def locate(
         disparity_map: disparity of the first surface at every pixel centre in 1/m, 0 where there is
             only background; needed for pixels, masks and objects.
         favour_near: how much more near wishes count, to settle ambiguities: the weight is multiplied by
-            1 + favour_near x disparity / (largest disparity of any wish).
+            1 + favour_near x disparity / (largest disparity of any wish). 0, for lenses and focal surfaces
+            alike, takes weights as they are given; Lee10 section 5 lets near wishes count more, as 1 does.
         may_be_idle: whether it is fine that no wish counts, as in some frames of a shot.
 
     Raises:

@@ -78,7 +78,7 @@ def focal_surface(
         aperture_scale: 0 or more.
         weight: 0 or more, above 0 somewhere. Where points overlap and contradict each other, Lee10 section
             5.2 lets near points count more and hidden ones fade out: `ImagePoints.weight` of points that
-            were found by `locate` with `favour_near=1` is such a weight.
+            were found by `locate` is such a weight, with `favour_near=1` for the near ones.
         kernel: `InverseDistance` with exponent 2 when not given.
         basis: degree of the polynomial.
 

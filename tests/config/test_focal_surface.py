@@ -42,6 +42,13 @@ def test_bad_values(override, expected):
     assert expected in str(caught.value)
 
 
+def test_no_near_point_counts_more_unless_that_is_said():
+    config = load_config(CONFIG)
+    assert config.lens.focal_surface.favour_near == config.solve.favour_near == 0.0
+    said = load_config(CONFIG, ["lens.focal_surface.favour_near=1"])
+    assert said.lens.focal_surface.favour_near == 1.0
+
+
 def test_where_points_overlap_the_near_and_the_visible_one_counts_more():
     """Two points at one place in the picture, at 1 m and 2 m, and a third apart from them."""
     points = "lens.focal_surface.points=[{point=[0,0,-1]}, {point=[0,0,-2], weight=3}, {point=[0.2,0,-2]}]"

@@ -15,6 +15,12 @@ CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (o
 """Cores that this process may use."""
 
 
+def use_cores(count: int) -> None:
+    """From now on `in_parallel` uses so many threads, as where other processes use the other cores."""
+    global CORES
+    CORES = count
+
+
 def in_parallel(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     """`function` of every item, in the order of the items."""
     work = list(items)

@@ -1,4 +1,4 @@
-"""What the command line says of a run, a shot or a comparison, in a few lines."""
+"""What the command line says of a run or a shot, in a few lines."""
 
 from pathlib import Path
 
@@ -7,9 +7,18 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from focusjax import bench, job
-from focusjax._console import say
-from focusjax.focus import WISH_HEADINGS, Solution, SurfaceSolution, diagnose, wish_rows
+from focusjax import job
+from focusjax._console import duration, say
+from focusjax._words import printable
+from focusjax.focus import (
+    WISH_HEADINGS,
+    FramesSolution,
+    Solution,
+    SurfaceFramesSolution,
+    SurfaceSolution,
+    diagnose,
+    wish_rows,
+)
 from focusjax.lens import depth_of_field
 from focusjax.report import (
     angle,
@@ -17,6 +26,7 @@ from focusjax.report import (
     glass_facts,
     glass_sentences,
     guessed_sentence,
+    left_out,
     metres,
     movements,
     quality_facts,
@@ -73,9 +83,8 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     if outcome.solution is not None:
         for sentence in diagnose(outcome.solution).sentences:
             say(console, sentence)
-    if outcome.picture is not None and not outcome.picture.complete:
-        more = job.room_for_more(outcome.config.render)
-        console.print(f"Some surfaces did not fit into the layers; {more}.")
+    if (missing := left_out(outcome)) is not None:
+        say(console, missing)
     if outcome.picture is not None and outcome.picture.examined is not None:
         missed, saving = outcome.picture.examined.missed, outcome.picture.examined.saving
         behind = ", not counting what is seen through others" if outcome.picture.examined.see_through else ""
@@ -92,7 +101,7 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     if chosen is not None:
         say(console, chosen)
     stages = outcome.seconds | {"compile": sum(outcome.compile_seconds.values())}
-    seconds = ", ".join(f"{name.replace('_', ' ')} {_duration(value)}" for name, value in stages.items())
+    seconds = ", ".join(f"{name.replace('_', ' ')} {duration(value)}" for name, value in stages.items())
     console.print(f"[dim]{seconds}[/]", highlight=False, soft_wrap=True)
     say(console, f"Report: {folder / 'report.html'}")
 
@@ -105,7 +114,7 @@ def tell_shot(console: Console, solved: SolvedShot) -> None:
     console.print(
         f"[bold]{solution.count} frames, focus from {metres(float(focus[0]))} to"
         f" {metres(float(focus[-1]))}[/]"
-        f"  solved together in {int(solution.steps)} steps",
+        f"  {_how_solved(solution)}",
         highlight=False,
     )
     for name, change in solution.largest_changes().items():
@@ -120,33 +129,12 @@ def tell_shot(console: Console, solved: SolvedShot) -> None:
         say(console, sentence)
 
 
-def comparison(found: bench.CaseResults) -> Table:
-    """What a scene's measurements say, a line for each setting."""
-    dropped = found.reference.dropped
-    caption = f"samples of the reference that are not finite and left out: {dropped}" if dropped else None
-    table = Table(
-        title=Text(found.case.title),
-        caption=caption,
-        box=None,
-        header_style="dim",
-        pad_edge=False,
-        title_justify="left",
-        caption_justify="left",
-    )
-    for heading in ("method", "setting", "picture", "set-up", "MiB", "PSNR", "SSIM", "silhouettes"):
-        table.add_column(heading, justify="left" if heading in ("method", "setting") else "right")
-    for row in found.rows:
-        table.add_row(
-            row.method,
-            f"{row.setting} {row.knob}",
-            _duration(row.seconds),
-            _duration(row.setup_seconds),
-            f"{row.peak_mib:.0f}",
-            f"{row.psnr:.2f} dB",
-            "" if row.ssim is None else f"{row.ssim:.4f}",
-            "" if row.silhouette_psnr is None else f"{row.silhouette_psnr:.2f} dB",
-        )
-    return table
+def _how_solved(solution: FramesSolution | SurfaceFramesSolution) -> str:
+    if not solution.points.names:
+        return "by keyframes"
+    if isinstance(solution, SurfaceFramesSolution):
+        return "in the middle of the picture, surfaces solved together"
+    return f"solved together in {int(solution.steps)} steps"
 
 
 def _wishes(solution: Solution | SurfaceSolution) -> Table:
@@ -156,9 +144,5 @@ def _wishes(solution: Solution | SurfaceSolution) -> Table:
         table.add_column(heading, justify="left" if at_end else "right")
     colours = {"met": Text("met", "green"), "missed": Text("missed", "red")}
     for *said, verdict in wish_rows(solution.table()):
-        table.add_row(*(Text(part) for part in said), colours.get(verdict, Text(verdict)))
+        table.add_row(*(Text(printable(part)) for part in said), colours.get(verdict, Text(verdict)))
     return table
-
-
-def _duration(seconds: float) -> str:
-    return f"{1000 * seconds:.1f} ms" if seconds < 0.1 else f"{seconds:.1f} s"

@@ -4,8 +4,6 @@ import difflib
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-import numpy as np
-
 _ALIKE = 0.65
 """Likeness of two names, from 0 to 1, from which on one may be a slip for the other."""
 
@@ -17,10 +15,25 @@ def shown(value: Any) -> str:
         >>> shown(np.float32(0.7)), shown([0.5, 1e-9, 2])
         ('0.7', '[0.5, 1e-09, 2]')
     """
+    import numpy as np  # Help needs no numbers.
+
     array = np.asarray(value, dtype=float)
     if array.ndim == 0:
         return f"{float(array):.6g}"
     return "[" + ", ".join(shown(one) for one in array) + "]"
+
+
+def printable(text: str) -> str:
+    r"""Text without control characters, which a terminal would obey; lines stay lines.
+
+    Example:
+        >>> printable("a\x1b[2Jb")
+        'a\\x1b[2Jb'
+    """
+    return "".join(
+        each if each == "\n" or each.isprintable() else each.encode("unicode_escape").decode()
+        for each in text
+    )
 
 
 def nearest_name(name: str, known: Iterable[str]) -> str | None:

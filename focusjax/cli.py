@@ -1,77 +1,72 @@
 """The command line: `focusjax run`, `render`, `refocus`, `batch`, `shot`, `studio`, `export`, and more."""
 
+import importlib.metadata
 import logging
 import os
 import platform
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
-import jax
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from focusjax import __version__, batch, bench, charts, exchange, hard_cases, job, studio
-from focusjax._arguments import ArgumentError
-from focusjax._console import fail, say, warnings_told
-from focusjax._refocus import refocus_config
-from focusjax._tell import comparison, tell_outcome, tell_shot
-from focusjax.config import Config, ConfigError, load_config
-from focusjax.io import staged_folder
-from focusjax.report import FILES, save_outcome
-from focusjax.shot import film
+from focusjax._console import BAD_INPUT, FAILED, Talk, caches, fail, say, talk_of
+from focusjax._later import Later, group_of
+from focusjax._options import ConfigArgument, OutOption, QuietOption, RootOption, SetOption, VerboseOption
 
-FAILED, BAD_INPUT, MISSED = 1, 2, 3
-"""Exit statuses beside 0: failed; bad usage or config; solved, but a wish is missed."""
+LATER = {
+    "export": Later(
+        "focusjax.exchange._command",
+        r"Solve, and write the camera for another program; without [\[focus]] wishes, as the config has it.",
+    ),
+    "batch": Later("focusjax.batch", "Solve and render many configs, or one with many settings."),
+    "lens": Later(
+        "focusjax.charts",
+        "Draw a real lens: cross-section, spots, highlights, focus and distortion; list its first-order "
+        "data.",
+    ),
+    "stack": Later(
+        "focusjax.stack",
+        "Plan the fewest shots that make every sharp wish sharp in one of them, take them, and merge them.",
+    ),
+    "studio": Later(
+        "focusjax.studio",
+        "Click what should be sharp on a page in the browser, and see the lens and the picture.",
+    ),
+}
+"""Commands of packages; see `Later`."""
 
-_STAGES = {
-    "load": "Loading meshes",
-    "locate": "Finding focus points",
-    "locate_again": "Finding depths",
-    "solve": "Solving",
-    "peel": "Peeling layers",
-    "plan": "Planning rays",
-    "render": "Tracing rays",
-    "examine": "Examining the picture",
-    "guess": "Counting what was guessed",
-    "pinhole": "Sharp view",
-    "develop": "Developing",
-    "expose": "Adding frames up",
-    "film": "Writing the film",
-    "save": "Writing files",
+LATER_OF_BENCH = {
+    "speed-error": Later(
+        "focusjax.bench._command",
+        "Report the speed of every method against its error, on the scenes of some configs.",
+    ),
+    "hard-cases": Later(
+        "focusjax.hard_cases",
+        "Check wishes, glass and pictures that are numerically hard, in both precisions, against the truth.",
+    ),
 }
 
-app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False)
-bench_app = typer.Typer(help="Measure focusjax beside other methods.", no_args_is_help=True)
-app.command("batch")(batch.command)
-app.command("lens")(charts.command)
-app.command("studio")(studio.command)
+app = typer.Typer(cls=group_of(LATER), no_args_is_help=True, pretty_exceptions_enable=False)
+bench_app = typer.Typer(
+    cls=group_of(LATER_OF_BENCH), help="Measure focusjax beside other methods.", no_args_is_help=True
+)
 app.add_typer(bench_app, name="bench")
-bench_app.command("hard-cases")(hard_cases.command)
-ConfigArgument = Annotated[Path, typer.Argument(help="A TOML file.", metavar="CONFIG")]
-OutOption = Annotated[
-    Path | None, typer.Option("--out", help="Folder for the results; out/<config's name> by default.")
-]
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the config, e.g. render.rays=16."),
-]
-RootOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--root", metavar="DIR", help="Folder below which a config may name files; its own by default."
-    ),
-]
+
+
+@bench_app.callback()
+def _bench() -> None:
+    """Measure focusjax beside other methods."""
 
 
 def _tell_versions(wanted: bool) -> bool:
     """Prints what a report of a fault needs, and ends the program."""
     if wanted:
-        python = platform.python_version()
-        typer.echo(f"focusjax {__version__} (jax {jax.__version__}, Python {python}, {platform.system()})")
+        from focusjax import __version__
+
+        jax, python = importlib.metadata.version("jax"), platform.python_version()
+        typer.echo(f"focusjax {__version__} (jax {jax}, Python {python}, {platform.system()})")
         raise typer.Exit
     return wanted
 
@@ -90,26 +85,41 @@ def focusjax(
 
 @app.command()
 def run(
-    config: ConfigArgument, out: OutOption = None, set_: SetOption = None, root: RootOption = None
+    config: ConfigArgument,
+    out: OutOption = None,
+    set_: SetOption = None,
+    root: RootOption = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
     """Solve for the lens settings, then render the picture."""
-    _do(config, out, set_, root, solving=True, rendering=True)
+    _do(config, out, set_, root, talk_of(quiet, verbose), solving=True, rendering=True)
 
 
 @app.command()
 def solve(
-    config: ConfigArgument, out: OutOption = None, set_: SetOption = None, root: RootOption = None
+    config: ConfigArgument,
+    out: OutOption = None,
+    set_: SetOption = None,
+    root: RootOption = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
     """Solve for the lens settings only."""
-    _do(config, out, set_, root, solving=True, rendering=False)
+    _do(config, out, set_, root, talk_of(quiet, verbose), solving=True, rendering=False)
 
 
 @app.command()
 def render(
-    config: ConfigArgument, out: OutOption = None, set_: SetOption = None, root: RootOption = None
+    config: ConfigArgument,
+    out: OutOption = None,
+    set_: SetOption = None,
+    root: RootOption = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
     """Render with the lens as the config has it."""
-    _do(config, out, set_, root, solving=False, rendering=True)
+    _do(config, out, set_, root, talk_of(quiet, verbose), solving=False, rendering=True)
 
 
 @app.command()
@@ -166,8 +176,15 @@ def refocus(
     ] = None,
     out: OutOption = None,
     set_: SetOption = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
     """Refocus a photograph with depth."""
+    from focusjax._carry_out import carry_out
+    from focusjax._refocus import refocus_config
+    from focusjax.config import Config
+
+    talk = talk_of(quiet, verbose)
 
     def read() -> Config:
         settings = {
@@ -194,7 +211,7 @@ def refocus(
         )
 
     folder = out if out is not None else Path("out") / photo.stem
-    _carry_out(read, folder, solving=focus_distance is None, rendering=True)
+    carry_out(read, folder, solving=focus_distance is None, rendering=True, talk=talk)
 
 
 @app.command()
@@ -207,126 +224,76 @@ def shot(
     frames: Annotated[
         str | None, typer.Option("--frames", metavar="N,N,...", help="Make pictures of these frames only.")
     ] = None,
+    quiet: QuietOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
     r"""Solve all frames of a \[shot] together, then render them; frames that are there already are kept."""
-    console, errors = Console(), Console(stderr=True)
+    from focusjax._carry_out import carry_out_shot
+    from focusjax.config import load_config
+
     folder = out if out is not None else Path("out") / config.stem
-    try:
-        read = load_config(config, set_ or (), root=root)
-        chosen = None if frames is None else _frames(frames)
-        with _progress(errors) as tell, warnings_told(errors):
-            solved, _ = film(read, folder, rendering=not solve_only, frames=chosen, progress=tell)
-    except ConfigError as error:
-        fail(errors, error, BAD_INPUT)
-    except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        fail(errors, error, FAILED, folder)
-    except Exception as error:
-        fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
-    tell_shot(console, solved)
-    say(console, f"Report: {folder / 'report.html'}")
-    if solved.missed():
-        raise typer.Exit(MISSED)
+    carry_out_shot(
+        lambda: load_config(config, set_ or (), root=root),
+        folder,
+        rendering=not solve_only,
+        frames=frames,
+        talk=talk_of(quiet, verbose),
+    )
 
 
 @app.command()
-def export(
-    config: ConfigArgument,
-    to: Annotated[
-        str, typer.Option("--to", metavar="|".join(exchange.TARGETS), help="The program or format.")
+def new(
+    name: Annotated[
+        Path, typer.Argument(help="The folder to make; the config in it is called the same.", metavar="NAME")
     ],
-    with_shot: Annotated[bool, typer.Option("--shot", help=r"All frames of the config's \[shot].")] = False,
+) -> None:
+    """Make a folder with a commented config and a small scene to begin with."""
+    from focusjax.starter import make_starter
+
+    console, errors = Console(), Console(stderr=True)
+    try:
+        config = make_starter(name)
+    except ValueError as error:
+        fail(errors, error, BAD_INPUT)
+    except OSError as error:
+        fail(errors, error, FAILED, name)
+    say(console, f"Made {config}. Try: focusjax run {config}")
+
+
+@app.command()
+def keys(
+    table: Annotated[
+        str, typer.Argument(help="A table or key, such as lens or focus.blur_px.", metavar="[TABLE]")
+    ] = "",
+) -> None:
+    """List the keys of a config: type, unit, default and meaning; all of them, or those of a table."""
+    from focusjax._tell_keys import tell_keys
+    from focusjax.config import ConfigError, config_keys
+
+    try:
+        found = config_keys(table)
+    except ConfigError as error:
+        fail(Console(stderr=True), error, BAD_INPUT)
+    tell_keys(Console(), found)
+
+
+@app.command()
+def schema(
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="The file; out/<config's name> by default.")
+        Path | None, typer.Option("--out", metavar="FILE", help="The file; printed by default.")
     ] = None,
-    set_: SetOption = None,
-    root: RootOption = None,
-    approximate: Annotated[
-        bool, typer.Option("--approximate", help="Write the nearest camera that the target can have.")
-    ] = False,
 ) -> None:
-    r"""Solve, and write the camera for another program; without [\[focus]] wishes, as the config has it."""
-    console, errors = Console(), Console(stderr=True)
-    try:
-        suffix = exchange.target_named(to).suffix
-        file = Path("out") / f"{config.stem}{suffix}" if out is None else out
-        read = load_config(config, set_ or (), root=root)
-        with _progress(errors) as tell, warnings_told(errors):
-            exported = exchange.export_config(
-                read, file, to=to, shot=with_shot, approximate=approximate, progress=tell
-            )
-    except (ConfigError, exchange.ExportError, ArgumentError) as error:
-        fail(errors, error, BAD_INPUT)
-    except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        fail(errors, error, FAILED)
-    except Exception as error:
-        fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
-    for line in exported.sentences:
-        say(console, line)
+    """Write the JSON Schema of a config, by which editors complete and check it."""
+    from focusjax.config import schema_text
+    from focusjax.io import replace_file
 
-
-@bench_app.command("speed-error")
-def speed_error(
-    configs: Annotated[list[Path], typer.Argument(help="TOML files.", metavar="CONFIG...")],
-    out: Annotated[Path, typer.Option("--out", help="Folder for the report.")],
-    methods: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--methods",
-            metavar="NAME[=SETTING,...]",
-            help=f"Of {', '.join(method.name for method in bench.METHODS)}; may be repeated.",
-        ),
-    ] = None,
-    size: Annotated[
-        str | None, typer.Option("--size", metavar="WxH", help="Pixels; the configs' own by default.")
-    ] = None,
-    repeats: Annotated[int, typer.Option("--repeats", help="Timed calls after the first.")] = 3,
-    reference: Annotated[
-        str | None,
-        typer.Option("--reference", metavar="mitsuba|raycast", help="Who makes the converged picture."),
-    ] = None,
-    reference_samples: Annotated[
-        int, typer.Option("--reference-samples", help="Samples per pixel of the converged picture.")
-    ] = 2048,
-    cache: Annotated[
-        Path | None, typer.Option("--cache", help="Folder that keeps converged pictures between runs.")
-    ] = None,
-    root: RootOption = None,
-) -> None:
-    """Report the speed of every method against its error, on the scenes of some configs."""
-    console, errors = Console(), Console(stderr=True)
+    if out is None:
+        typer.echo(schema_text(), nl=False)
+        return
     try:
-        chosen = bench.chosen_methods(methods or ())
-        pixels = None if size is None else _size(size)
-        read = [load_config(path, root=root) for path in configs]
-        with (
-            staged_folder(out, owned=bench.FILES) as stage,
-            _progress(errors) as tell,
-            warnings_told(errors),
-        ):
-            tell("load", None)
-            results = bench.speed_error(
-                [bench.case_from_config(config, pixels) for config in read],
-                chosen,
-                cache=_caches() / "references" if cache is None else cache,
-                maker=reference,
-                samples=reference_samples,
-                repeats=repeats,
-                progress=tell,
-            )
-            tell("save", None)
-            bench.save_results(stage, results)
-    except (ConfigError, bench.ChoiceError) as error:
-        fail(errors, error, BAD_INPUT)
-    except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        fail(errors, error, FAILED, out)
-    except Exception as error:
-        fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
-    for found in results.cases:
-        console.print(comparison(found))
-    say(console, f"Report: {out / 'report.html'}")
-    failures = [why for found in (*results.cases, results) for why in found.failures.values()]
-    if failures:
-        fail(errors, ValueError("; ".join(failures)), FAILED)
+        replace_file(out, schema_text())
+    except OSError as error:
+        fail(Console(stderr=True), error, FAILED, out)
 
 
 def main() -> None:
@@ -341,107 +308,41 @@ def _do(
     out: Path | None,
     overrides: list[str] | None,
     root: Path | None,
+    talk: Talk,
     *,
     solving: bool,
     rendering: bool,
 ) -> None:
     """One command, from config to exit status."""
+    from focusjax._carry_out import carry_out
+    from focusjax.config import load_config
+
     folder = out if out is not None else Path("out") / config_path.stem
-    _carry_out(
+    carry_out(
         lambda: load_config(config_path, overrides or (), root=root),
         folder,
         solving=solving,
         rendering=rendering,
+        talk=talk,
     )
-
-
-def _carry_out(read: Callable[[], Config], folder: Path, *, solving: bool, rendering: bool) -> None:
-    """What a config asks for, into `folder`, to exit status."""
-    console, errors = Console(), Console(stderr=True)
-    try:
-        config = read()
-        with staged_folder(folder, owned=FILES) as stage, _progress(errors) as tell, warnings_told(errors):
-            outcome = job.run(config, solving=solving, rendering=rendering, progress=tell)
-            tell("save", None)
-            save_outcome(stage, outcome)
-    except ConfigError as error:
-        fail(errors, error, BAD_INPUT)
-    except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        fail(errors, error, FAILED, folder)
-    except Exception as error:
-        fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
-    tell_outcome(console, outcome, folder)
-    if outcome.solution is not None and not all(
-        row.met or not row.counts for row in outcome.solution.table()
-    ):
-        raise typer.Exit(MISSED)
-
-
-def _frames(text: str) -> list[int]:
-    """Frame numbers from text such as 1,24,48."""
-    parts = text.split(",")
-    if not all(part.strip().isdecimal() for part in parts):
-        raise ConfigError(f"--frames is {text}; expected frame numbers such as 1,24,48")
-    return [int(part) for part in parts]
-
-
-def _size(text: str) -> tuple[int, int]:
-    """Width and height from text such as 800x600."""
-    width, cross, height = text.lower().partition("x")
-    if not (cross and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
-        raise bench.ChoiceError(f"--size is {text}; expected width and height in pixels, such as 800x600")
-    return int(width), int(height)
-
-
-@contextmanager
-def _progress(console: Console) -> Iterator[job.Progress]:
-    """A progress bar on a terminal, gone when the run ends; nothing where output goes to a file."""
-    bar = Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
-    task = bar.add_task("Starting", total=None)
-    current = None
-
-    def tell(stage: str, share: float | None) -> None:
-        nonlocal current
-        if stage != current:
-            bar.reset(task, total=None, description=_STAGES.get(stage, stage))
-            current = stage
-        if share is not None:
-            bar.update(task, total=1.0, completed=min(share, 1.0))
-
-    try:
-        bar.start()
-        yield tell
-    finally:
-        bar.stop()
 
 
 def _set_up_jax() -> None:
-    """Keep compiled programs between runs; JAX_ENABLE_COMPILATION_CACHE=0 turns that off."""
-    if "JAX_COMPILATION_CACHE_DIR" in os.environ or os.environ.get("JAX_ENABLE_COMPILATION_CACHE") in (
-        "0",
-        "false",
-    ):
+    """Keep compiled programs between runs; JAX_ENABLE_COMPILATION_CACHE=0 turns that off.
+
+    By JAX's environment variables, as it is not imported yet.
+    """
+    off = os.environ.get("JAX_ENABLE_COMPILATION_CACHE") in ("0", "false")
+    if "JAX_COMPILATION_CACHE_DIR" in os.environ or off:
         return
-    jax.config.update("jax_compilation_cache_dir", str(_caches() / "compiled"))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-
-
-def _caches() -> Path:
-    """Where focusjax keeps what later runs can use."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "focusjax"
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(caches() / "compiled")
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 
 
 def _quieten() -> None:
     """Other libraries' notes are for their developers."""
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
+    # Of XLA all but what ends the program: it says by an error, too, that it compiles for long.
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     for name in ("jax", "trimesh", "matplotlib", "PIL"):
         logging.getLogger(name).setLevel(logging.ERROR)
 

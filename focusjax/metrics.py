@@ -4,7 +4,6 @@ from typing import cast
 
 import numpy as np
 from jaxtyping import ArrayLike, Bool
-from skimage.metrics import structural_similarity
 
 
 def psnr(
@@ -59,6 +58,8 @@ def ssim(image: ArrayLike, reference: ArrayLike, *, data_range: float = 1.0) -> 
     Raises:
         ValueError: as for `psnr`, or pictures smaller than the window.
     """
+    from skimage.metrics import structural_similarity
+
     first, second = _pair(image, reference, data_range)
     if min(first.shape[:2]) < 11:
         raise ValueError(f"the pictures have shape {first.shape}; the window needs 11 pixels each way")

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from selenium import webdriver
+from selenium.common.exceptions import WebDriverException
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -37,10 +38,20 @@ class Tab:
 
     def open(self, address: str) -> None:
         """Open a studio's page, and wait until what is typed there reaches the server."""
-        self.driver.get(address)
+        self.wait(lambda: self._reached(address), 60, "the server to listen")
         self.wait(
             lambda: self.driver.execute_script("return window.did_handshake === true"), 60, "the server"
         )
+
+    def _reached(self, address: str) -> bool:
+        """Whether the server answers: it prints its address just before it listens."""
+        try:
+            self.driver.get(address)
+        except WebDriverException as error:
+            if "ERR_CONNECTION_REFUSED" not in str(error):
+                raise
+            return False
+        return True
 
     def all(self, marker: str) -> list[Any]:
         """Elements that the page has given that marker."""
@@ -133,8 +144,10 @@ def chromium(*, width: int = 1280, height: int = 720, dark: bool = False) -> Ite
 
 
 @contextlib.contextmanager
-def server(config: Path, *options: str, programs: str | None = None) -> Iterator[str]:
-    """The studio of a config; the address that it printed."""
+def server(
+    config: Path | None = None, *options: str, programs: str | None = None, cwd: Path | None = None
+) -> Iterator[str]:
+    """The studio of a config, or its start page; the address that it printed."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -146,9 +159,15 @@ def server(config: Path, *options: str, programs: str | None = None) -> Iterator
             "JAX_COMPILATION_CACHE_DIR": programs,
             "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
         }
-    command = [sys.executable, "-m", "focusjax.cli", "studio", str(config), "--no-open", "--port", str(port)]
+    command = [sys.executable, "-m", "focusjax.cli", "studio", "--no-open", "--port", str(port)]
+    command += [] if config is None else [str(config)]
     process = subprocess.Popen(
-        [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
+        [*command, *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=environment,
+        cwd=cwd,
     )
     try:
         assert process.stdout is not None

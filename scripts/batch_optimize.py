@@ -45,7 +45,7 @@ def main() -> int:
         batch = run_batch(
             items,
             arguments.out,
-            jobs=arguments.jobs,
+            workers=arguments.jobs,
             existing="resume",
             solve_only=not arguments.render,
             on_result=tell,

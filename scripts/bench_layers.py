@@ -97,10 +97,10 @@ def staged_peel(
     picture = rasterised(scene, camera, triangles, grid)
     lap("raster")
     parallax = float(lens.parallax(camera)) * supersampling
-    chosen, complete = peel_fragments(picture.fragments, grid, parallax, most)
+    chosen, left_out = peel_fragments(picture.fragments, grid, parallax, most)
     lap("peel")
     counts = [len(some) for some in chosen]
-    layers = assemble(scene, camera, lens, picture.held(chosen), counts, max_layers=most, complete=complete)
+    layers = assemble(scene, camera, lens, picture.held(chosen), counts, max_layers=most, left_out=left_out)
     jax.block_until_ready(layers)
     lap("assemble")
     return layers, seconds

@@ -17,10 +17,10 @@ The exit status is 1 if anything is found.
 
 import argparse
 import dataclasses
+import faulthandler
 import json
 import math
 import re
-import resource
 import shutil
 import signal
 import tempfile
@@ -416,6 +416,18 @@ def not_finite(folder: Path) -> list[str]:
     return found
 
 
+def peak() -> int:
+    """Most bytes of memory that this process has held since `forgotten_peak`."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return 1024 * next(int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
+
+
+def forgotten_peak() -> int:
+    """Bytes of memory that this process holds, from which on its peak counts anew."""
+    Path("/proc/self/clear_refs").write_text("5")
+    return peak()
+
+
 def one_run(seed: int, inputs: Path, folder: Path) -> tuple[str, list[str]]:
     """Kind and outcome of a run, and what is wrong with it."""
     rng = np.random.default_rng(seed)
@@ -427,19 +439,22 @@ def one_run(seed: int, inputs: Path, folder: Path) -> tuple[str, list[str]]:
     out = folder / "out"
     command = [part.replace("out/c.", f"{out}/c.") for part in command]
     command += [] if "--out" in command else ["--out", str(out)]
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    before = forgotten_peak()
 
     def stop(*_: Any) -> None:
         raise TookTooLongError(f"took more than {SECONDS} s")
 
     signal.signal(signal.SIGALRM, stop)
     signal.alarm(SECONDS)
+    # Compiled code does not let the alarm in: what hangs there ends this process.
+    faulthandler.dump_traceback_later(3 * SECONDS, exit=True)
     try:
         result = edited(*command[:2]) if kind is studio_edits else run(command)
     finally:
         signal.alarm(0)
+        faulthandler.cancel_dump_traceback_later()
     wrong = []
-    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 2**20
+    grown = (peak() - before) / 2**30
     if grown > GIBIBYTES:
         wrong.append(f"memory grew by {grown:.1f} GiB")
     said = result.output

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import typer.main
 from boxes_config import CONFIG, write_boxes
+from complaints import complaints_in
 from typer.testing import CliRunner
 
 from focusjax.cli import app
@@ -32,10 +33,10 @@ def scene_folder(tmp_path_factory):
 
 
 def focusjax(*arguments):
-    """The exit status and what was printed to stdout and stderr."""
+    """The exit status, what was printed to stdout, and to stderr beside the progress."""
     result = CliRunner().invoke(app, [str(argument) for argument in arguments], env={"COLUMNS": "200"})
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
-    return result.exit_code, result.stdout, result.stderr
+    return result.exit_code, result.stdout, complaints_in(result.stderr)
 
 
 @pytest.fixture(scope="module")
@@ -232,6 +233,17 @@ def test_names_are_no_markup(scene_folder, tmp_path, name):
     assert (folder / "report.json").exists()
 
 
+def test_names_do_not_steer_the_terminal_and_need_no_glyphs(scene_folder, tmp_path):
+    """Control characters are written out, and letters that a font lacks warn of nothing."""
+    name = json.dumps("\x1b[2J\u732b" + "x" * 300)
+    status, printed, complaint = focusjax(
+        "solve", scene_folder / "boxes.toml", "--out", tmp_path / "out", "--set", f"focus.0.name={name}"
+    )
+    assert (status, complaint) == (0, "")
+    assert "\x1b" not in printed
+    assert r"\x1b[2J" in printed
+
+
 @pytest.fixture
 def apart(scene_folder, tmp_path):
     """A config in a folder of its own, whose meshes are elsewhere."""
@@ -275,7 +287,7 @@ def test_what_the_command_line_names_may_be_anywhere(scene_folder, tmp_path):
 
 def _commands(group, path=()):
     """All commands below a group, each with the words that call it; groups as well."""
-    yield path, group
+    yield path, group.found() if hasattr(group, "found") else group
     for name, command in getattr(group, "commands", {}).items():
         yield from _commands(command, (*path, name))
 
@@ -319,7 +331,7 @@ def test_a_full_disk_is_told_with_its_folder(scene_folder, tmp_path, monkeypatch
         with open("/dev/full", "w") as stream:
             stream.write("x")
 
-    monkeypatch.setattr("focusjax.cli.save_outcome", save)
+    monkeypatch.setattr("focusjax._carry_out.save_outcome", save)
     status, printed, complaint = focusjax("solve", scene_folder / "boxes.toml", "--out", tmp_path / "out")
     assert (status, printed) == (1, "")
     assert complaint == (

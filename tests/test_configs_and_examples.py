@@ -1,4 +1,4 @@
-"""Everything README shows and every config shipped runs, at small size."""
+"""Everything the pages show and every config shipped runs, at small size."""
 
 import json
 import math
@@ -18,7 +18,8 @@ from focusjax.config import ConfigError, build_camera, build_lens, build_scene, 
 ROOT = Path(__file__).parents[1]
 CONFIGS = sorted((ROOT / "configs").glob("*.toml"))
 TILTED = ROOT / "configs" / "tilted_row.toml"
-README = (ROOT / "README.md").read_text()
+
+HOW_TO = ROOT / "docs" / "howto"
 
 
 SMALL = ["camera.resolution=[48, 36]", "render.rays=2", "render.supersampling=1"]
@@ -142,10 +143,10 @@ def test_a_control_point_behind_the_camera_is_refused(tmp_path):
     assert 'control point "Spot\'s eyes" is behind the camera; move it' in " ".join(result.output.split())
 
 
-def test_there_are_nine_configs_of_full_size():
+def test_there_are_eleven_configs_of_full_size():
     assert [path.stem for path in CONFIGS] == [
-        "bars", "focal_surface", "follow_focus", "hand_held", "passing_by", "rack_focus", "still_life",
-        "tilted_row", "town",
+        "bars", "focal_surface", "follow_focus", "hand_held", "passing_by", "rack_focus",
+        "rack_focus_glass", "still_life", "tilted_row", "town", "two_actors",
     ]  # fmt: skip
     for path in CONFIGS:
         width, height = tomllib.loads(path.read_text())["camera"]["resolution"]
@@ -170,8 +171,10 @@ def test_the_example_with_a_solve_inside_finds_its_root(capsys):
     assert capsys.readouterr().out == "Hang the sign 7.50 m from the camera.\n"
 
 
-def test_readme_batch_runs_at_small_size(tmp_path):
-    shown = shlex.split(re.search(r"^focusjax (batch .*)$", README, re.MULTILINE)[1])
+def test_the_batch_shown_runs_at_small_size(tmp_path):
+    shown = shlex.split(
+        re.search(r"^focusjax (batch .*)$", (HOW_TO / "batch.md").read_text(), re.MULTILINE)[1]
+    )
     words = [str(ROOT / word) if word.startswith("configs/") else word for word in shown]
     words[words.index("--out") + 1] = str(tmp_path / "out")
     result = CliRunner().invoke(app, [*words, *OPTIONS])
@@ -254,21 +257,15 @@ def test_the_example_photographs_and_reads_the_print(capsys, monkeypatch, tmp_pa
     assert iio.imread("photograph.png").shape == (72, 96, 3)
 
 
-def test_readme_shows_the_example_as_it_is():
-    assert (ROOT / "examples" / "spot.py").read_text() in README
+def test_a_page_shows_the_example_as_it_is():
+    assert (ROOT / "examples" / "spot.py").read_text() in (HOW_TO / "python.md").read_text()
 
 
-def test_readme_shows_the_still_life_as_it_is():
-    shown = tomllib.loads(re.search(r"```toml\n(.*?)```", README, re.DOTALL)[1])
+@pytest.mark.parametrize("page", [ROOT / "README.md", HOW_TO / "config.md"], ids=lambda page: page.name)
+def test_a_page_shows_the_still_life_as_it_is(page):
+    shown = tomllib.loads(re.search(r"```toml\n(.*?)```", page.read_text(), re.DOTALL)[1])
     config = tomllib.loads((ROOT / "configs" / "still_life.toml").read_text())
     assert shown["solve"] == config["solve"]
     assert shown["lens"].items() <= config["lens"].items()
     for part, whole in zip(shown["focus"], config["focus"], strict=True):
         assert part.items() <= whole.items()
-
-
-def test_everything_readme_links_to_is_there():
-    links = re.findall(r"\]\(([^)]+)\)", README)
-    local = [link for link in links if "://" not in link]
-    assert "docs/still_life.png" in local
-    assert [link for link in local if not (ROOT / link.split("#")[0]).exists()] == []

@@ -5,6 +5,7 @@ import json
 import imageio.v3 as iio
 import numpy as np
 import pytest
+from complaints import complaints_in
 from depth_photos import disk_scene, gdepth_jpeg, jpeg
 from typer.testing import CliRunner
 
@@ -27,7 +28,7 @@ def folder(tmp_path_factory):
 def refocus(*arguments):
     result = CliRunner().invoke(app, ["refocus", *map(str, arguments)], env={"COLUMNS": "200"})
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
-    return result.exit_code, result.stdout, result.stderr
+    return result.exit_code, result.stdout, complaints_in(result.stderr)
 
 
 def test_a_phone_photograph_is_refocused_and_reported(folder):

@@ -2,6 +2,7 @@
 
 from focusjax.baselines._accumulation import accumulate as accumulate
 from focusjax.baselines._denoise import denoised as denoised
+from focusjax.baselines._gather import circle_radii as circle_radii
 from focusjax.baselines._gather import gather as gather
 from focusjax.baselines._mitsuba import SAMPLER as SAMPLER
 from focusjax.baselines._mitsuba import UnlitScene as UnlitScene

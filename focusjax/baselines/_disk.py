@@ -4,7 +4,7 @@ import math
 from typing import cast
 
 import numpy as np
-import scipy.fft
+import scipy
 from jaxtyping import Float
 
 from focusjax._parallel import CORES

@@ -66,7 +66,7 @@ def gather(
     picture, depth = checked_view(np.asarray(image), np.asarray(disparity), camera)
     real = jnp.zeros(()).dtype
     depths = jnp.asarray(depth, real)
-    reaches = _reaches(depths, camera, lens)
+    reaches = circle_radii(depths, camera, lens)
     if levels is None:
         # How far apart the taps of the widest circle lie.
         apart = float(reaches.max()) * math.sqrt(math.pi / taps)
@@ -77,7 +77,7 @@ def gather(
 
 
 @eqx.filter_jit
-def _reaches(disparity: Float[Array, "h w"], camera: Camera, lens: AbstractLens) -> Float[Array, "h w"]:
+def circle_radii(disparity: Float[Array, "h w"], camera: Camera, lens: AbstractLens) -> Float[Array, "h w"]:
     """Radius of every pixel's circle of confusion in pixels."""
     reach = jax.vmap(lambda point, w: jnp.abs(lens.blur(camera, point, w)) / 2.0)
     return reach(_centres(disparity), disparity.ravel()).reshape(disparity.shape)

@@ -5,18 +5,25 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from focusjax._console import fail, say
-from focusjax._parallel import CORES
 from focusjax.batch._description import is_batch_file, items_from_file
-from focusjax.batch._errors import BatchError, sentence
+from focusjax.batch._errors import BatchError
 from focusjax.batch._folder import Existing
 from focusjax.batch._grid import parse_grid
 from focusjax.batch._items import Item, make_items
 from focusjax.batch._results import BatchResults, ItemResult
 from focusjax.batch._run import run_batch
 from focusjax.config import ConfigError
+from focusjax.many import (
+    JobsOption,
+    ManyError,
+    SchedulerOption,
+    Workers,
+    chosen_workers,
+    progress_bar,
+    sentence,
+)
 from focusjax.report import f_number, metres
 
 _FAILED, _BAD_INPUT, _INTERRUPTED = 1, 2, 130
@@ -51,7 +58,8 @@ def command(
             "--root", metavar="DIR", help="Folder below which configs may name files; their own by default."
         ),
     ] = None,
-    jobs: Annotated[int, typer.Option("--jobs", help="Processes that share the work.")] = 1,
+    jobs: JobsOption = 1,
+    scheduler: SchedulerOption = None,
     solve_only: Annotated[
         bool, typer.Option("--solve-only", help="Solve for the lens settings and make no pictures.")
     ] = False,
@@ -68,8 +76,9 @@ def command(
     console, errors = Console(), Console(stderr=True)
     try:
         items = _items(configs, grid or [], table, set_ or [], root)
-        results = _run(console, errors, items, out, jobs, _existing(resume, overwrite), solve_only)
-    except (ConfigError, BatchError) as error:
+        workers = chosen_workers(errors, jobs, scheduler)
+        results = _run(console, errors, items, out, workers, _existing(resume, overwrite), solve_only)
+    except (ConfigError, BatchError, ManyError) as error:
         fail(errors, error, _BAD_INPUT)
     except KeyboardInterrupt:
         fail(errors, RuntimeError("interrupted; --resume goes on with what is not done"), _INTERRUPTED)
@@ -103,22 +112,12 @@ def _run(
     errors: Console,
     items: list[Item],
     out: Path,
-    jobs: int,
+    workers: Workers,
     existing: Existing,
     solve_only: bool,
 ) -> BatchResults:
     """Run the batch; a line for each item, and a bar below them on a terminal."""
-    if jobs > CORES:
-        say(errors, f"Note: {jobs} jobs on {CORES} cores only take memory; {CORES} or fewer are as fast")
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
+    bar = progress_bar(console)
     # On a terminal, lines from elsewhere would break the bar.
     aside = console if console.is_terminal and errors.is_terminal else errors
     with bar:
@@ -136,7 +135,7 @@ def _run(
         return run_batch(
             items,
             out,
-            jobs=jobs,
+            workers=workers,
             existing=existing,
             solve_only=solve_only,
             on_result=tell,

@@ -26,7 +26,7 @@ class Fingerprints:
     def of(self, config: Config, *, solve_only: bool) -> dict[str, Any]:
         """The fingerprint of one item."""
         # Through JSON, so that it compares equal to one that was saved.
-        values = json.loads(json.dumps(for_json(config.model_dump(mode="python"))))
+        values = json.loads(json.dumps(for_json(config.model_dump(mode="python", by_alias=True))))
         folder = config.source.parent
         files = {text: self._hash(folder / text) for text in sorted(set(_texts(values)))}
         return {

@@ -8,12 +8,15 @@ from typing import Any, Literal
 
 from focusjax.batch._errors import BatchError
 from focusjax.io import UNFINISHED, FolderInUseError, load_json, sole_use
+from focusjax.many import Journal
 
 Existing = Literal["refuse", "resume", "overwrite"]
 """What to do about results that are there already."""
 
 ITEM_FILE = "item.json"
 """In every item's folder: what the item was, and how it went."""
+LOG_FILE = "failed.log"
+"""In the folder of an item that failed: why, in full."""
 SUMMARY_FILES = ("summary.csv", "summary.json", "summary.html")
 
 
@@ -43,7 +46,7 @@ def batch_folder(folder: Path, names: Sequence[str], existing: Existing) -> Iter
             folder.mkdir(parents=True, exist_ok=True)
             held.enter_context(sole_use(folder))
             for name in names:
-                if (folder / name).exists() and not (folder / name / ITEM_FILE).exists():
+                if (folder / name).exists() and not _is_ours(folder / name):
                     raise BatchError(f"{folder / name} is from no batch; move it, or choose another --out")
             _remove_unfinished(folder)
             if existing == "overwrite":
@@ -59,6 +62,10 @@ def batch_folder(folder: Path, names: Sequence[str], existing: Existing) -> Iter
         yield
 
 
+def _is_ours(folder: Path) -> bool:
+    return (folder / ITEM_FILE).exists() or (folder / LOG_FILE).exists()
+
+
 def done_before(folder: Path) -> dict[str, Any] | None:
     """What a finished item says of itself in its `folder`; None where there is none."""
     facts = load_json(folder / ITEM_FILE)
@@ -72,7 +79,7 @@ def _files_in(folder: Path) -> list[str]:
 def _remove_results(folder: Path) -> None:
     """What batches left in the folder; nothing else in it is touched."""
     for path in list(folder.iterdir()):
-        if (path / ITEM_FILE).exists():
+        if _is_ours(path):
             shutil.rmtree(path)
         elif path.name in SUMMARY_FILES:
             path.unlink()
@@ -81,3 +88,4 @@ def _remove_results(folder: Path) -> None:
 def _remove_unfinished(folder: Path) -> None:
     for path in folder.glob(f"{UNFINISHED}*"):
         shutil.rmtree(path, ignore_errors=True)
+    Journal(folder, "").clear()

@@ -1,20 +1,21 @@
 """A batch from its items to its summary."""
 
+import dataclasses
 import threading
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
 from focusjax.batch._errors import BatchError
 from focusjax.batch._fingerprint import Fingerprints, changed_since
-from focusjax.batch._folder import Existing, batch_folder, done_before
+from focusjax.batch._folder import LOG_FILE, Existing, batch_folder, done_before
 from focusjax.batch._items import Item
-from focusjax.batch._pool import work_apart
 from focusjax.batch._results import BatchResults, ItemResult, result_of
 from focusjax.batch._summary import save_summary
-from focusjax.batch._work import Task, Worker
+from focusjax.batch._work import DoItem, task_of
+from focusjax.many import Ended, Task, Workers, carry_out
 
 _SUMMARY_SHARE = 0.1
 """Of the time, at most, goes into summaries; there may be thousands of items."""
@@ -24,7 +25,7 @@ def run_batch(
     items: Sequence[Item],
     folder: Path | str,
     *,
-    jobs: int = 1,
+    workers: Workers = 1,
     existing: Existing = "refuse",
     solve_only: bool = False,
     on_result: Callable[[ItemResult], None] | None = None,
@@ -34,16 +35,18 @@ def run_batch(
 
     An item's folder is what `focusjax run` leaves, with `thumbnail.jpg` and `item.json`. It appears whole
     or not at all, so that a batch that is killed loses nothing that is finished, and `existing="resume"`
-    goes on with it. An item that fails does not stop the others; it leaves no folder, and is tried again
-    then. The summary (`summary.csv`, `summary.json`, `summary.html`) is written as items finish, and lists
-    them all.
+    goes on with it, with any workers. An item that fails does not stop the others; its folder has
+    `failed.log`, and it is tried again then. The summary (`summary.csv`, `summary.json`, `summary.html`)
+    is written as items finish, and lists them all.
 
     Args:
         items: from `make_items` or `items_from_file`.
         folder: made if need be.
-        jobs: processes to share the work. With one, everything is done in this process, so that an item
-            that takes the process down takes the batch with it; of several, it fails alone. Scripts that
-            use several have to call this under `if __name__ == "__main__":`.
+        workers: who shares the work: so many processes of this machine, the address or the scheduler file of
+            a Dask cluster, a `distributed.Client`, or a `concurrent.futures.Executor`. With 1, everything
+            is done in this process, so that an item that takes the process down takes the batch with it;
+            of several processes, an item at which three have ended fails alone. Scripts that use several
+            have to call this under `if __name__ == "__main__":`. The folder is one that all workers see.
         existing: what to do about results that are there: "refuse" them; "resume", which keeps those whose
             config and files are what they were, and does the others; "overwrite", which removes them.
         solve_only: find the settings and make no pictures.
@@ -51,22 +54,23 @@ def run_batch(
         on_note: called with a sentence on each item that is done again, and why.
 
     Raises:
-        BatchError: no items, `jobs` below 1, or a folder that cannot be used; nothing was started.
-        RuntimeError: processes that cannot be started.
+        BatchError: no items, or a folder that cannot be used; nothing was started.
+        ManyError: workers that cannot be used; nothing was started. Or workers that are lost.
     """
     folder = Path(folder)
     if not items:
         raise BatchError("there are no items; give at least one config")
-    if jobs < 1:
-        raise BatchError(f"jobs is {jobs}; expected at least 1 process")
+    if isinstance(workers, int) and workers < 1:
+        raise BatchError(f"jobs is {workers}; expected at least 1 process")
     with batch_folder(folder, [item.name for item in items], existing):
         batch = _Batch(items, folder, solve_only, on_result or _silent)
         tasks = batch.sort_out(on_note or _silent)
         try:
             # Closed, so that no process is left at work when something goes wrong here.
-            with closing(_do(tasks, folder, jobs, solve_only)) as ended:
-                for task, message in ended:
-                    batch.note(task.item, message)
+            work = DoItem(folder.absolute(), solve_only)
+            with closing(carry_out(work, tasks, folder, workers=workers, on_note=on_note)) as ended:
+                for each in ended:
+                    batch.note(each)
         finally:
             batch.finish()
     return batch.so_far()
@@ -91,21 +95,26 @@ class _Batch:
         """What is left to do; what is done already counts as results."""
         fingerprints, tasks = Fingerprints(), []
         for item in self._items:
-            task = Task(item, fingerprints.of(item.config, solve_only=self._solve_only))
+            fingerprint = fingerprints.of(item.config, solve_only=self._solve_only)
             before = done_before(self._folder / item.name)
-            change = "" if before is None else changed_since(before.get("fingerprint", {}), task.fingerprint)
+            change = "" if before is None else changed_since(before.get("fingerprint", {}), fingerprint)
             if before is not None and not change:
                 self._add(result_of(item, self._folder, kept=True))
                 continue
-            tasks.append(task)
+            tasks.append(task_of(dataclasses.replace(item, config=item.config.anywhere()), fingerprint))
             if change:
                 on_note(f"{item.name} is done again: {change}")
         return tasks
 
-    def note(self, item: Item, message: str) -> None:
+    def note(self, ended: Ended) -> None:
         """An item has ended."""
-        if message:
-            self._add(ItemResult(item, "failed", message))
+        item = self._results[ended.task.name].item
+        if ended.error:
+            # A disk that is full fails items, not the batch.
+            with suppress(OSError):
+                (self._folder / item.name).mkdir(exist_ok=True)
+                (self._folder / item.name / LOG_FILE).write_text(f"{ended.error}\n\n{ended.log}")
+            self._add(ItemResult(item, "failed", ended.error))
         else:
             self._add(result_of(item, self._folder, kept=False))
         wait = self._not_before - time.monotonic()
@@ -146,16 +155,6 @@ class _Batch:
     def _add(self, result: ItemResult) -> None:
         self._results[result.item.name] = result
         self._on_result(result)
-
-
-def _do(tasks: Sequence[Task], folder: Path, jobs: int, solve_only: bool) -> Generator[tuple[Task, str]]:
-    """Each task with what went wrong, or ""."""
-    if jobs > 1:
-        yield from work_apart(tasks, folder, jobs=jobs, solve_only=solve_only)
-        return
-    worker = Worker(folder, solve_only=solve_only)
-    for task in tasks:
-        yield task, worker.attempt(task)
 
 
 def _silent(_: Any) -> None:

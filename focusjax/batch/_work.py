@@ -1,82 +1,70 @@
 """Doing one item: what one run does, into a folder that is there whole or not at all."""
 
-import dataclasses
 import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from PIL import Image
 
 from focusjax import job
-from focusjax._freed import return_programs
-from focusjax.batch._errors import sentence
-from focusjax.batch._folder import ITEM_FILE
+from focusjax.batch._fingerprint import changed_since
+from focusjax.batch._folder import ITEM_FILE, done_before
 from focusjax.batch._items import Item
 from focusjax.config import build_scene
-from focusjax.io import json_text, whole_folder
+from focusjax.io import json_text
+from focusjax.many import Journal, Task, finished_folder
 from focusjax.report import save_outcome
 
 THUMBNAIL = "thumbnail.jpg"
 _THUMBNAIL_WIDTH = 320
 
 
-@dataclasses.dataclass(frozen=True)
-class Task:
-    """An item to be done.
+def task_of(item: Item, fingerprint: dict[str, Any]) -> Task:
+    """The task of an item.
 
-    Attributes:
+    Those of one config share most of their compiled programs, and often their scene.
+
+    Args:
         item: what to do.
         fingerprint: what the result depends on, see `Fingerprints`.
     """
-
-    item: Item
-    fingerprint: dict[str, Any]
-
-    @property
-    def group(self) -> str:
-        """Tasks of the same group share most of their compiled programs, and often their scene."""
-        return str(self.item.config.source)
+    return Task(item.name, (item, fingerprint), group=str(item.config.source))
 
 
-class Worker:
-    """Does items one after another, and keeps what the next can use: compiled programs and the scene.
+@dataclass(frozen=True)
+class DoItem:
+    """Does items, and keeps what the next one in the same process can use: compiled programs and the scene.
 
     Pictures whose layers are as large share their programs, so that each item's layers have room for those of
     the items before it. The picture is the same with it.
 
-    Args:
+    Attributes:
         folder: of the batch.
         solve_only: find the settings and make no picture.
     """
 
-    def __init__(self, folder: Path, *, solve_only: bool):
-        self._folder = folder
-        self._solve_only = solve_only
-        self._key: object = None
-        self._scene: Any = None
-        self._extent: Any = None
+    folder: Path
+    solve_only: bool
+    # Of the process, whichever copy of this object it has got: the last scene by its key, and the extent.
+    _kept: ClassVar[dict[str, Any]] = {}
 
-    def attempt(self, task: Task) -> str:
-        """Do one item; what went wrong as a sentence, or "" when nothing did."""
-        try:
-            self._do(task)
-        except Exception as error:
-            return sentence(error)
-        finally:
-            return_programs()
-        return ""
-
-    def _do(self, task: Task) -> None:
-        item = task.item
+    def __call__(self, task: Task, journal: Journal) -> None:
+        """Do one item, unless it is done already."""
+        item, fingerprint = task.argument
+        before = done_before(self.folder / item.name)
+        if before is not None and not changed_since(before.get("fingerprint", {}), fingerprint):
+            return
         start = time.perf_counter()
-        with whole_folder(self._folder / item.name) as stage, _warnings_kept() as told:
-            scene = self._scene_of(task)
-            outcome = job.run(item.config, rendering=not self._solve_only, scene=scene, like=self._extent)
+        with finished_folder(journal, item.name, self.folder) as stage, _warnings_kept() as told:
+            scene = self._scene_of(item, fingerprint)
+            like = self._kept.get("extent")
+            outcome = job.run(item.config, rendering=not self.solve_only, scene=scene, like=like)
             if outcome.picture is not None:
-                self._extent = outcome.picture.extent
+                self._kept["extent"] = outcome.picture.extent
             save_outcome(stage, outcome)
             _save_thumbnail(stage)
             facts = {
@@ -84,23 +72,24 @@ class Worker:
                 "changes": dict(item.changes),
                 "seconds": time.perf_counter() - start,
                 "warnings": told,
-                "fingerprint": task.fingerprint,
+                "fingerprint": fingerprint,
             }
             (stage / ITEM_FILE).write_text(json_text(facts), encoding="utf-8")
 
-    def _scene_of(self, task: Task) -> Any:
+    def _scene_of(self, item: Item, fingerprint: dict[str, Any]) -> Any:
         """The item's scene: the one before, if that is of the same table, folder and files."""
-        config = task.item.config
-        files = tuple(task.fingerprint["files"].items())
+        config = item.config
+        files = tuple(fingerprint["files"].items())
         # A photograph is prepared for a lens.
         widest = None if config.scene.photo is None else config.widest_f_number
         key = (config.scene, widest, config.source.parent.resolve(), files)
-        if key != self._key:
+        if self._kept.get("key") != key:
             # Let go of one scene before there are two.
-            self._key = self._scene = None
-            self._scene = build_scene(config)
-            self._key = key
-        return self._scene
+            self._kept.pop("key", None)
+            self._kept.pop("scene", None)
+            self._kept["scene"] = build_scene(config)
+            self._kept["key"] = key
+        return self._kept["scene"]
 
 
 def _save_thumbnail(folder: Path) -> None:

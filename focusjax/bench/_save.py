@@ -7,22 +7,13 @@ import math
 from pathlib import Path
 from typing import Any
 
-import jinja2
-
+from focusjax._templates import template
 from focusjax.bench._pictures import ERROR_PEAK, error_url, file_url, picture_url, save_pareto
 from focusjax.bench._run import CaseResults, EqualError, Results, Row
 from focusjax.io import for_json
 
 FILES = ("report.html", "results.json", "results.csv", "pareto.png")
 """Every file that a comparison leaves in its folder."""
-
-_TEMPLATES = jinja2.Environment(
-    loader=jinja2.PackageLoader("focusjax.bench", "."),
-    autoescape=True,
-    undefined=jinja2.StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
 
 
 def save_results(folder: Path, results: Results) -> None:
@@ -48,7 +39,7 @@ def save_results(folder: Path, results: Results) -> None:
     text = json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False)
     (folder / "results.json").write_text(text + "\n", encoding="utf-8")
     save_pareto(folder / "pareto.png", results)
-    page = _TEMPLATES.get_template("speed_error.html.j2").render(
+    page = template("focusjax.bench", "speed_error.html.j2").render(
         results=results,
         titles={method.name: method.title for method in results.methods},
         knobs={method.name: method.knob for method in results.methods},

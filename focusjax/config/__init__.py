@@ -4,6 +4,7 @@ from focusjax.config._build import build_camera as build_camera
 from focusjax.config._build import build_lens as build_lens
 from focusjax.config._build import build_objects as build_objects
 from focusjax.config._build import build_scene as build_scene
+from focusjax.config._build import build_stored_scene as build_stored_scene
 from focusjax.config._build_exposure import build_balance as build_balance
 from focusjax.config._build_exposure import build_choices as build_choices
 from focusjax.config._build_exposure import build_film as build_film
@@ -18,6 +19,8 @@ from focusjax.config._build_wishes import build_solve_options as build_solve_opt
 from focusjax.config._errors import ConfigError as ConfigError
 from focusjax.config._errors import sentence_for as sentence_for
 from focusjax.config._exposure import ExposureTable as ExposureTable
+from focusjax.config._keys import ConfigKey as ConfigKey
+from focusjax.config._keys import config_keys as config_keys
 from focusjax.config._load import Config as Config
 from focusjax.config._load import config_of as config_of
 from focusjax.config._load import load_config as load_config
@@ -29,7 +32,14 @@ from focusjax.config._reach import Reach as Reach
 from focusjax.config._reach import texts as texts
 from focusjax.config._refusals import refusals_located as refusals_located
 from focusjax.config._render import RenderTable as RenderTable
+from focusjax.config._scene import ObjectTable as ObjectTable
+from focusjax.config._schema import json_schema as json_schema
+from focusjax.config._schema import schema_text as schema_text
 from focusjax.config._shot import ShotTable as ShotTable
-from focusjax.config._shot import values_of as values_of
+from focusjax.config._shot import TimedControlTable as TimedControlTable
+from focusjax.config._shot import TimedWishTable as TimedWishTable
+from focusjax.config._shot_keys import values_of as values_of
+from focusjax.config._shot_lens import ABERRATIONS as ABERRATIONS
+from focusjax.config._shot_lens import SETTINGS as SETTINGS
 from focusjax.config._values import Table as Table
 from focusjax.config._wishes import FocusTable as FocusTable

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from focusjax._kept import kept
 from focusjax.config._build_look import build_aperture
 from focusjax.config._build_photo import build_photo
 from focusjax.config._errors import ConfigError
@@ -39,25 +40,48 @@ from focusjax.scene import (
     make_scene,
     point_light,
 )
+from focusjax.scene_files import StoredScene, read_scene
+
+
+def build_stored_scene(config: Config) -> StoredScene | None:
+    """What the file of `[scene]` has, which is read once; None without one.
+
+    Raises:
+        ConfigError: it cannot be read.
+    """
+    name = config.scene.file
+    if name is None:
+        return None
+
+    def read() -> StoredScene:
+        try:
+            return read_scene(config.reach.file(name, "scene.file"), within=config.reach.folders(name))
+        except ValueError as error:
+            raise located(error, config) from error
+
+    return kept(config, "stored scene", read)
 
 
 def build_objects(config: Config) -> tuple[SceneObject, ...]:
-    """Load the meshes of `[scene]`.
+    """Load the meshes of `[scene]`: those of its file, and then those of its objects.
 
     Raises:
         ConfigError: a mesh that cannot be used.
     """
+    stored = build_stored_scene(config)
     try:
-        return tuple(_object(table, number, config) for number, table in enumerate(config.scene.objects))
+        own = tuple(_object(table, number, config) for number, table in enumerate(config.scene.objects))
     except ValueError as error:
         raise located(error, config) from error
+    return own if stored is None else (*stored.objects, *own)
 
 
 def build_scene(config: Config, objects: Sequence[SceneObject] | None = None) -> Scene:
     """Put the meshes of `[scene]` together, which are loaded when they are not given; or its photograph.
 
     Raises:
-        ConfigError: a mesh or photograph that cannot be used, or objects that cannot stand together.
+        ConfigError: a mesh or photograph that cannot be used, or objects that cannot stand together; a file
+            without lights, where the config has none either.
     """
     if config.scene.photo is not None:
         photo = build_photo(config)
@@ -65,12 +89,23 @@ def build_scene(config: Config, objects: Sequence[SceneObject] | None = None) ->
         longer = float(photo.camera.focal_length) / float(build_camera(config).focal_length)
         return photo.scene(f_number=config.widest_f_number * longer)
     loaded = build_objects(config) if objects is None else objects
+    stored = build_stored_scene(config)
     try:
+        lights = [_light(table) for table in config.scene.lights]
+        ambient = np.broadcast_to(np.asarray(config.scene.ambient, dtype=float), (3,))
+        if stored is not None and not config.scene.unlit:
+            lights, ambient = [*stored.lights, *lights], ambient + stored.ambient
+        glows = any(np.any(material.emission) for each in loaded for material in each.materials)
+        if not (config.scene.unlit or lights or ambient.any() or glows):
+            raise ValueError(
+                f"scene.file is {config.scene.file!r}, which has no light that is read; add ambient = 0.3, a"
+                " [[scene.lights]] table, or unlit = true"
+            )
         return make_scene(
             loaded,
-            lights=[_light(table) for table in config.scene.lights],
-            ambient=config.scene.ambient,
-            background=_background(config),
+            lights=lights,
+            ambient=ambient,
+            background=_background(config, stored),
             unlit=config.scene.unlit,
         )
     except ValueError as error:
@@ -179,7 +214,13 @@ def _light(table: DirectionalTable | PointTable) -> AbstractLight:
     return point_light(table.position, table.intensity)
 
 
-def _background(config: Config) -> AbstractBackground:
+def _background(config: Config, stored: StoredScene | None) -> AbstractBackground:
+    if (
+        stored is not None
+        and stored.background is not None
+        and "background" not in config.scene.model_fields_set
+    ):
+        return constant_background(stored.background)
     background = config.scene.background
     if isinstance(background, ConstantTable):
         return constant_background(background.colour)

@@ -2,12 +2,14 @@
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
-from focusjax.config._build import faces_of, located
+from focusjax.config._build import located
+from focusjax.config._build_wishes import place_of
 from focusjax.config._errors import ConfigError
 from focusjax.config._focal_surface import ControlPointTable, GaussianTable, WendlandTable
 from focusjax.config._load import Config
-from focusjax.focus import AtPixel, AtPoint, Blur, FocusPoint, ImagePoints, OnObject
+from focusjax.focus import Blur, FocusPoint, ImagePoints
 from focusjax.geometry import Camera
 from focusjax.lens import (
     AbstractKernel,
@@ -21,8 +23,13 @@ from focusjax.lens import (
 from focusjax.scene import Scene
 
 
-def build_control_points(config: Config, scene: Scene) -> tuple[FocusPoint, ...]:
+def build_control_points(config: Config, scene: Scene, *, samples: int = 1) -> tuple[FocusPoint, ...]:
     """The places of `[[lens.focal_surface.points]]`, with the signed blur wished there.
+
+    Args:
+        config: has a focal surface.
+        scene: what the places are in.
+        samples: points of an object or a mask, whose mean a control point may be (`one_row_each`).
 
     Raises:
         ConfigError: no focal surface, or an object that does not exist.
@@ -31,18 +38,34 @@ def build_control_points(config: Config, scene: Scene) -> tuple[FocusPoint, ...]
     if table is None:
         raise ConfigError(f"{config.source}: there is no [lens.focal_surface] table; add one")
     try:
-        return tuple(_control_point(point, number, scene) for number, point in enumerate(table.points))
+        return tuple(
+            _control_point(point, number, scene, config, samples) for number, point in enumerate(table.points)
+        )
     except ValueError as error:
         raise located(error, config) from error
 
 
-def build_focal_surface(config: Config, points: ImagePoints, camera: Camera, lens: ThinLens) -> FocalSurface:
+def build_focal_surface(
+    config: Config,
+    points: ImagePoints,
+    camera: Camera,
+    lens: ThinLens,
+    *,
+    aperture_scale: Float[np.ndarray, "k"] | None = None,
+) -> FocalSurface:
     """The surface through the control points, found in the picture as `points`.
 
     A point of wished blur d and disparity w is passed at w + d / (2 f E s), where it has that blur. Its
     weight is its own times what `points` has: less when farther away, and less the more it is hidden, so
     that of points which overlap and contradict each other the near and the visible one wins (Lee10 section
     5.2). Points outside the frame have none, unless told otherwise.
+
+    Args:
+        config: has a focal surface.
+        points: one row for each control point.
+        camera: the pinhole that frames the picture.
+        lens: aperture radius and shape.
+        aperture_scale: of every control point, instead of the config's.
 
     Raises:
         ConfigError: a control point behind the camera.
@@ -52,7 +75,8 @@ def build_focal_surface(config: Config, points: ImagePoints, camera: Camera, len
     for name, note in zip(points.names, points.notes, strict=True):
         if note == "behind the camera":
             raise ConfigError(f"{config.source}: control point {name!r} is {note}; move it, or the camera")
-    scale = np.array([point.aperture_scale for point in table.points])
+    own = np.array([point.aperture_scale for point in table.points])
+    scale = own if aperture_scale is None else aperture_scale
     slope = 2.0 * float(lens.parallax(camera)) * scale
     return focal_surface(
         points.xy,
@@ -64,20 +88,15 @@ def build_focal_surface(config: Config, points: ImagePoints, camera: Camera, len
     )
 
 
-def _control_point(table: ControlPointTable, number: int, scene: Scene) -> FocusPoint:
-    if table.pixel is not None:
-        where = AtPixel(*table.pixel)
-    elif table.point is not None:
-        where = AtPoint(table.point)
-    else:
-        assert table.object is not None
-        faces_of(scene, table.object, f"lens.focal_surface.points.{number}.object")
-        where = OnObject(table.object, samples=1)
+def _control_point(
+    table: ControlPointTable, number: int, scene: Scene, config: Config, samples: int
+) -> FocusPoint:
+    key = f"lens.focal_surface.points.{number}"
     return FocusPoint(
-        where,
+        place_of(table, key, scene, config, samples),
         Blur(table.blur_px, signed=True),
         weight=table.weight,
-        name=table.name or f"lens.focal_surface.points.{number}",
+        name=table.name or key,
         even_outside=table.even_outside,
         even_hidden=table.even_hidden,
     )

@@ -11,6 +11,7 @@ from jaxtyping import Bool
 
 from focusjax.config._build import faces_of, located
 from focusjax.config._errors import ConfigError
+from focusjax.config._focal_surface import ControlPointTable
 from focusjax.config._load import Config
 from focusjax.config._wishes import FocusTable
 from focusjax.focus import (
@@ -114,7 +115,7 @@ def _priors(config: Config) -> dict[str, Prior]:
 
 def _focus_point(table: FocusTable, number: int, scene: Scene, config: Config) -> FocusPoint:
     return FocusPoint(
-        where=_where(table, number, scene, config),
+        where=place_of(table, f"focus.{number}", scene, config, table.samples),
         wish=_wish(table),
         weight=table.weight,
         tolerance=1.0 if (given := _diameter(table, "tolerance")) is None else given,
@@ -151,7 +152,21 @@ def _diameter(table: FocusTable, kind: str) -> Diameter | None:
     return None
 
 
-def _where(table: FocusTable, number: int, scene: Scene, config: Config) -> Attachment:
+def place_of(
+    table: FocusTable | ControlPointTable, key: str, scene: Scene, config: Config, samples: int | None
+) -> Attachment:
+    """The place that a table names.
+
+    Args:
+        table: which says where in one way.
+        key: of the table, for messages.
+        scene: what objects and triangles are of.
+        config: whose files masks are.
+        samples: points of an object, mask or depth range; the usual number when None.
+
+    Raises:
+        ValueError: an object that does not exist, a triangle beyond its last one, or no mask.
+    """
     if table.pixel is not None:
         return AtPixel(*table.pixel)
     if table.point is not None:
@@ -163,24 +178,22 @@ def _where(table: FocusTable, number: int, scene: Scene, config: Config) -> Atta
         faces = (
             range(len(scene.faces))
             if table.object is None
-            else faces_of(scene, table.object, f"focus.{number}.object")
+            else faces_of(scene, table.object, f"{key}.object")
         )
         if table.triangle >= len(faces):
             where = "the scene" if table.object is None else f"object {table.object!r}"
             raise ValueError(
-                f"focus.{number}.triangle is {table.triangle} but {where} has {len(faces)} triangles;"
+                f"{key}.triangle is {table.triangle} but {where} has {len(faces)} triangles;"
                 f" expected 0 to {len(faces) - 1}"
             )
         return OnTriangle(faces[table.triangle], table.barycentric)
-    more = {} if table.samples is None else {"samples": table.samples}
+    more = {} if samples is None else {"samples": samples}
     if table.mask is not None:
-        return OnMask(
-            _read_mask(config.reach.file(table.mask, f"focus.{number}.mask"), f"focus.{number}.mask"), **more
-        )
-    if table.depth_m is not None:
+        return OnMask(_read_mask(config.reach.file(table.mask, f"{key}.mask"), f"{key}.mask"), **more)
+    if isinstance(table, FocusTable) and table.depth_m is not None:
         return InDepthRange(*table.depth_m, **more)
     assert table.object is not None
-    faces_of(scene, table.object, f"focus.{number}.object")
+    faces_of(scene, table.object, f"{key}.object")
     return OnObject(table.object, **more)
 
 

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from focusjax.camera_files import StoredCamera, read_camera
 from focusjax.config._errors import ConfigError
 from focusjax.config._reach import Reach
+from focusjax.scene_files import StoredCamera, read_camera
 
-_POSE = ("matrix", "position", "look_at", "up")
+POSE = ("matrix", "position", "look_at", "up")
 _LENGTH = ("focal_length_mm", "field_of_view_deg")
 _STOP = ("f_number", "aperture_radius_mm", "sharp_from_m", "sharp_to_m")
 _FOCUS = ("focus_distance_m", "focal_surface", "sharp_from_m", "sharp_to_m")
@@ -19,26 +19,41 @@ _USUAL_WIDTH = 0.036
 def with_camera_of_file(data: dict[str, Any], reach: Reach) -> dict[str, Any]:
     """`data` with what the file says of camera and lens, where its tables say nothing themselves.
 
+    The file is that of `[camera]`, or else that of `[scene]` where `[camera]` has no pose of its own.
+
     Raises:
-        ConfigError: the file cannot be read, or has no such camera.
+        ConfigError: the file cannot be read, or has no such camera; a name and no file.
     """
-    camera, lens = data.get("camera"), data.get("lens", {})
-    if not isinstance(camera, dict) or "file" not in camera or not isinstance(lens, dict):
-        return data
-    name, called = camera["file"], camera.get("name")
-    if not isinstance(name, str) or not isinstance(called, str | None):
-        # Refused where all tables are looked at.
+    camera, lens = data.get("camera", {}), data.get("lens", {})
+    name = camera_file(data)
+    if name is None or not isinstance(lens, dict):
+        if isinstance(camera, dict) and isinstance(camera.get("from"), str) and "file" not in camera:
+            raise ConfigError(
+                f"{reach.source}: camera.from is {camera['from']!r}, and there is no file to take a camera"
+                " from; give scene.file or camera.file"
+            )
         return data
     try:
-        found = read_camera(reach.file(name, "camera.file"), called, within=reach.folders(name))
+        found = read_camera(reach.file(name, "camera.file"), camera.get("from"), within=reach.folders(name))
     except ValueError as error:
         raise ConfigError(f"{reach.source}: {error}") from error
     return {**data, "camera": {**_camera(found, camera), **camera}, "lens": {**_lens(found, lens), **lens}}
 
 
+def camera_file(data: dict[str, Any]) -> str | None:
+    """The file that the camera is to be read from; None for none, and where tables have other types."""
+    camera, scene = data.get("camera", {}), data.get("scene", {})
+    if not isinstance(camera, dict) or not isinstance(camera.get("from"), str | None):
+        return None
+    name = camera.get("file")
+    if name is None and isinstance(scene, dict) and ("from" in camera or not any(k in camera for k in POSE)):
+        name = scene.get("file")
+    return name if isinstance(name, str) else None
+
+
 def _camera(found: StoredCamera, given: dict[str, Any]) -> dict[str, Any]:
     filled: dict[str, Any] = {}
-    if not any(key in given for key in _POSE):
+    if not any(key in given for key in POSE):
         filled["matrix"] = found.pose.tolist()
     if found.resolution is not None:
         filled["resolution"] = list(found.resolution)

@@ -90,23 +90,28 @@ def _resolve(
     """
     models, field = [model], None
     written: list[int | str] = []
-    siblings: list[str] = list(model.model_fields)
+    siblings: list[str] = list(_fields(model))
     for position, step in enumerate(location):
-        found = [m.model_fields[step] for m in models if isinstance(step, str) and step in m.model_fields]
+        found = [_fields(m)[step] for m in models if isinstance(step, str) and step in _fields(m)]
         if found:
-            siblings = [name for m in models for name in m.model_fields]
+            siblings = [name for m in models for name in _fields(m)]
             field = found[0]
             models = [inner for each in found for inner in _models_in(each.annotation)]
             written.append(step)
         elif isinstance(step, int):
             written.append(step)
         elif position == len(location) - 1 and models:
-            siblings = [name for m in models for name in m.model_fields]
+            siblings = [name for m in models for name in _fields(m)]
             field = None
             written.append(step)
         else:
             models = [m for m in models if step in _tags(m)] or models
     return written, field, siblings
+
+
+def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """A model's fields by the keys of the file: `from` is none that Python can name."""
+    return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
 def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -17,7 +17,20 @@ class ControlPointTable(Table):
         default=None, description="a place [x, y] in the picture, in pixels from the top left"
     )
     point: Vector | None = Field(default=None, description="a point [x, y, z] in the world, in metres")
+    direction: Vector | None = Field(
+        default=None, description="a direction [x, y, z] from the camera, for something infinitely far away"
+    )
+    triangle: Annotated[int, Field(ge=0)] | None = Field(
+        default=None,
+        description="a triangle's number, counted in the whole scene, or in `object` when that is given",
+    )
+    barycentric: Vector | None = Field(
+        default=None, description="three weights of the triangle's corners, for example [0.2, 0.3, 0.5]"
+    )
     object: str | None = Field(default=None, description="the name of an object in the scene")
+    mask: str | None = Field(
+        default=None, description="an image file of the picture's size, white on what is meant"
+    )
     blur_px: Number = Field(
         default=0.0,
         description="the blur wished there, positive where the place is to be behind the focus",
@@ -36,8 +49,14 @@ class ControlPointTable(Table):
 
     @model_validator(mode="after")
     def _one_place(self) -> "ControlPointTable":
-        if sum(place is not None for place in (self.pixel, self.point, self.object)) != 1:
-            raise ValueError("needs exactly one of pixel, point and object to say where")
+        if (self.triangle is None) != (self.barycentric is None):
+            raise ValueError("needs triangle and barycentric together")
+        whole = self.object if self.triangle is None else None
+        places = (self.pixel, self.point, self.direction, self.triangle, whole, self.mask)
+        if sum(place is not None for place in places) != 1:
+            raise ValueError(
+                "needs exactly one of pixel, point, direction, triangle, object and mask to say where"
+            )
         return self
 
 

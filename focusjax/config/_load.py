@@ -1,5 +1,6 @@
 """Reading a config: TOML, then overrides, then validation."""
 
+import dataclasses
 import math
 import tomllib
 from collections.abc import Sequence
@@ -8,6 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, PrivateAttr, Strict, ValidationError, model_validator
 
+from focusjax._words import nearest_name
 from focusjax.config._camera_of_file import with_camera_of_file
 from focusjax.config._errors import ConfigError, key_path, sentence_for
 from focusjax.config._exposure import ExposureTable, FilmTable
@@ -16,6 +18,7 @@ from focusjax.config._reach import Reach, texts
 from focusjax.config._render import RenderTable
 from focusjax.config._scene import SceneTable
 from focusjax.config._shot import ShotTable
+from focusjax.config._shot_of_file import with_shot_of_file
 from focusjax.config._shutter import ShutterTable
 from focusjax.config._solve import SolveTable
 from focusjax.config._values import Table
@@ -41,7 +44,7 @@ class Config(Table):
     exposure: ExposureTable | None = Field(default=None, description="an [exposure] table")
     film: FilmTable | None = Field(default=None, description="a [film] table")
     shot: ShotTable | None = Field(default=None, description="a [shot] table with the number of frames")
-    shutter: ShutterTable | None = Field(default=None, description="a [shutter] table, of a [shot]")
+    shutter: ShutterTable | None = Field(default=None, description="a [shutter] table")
     _reach: Reach = PrivateAttr(Reach())
 
     @model_validator(mode="before")
@@ -116,8 +119,26 @@ class Config(Table):
         table = self.shutter
         if table is None:
             return self
-        if self.shot is None:
-            raise ValueError("has a [shutter] but no [shot], which says what moves; leave the [shutter] out")
+        keyed = [f"shutter.{name}" for name in ("camera", "objects") if getattr(table, name)]
+        if self.shot is None and not keyed:
+            raise ValueError(
+                "has a [shutter] and nothing that moves; give [[shutter.camera]] or [[shutter.objects]]"
+                " tables with keyframes, or a [shot], or leave the [shutter] out"
+            )
+        if self.shot is not None and keyed:
+            raise ValueError(
+                f"has a [shot], whose keyframes say what moves, and {keyed[0]}; leave one of them out"
+            )
+        if self.shot is None and table.angle_deg is not None:
+            raise ValueError(
+                "has shutter.angle_deg, a share of a frame, and no [shot] with frames; give shutter.time"
+                " instead"
+            )
+        if self.shot is None and self.render.method == "auto":
+            raise ValueError(
+                "has a [shutter] and render.method = 'auto', which is for what stands still; say 'trace' or"
+                " 'post'"
+            )
         seconds, exposed = self.shutter_seconds, None if self.exposure is None else self.exposure.time
         if seconds is None:
             raise ValueError(
@@ -150,11 +171,11 @@ class Config(Table):
     def shutter_seconds(self) -> float | None:
         """The time of the shutter in seconds; None without a `[shutter]`, or without a time."""
         table = self.shutter
-        if table is None or self.shot is None:
+        if table is None:
             return None
         if table.time is not None:
             return table.time
-        if table.angle_deg is not None:
+        if table.angle_deg is not None and self.shot is not None:
             return table.angle_deg / 360.0 / self.shot.fps
         return None if self.exposure is None else self.exposure.time
 
@@ -184,6 +205,13 @@ class Config(Table):
         """Where the files that it names may lie."""
         return self._reach
 
+    def anywhere(self) -> "Config":
+        """The same config with absolute paths of its own, to be used by a process in another folder."""
+        same = self.model_copy()
+        root = None if self._reach.root is None else self._reach.root.absolute()
+        same._reach = dataclasses.replace(self._reach, source=self.source.absolute(), root=root)
+        return same
+
 
 def load_config(path: Path | str, overrides: Sequence[str] = (), *, root: Path | str | None = None) -> Config:
     """Read and check the config at `path`.
@@ -200,6 +228,8 @@ def load_config(path: Path | str, overrides: Sequence[str] = (), *, root: Path |
             message is one sentence that names the file, the key, the value and what to do.
     """
     path = Path(path)
+    if root is not None and not Path(root).is_dir():
+        raise ConfigError(f"root {root} is not a folder; name the one below which the config's files lie")
     data = read_toml(path)
     set_keys(data, overrides)
     named = [toml_value(override.partition("=")[2]) for override in overrides]
@@ -223,15 +253,16 @@ def parse_config(text: str, source: Path | str, *, root: Path | str | None = Non
 def config_of(data: dict[str, Any], reach: Reach) -> Config:
     """The config that `data` says; `reach.source` is its file, or what stands for one in messages.
 
-    A `[scene.photo]` brings the camera that took it, and `[camera] file` camera and lens; what `[camera]` and
-    `[lens]` say goes before.
+    A `[scene.photo]` brings the camera that took it, a file with a camera that camera and its lens, and a
+    `[scene] file` that moves the frames of a `[shot]`; what the tables say themselves goes before.
 
     Raises:
         ConfigError: as `load_config`.
     """
     source = reach.source
     try:
-        config = Config.model_validate(with_camera_of_file(with_camera_of_photo(data, reach), reach))
+        filled = with_shot_of_file(with_camera_of_file(with_camera_of_photo(data, reach), reach), data, reach)
+        config = Config.model_validate(filled)
     except ValidationError as error:
         raise ConfigError(sentence_for(error, Config, source)) from None
     config._reach = reach
@@ -239,6 +270,8 @@ def config_of(data: dict[str, Any], reach: Reach) -> Config:
 
 
 def _no_toml(path: Path, error: Exception) -> ConfigError:
+    if isinstance(error, UnicodeDecodeError):
+        return ConfigError(f"{path}: this is not text in UTF-8 ({error.reason}); save it as UTF-8")
     if isinstance(error, RecursionError):
         return ConfigError(f"{path}: has tables or arrays nested too deep to read; write it flatter")
     return ConfigError(f"{path}: this is not valid TOML ({error}); mend that line")
@@ -258,7 +291,12 @@ def read_toml(path: Path) -> dict[str, Any]:
         # Editors on Windows begin files with a byte-order mark, which TOML does not know.
         return tomllib.loads(data.decode("utf-8-sig"))
     except FileNotFoundError:
-        raise ConfigError(f"{path}: there is no such config file; check the path") from None
+        near = nearest_name(path.name, (each.name for each in path.parent.glob("*.toml")))
+        remedy = "check the path" if near is None else f"did you mean {path.with_name(near)}?"
+        raise ConfigError(f"{path}: there is no such config file; {remedy}") from None
+    except IsADirectoryError:
+        example = min(path.glob("*.toml"), default=path / "a.toml")
+        raise ConfigError(f"{path}: is a folder; name a config file in it, such as {example}") from None
     except OSError as error:
         raise ConfigError(f"{path}: the config cannot be read ({error.strerror}); check the path") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:

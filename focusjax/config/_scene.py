@@ -86,6 +86,10 @@ class ImageTable(Table):
 class SceneTable(Table):
     """`[scene]`: everything that can be seen, and the light it is seen by."""
 
+    file: str | None = Field(
+        default=None,
+        description="a USD or glTF file's path, relative to the config, whose meshes and lights are taken",
+    )
     objects: Annotated[tuple[ObjectTable, ...], Strict(False), Field(min_length=1)] = Field(
         default=(), description="at least one [[scene.objects]] table with a file"
     )
@@ -102,9 +106,9 @@ class SceneTable(Table):
 
     @model_validator(mode="after")
     def _objects_or_a_photograph(self) -> "SceneTable":
-        if self.photo is None and not self.objects:
+        if self.photo is None and self.file is None and not self.objects:
             raise ValueError(
-                "has nothing to see; give at least one [[scene.objects]] table, or a [scene.photo]"
+                "has nothing to see; give a file, at least one [[scene.objects]] table, or a [scene.photo]"
             )
         others = [name for name in self.model_fields_set if name not in ("photo", "unlit")]
         if self.photo is not None and others:
@@ -118,6 +122,7 @@ class SceneTable(Table):
         lit = bool(self.lights) or self.ambient not in (0.0, (0.0, 0.0, 0.0))
         if self.unlit and lit:
             raise ValueError("is unlit and has lights; remove unlit, or the lights and the ambient light")
-        if not self.unlit and not lit and self.photo is None:
+        # A file may have lights; where it is read it is known whether it does.
+        if not self.unlit and not lit and self.photo is None and self.file is None:
             raise ValueError("has no light; add a [[scene.lights]] table, ambient light, or unlit = true")
         return self

@@ -1,30 +1,15 @@
 """The shot table of a config: what changes over the frames of a film."""
 
-import itertools
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, Strict, model_validator
 
+from focusjax.config._shot_keys import Key, in_order
+from focusjax.config._shot_lens import FreeTable, LensKey
 from focusjax.config._values import Millimetres, NotNegative, Number, Positive, Table, Vector
 from focusjax.config._view import Row
 
 FrameCount = Annotated[int, Field(ge=1, le=100_000)]
-
-
-class Key(Table):
-    """A keyframe."""
-
-    frame: Number = Field(description="the keyframe's frame; the shot's first one is 1")
-
-
-def in_order(keys: tuple[Key, ...], what: str) -> None:
-    """Refuse keyframes that are not in ascending order."""
-    for earlier, later in itertools.pairwise(keys):
-        if not earlier.frame < later.frame:
-            raise ValueError(
-                f"has a keyframe of {what} at frame {later.frame:g} after one at frame {earlier.frame:g}; put"
-                " them in ascending order, each frame once"
-            )
 
 
 class CameraKey(Key):
@@ -36,12 +21,6 @@ class CameraKey(Key):
         default=None, description="the camera's pose as 4 rows of 4 numbers (world from camera, metres)"
     )
     focal_length_mm: Millimetres | None = Field(default=None, description="the focal length in mm")
-
-
-class LensKey(Key):
-    """`[[shot.lens]]`: the lens in a frame, as it is before solving."""
-
-    f_number: Positive = Field(description="the f-number, for example 2.8")
 
 
 class ObjectKey(Key):
@@ -114,6 +93,36 @@ class TimedWishTable(Table):
         return self
 
 
+class SurfaceKey(Key):
+    """A keyframe of `[[shot.surface]]`; what it leaves out is as in `[[lens.focal_surface.points]]`."""
+
+    point: Vector | None = Field(default=None, description="the point [x, y, z] in metres")
+    pixel: Annotated[tuple[Number, Number], Strict(False)] | None = Field(
+        default=None, description="the place [x, y] in the picture, in pixels"
+    )
+    blur_px: Number | None = Field(default=None, description="the signed blur wished there, in pixels")
+    aperture_scale: Positive | None = Field(
+        default=None, description="the aperture there in apertures of the lens"
+    )
+    weight: NotNegative | None = Field(default=None, description="how widely the point rules, 0 or more")
+
+
+class TimedControlTable(Table):
+    """`[[shot.surface]]`: when a control point of the focal surface is there, and how it changes."""
+
+    name: str = Field(description="the name of a [[lens.focal_surface.points]] table")
+    from_frame: Number | None = Field(default=None, description="the first frame in which the point is there")
+    to_frame: Number | None = Field(default=None, description="the last frame in which the point is there")
+    keys: Annotated[tuple[SurfaceKey, ...], Strict(False)] = Field(
+        default=(), description="keyframes such as { frame = 1, blur_px = 0 }"
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "TimedControlTable":
+        in_order(self.keys, repr(self.name))
+        return self
+
+
 class ShotTable(Table):
     """`[shot]`: a film of the config's scene, for `focusjax shot`.
 
@@ -149,6 +158,18 @@ class ShotTable(Table):
     lens: Annotated[tuple[LensKey, ...], Strict(False)] = Field(
         default=(), description="[[shot.lens]] tables, each with a frame"
     )
+    free: Annotated[tuple[FreeTable, ...], Strict(False)] = Field(
+        default=(), description="[[shot.free]] tables, each with a name of solve.free and frames"
+    )
+    keep_field_of_view: bool = Field(
+        default=False,
+        description="true to let the sensor grow with keyframes of the focal length, so that the frame stays",
+    )
+    keep_size_of: str | Vector | None = Field(
+        default=None,
+        description="an object's name or a point [x, y, z] whose size in the picture the focal length keeps"
+        " while the camera moves (a dolly zoom)",
+    )
     objects: Annotated[tuple[MovingObjectTable, ...], Strict(False)] = Field(
         default=(), description="[[shot.objects]] tables, each with a name"
     )
@@ -156,11 +177,16 @@ class ShotTable(Table):
         default=(), description="[[shot.wishes]] tables, each with a name"
     )
 
+    surface: Annotated[tuple[TimedControlTable, ...], Strict(False)] = Field(
+        default=(), description="[[shot.surface]] tables, each with a name of a focal surface's point"
+    )
+
     @model_validator(mode="after")
     def _fits_together(self) -> "ShotTable":
         in_order(self.camera, "the camera")
         in_order(self.lens, "the lens")
-        for what, tables in (("objects", self.objects), ("wishes", self.wishes)):
+        for what in ("objects", "wishes", "free", "surface"):
+            tables = getattr(self, what)
             names = [table.name for table in tables]
             twice = [name for name in names if names.count(name) > 1]
             if twice:
@@ -173,7 +199,23 @@ class ShotTable(Table):
             )
         return self
 
-
-def values_of(keys: tuple[Any, ...], name: str) -> dict[float, Any]:
-    """One key's values by frame, of the keyframes that have it."""
-    return {key.frame: value for key in keys if (value := getattr(key, name)) is not None}
+    @model_validator(mode="after")
+    def _one_zoom(self) -> "ShotTable":
+        """The focal length comes from one place."""
+        keyed = [
+            f"shot.{where}"
+            for where, keys in (("camera", self.camera), ("lens", self.lens))
+            if any(key.focal_length_mm is not None for key in keys)
+        ]
+        if len(keyed) > 1:
+            raise ValueError(
+                "has keyframes of focal_length_mm in shot.camera and in shot.lens; give them in one place"
+            )
+        if keyed and self.keep_size_of is not None:
+            raise ValueError(
+                "has keep_size_of, which sets the focal length, and keyframes of focal_length_mm in"
+                f" {keyed[0]}; leave one of them out"
+            )
+        if self.keep_field_of_view and not keyed:
+            raise ValueError("has keep_field_of_view and no keyframes of focal_length_mm; leave it out")
+        return self

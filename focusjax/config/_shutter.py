@@ -1,16 +1,62 @@
 """The shutter table of a config, in a photographer's units."""
 
+import itertools
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, Strict, model_validator
 
-from focusjax.config._values import NotNegative, Positive, Share, Table, Time, seconds_of
+from focusjax.config._values import (
+    Millimetres,
+    NotNegative,
+    Number,
+    Positive,
+    Share,
+    Table,
+    Time,
+    Vector,
+    seconds_of,
+)
+from focusjax.config._view import Row
+
+
+class ShutterCameraKey(Table):
+    """`[[shutter.camera]]`: where the camera of a still is at a time while its shutter is open."""
+
+    at: Share = Field(description="when: 0 as the shutter opens, 1 as it closes")
+    position: Vector | None = Field(default=None, description="the camera's place [x, y, z] in metres")
+    look_at: Vector | None = Field(default=None, description="a point [x, y, z] in metres on the view axis")
+    matrix: Annotated[tuple[Row, Row, Row, Row], Strict(False)] | None = Field(
+        default=None, description="the camera's pose as 4 rows of 4 numbers (world from camera, metres)"
+    )
+    focal_length_mm: Millimetres | None = Field(default=None, description="the focal length in mm")
+
+
+class ShutterObjectKey(Table):
+    """A keyframe of `[[shutter.objects]]`; what it leaves out is as in `[[scene.objects]]`."""
+
+    at: Share = Field(description="when: 0 as the shutter opens, 1 as it closes")
+    translate: Vector | None = Field(default=None, description="a shift [x, y, z] in metres")
+    rotate_deg: Vector | Annotated[tuple[Number, Number, Number, Number], Strict(False)] | None = Field(
+        default=None,
+        description="degrees about the world's x, then y, then z axis, or an axis and degrees about it",
+    )
+    scale: Number | Vector | None = Field(default=None, description="one factor, or three for x, y and z")
+
+
+class ShutterObjectTable(Table):
+    """`[[shutter.objects]]`: how an object of a still moves while the shutter is open."""
+
+    name: str = Field(description="the name of an object of the scene")
+    keys: Annotated[tuple[ShutterObjectKey, ...], Strict(False), Field(min_length=1)] = Field(
+        description="keyframes such as { at = 0, translate = [0, 0, 0] }"
+    )
 
 
 class ShutterTable(Table):
-    """`[shutter]`: what moves while the shutter of a `[shot]` is open is blurred.
+    """`[shutter]`: what moves while the shutter is open is blurred.
 
-    Its time is that of `[exposure]`, if there is one.
+    Its time is that of `[exposure]`, if there is one. What moves is said by a `[shot]`; of a still, by
+    `camera` and `objects` here.
     """
 
     time: Time | None = Field(default=None, description='the shutter time in seconds, for example "1/50"')
@@ -43,6 +89,29 @@ class ShutterTable(Table):
     most_spans: Annotated[int, Field(ge=1, le=1024)] = Field(
         default=64, description="the most parts that its time is cut into, for example 64"
     )
+
+    camera: Annotated[tuple[ShutterCameraKey, ...], Strict(False)] = Field(
+        default=(), description="[[shutter.camera]] tables of a still, each with a time `at`"
+    )
+    objects: Annotated[tuple[ShutterObjectTable, ...], Strict(False)] = Field(
+        default=(), description="[[shutter.objects]] tables of a still, each with a name"
+    )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "ShutterTable":
+        rows = [("the camera", self.camera), *((repr(each.name), each.keys) for each in self.objects)]
+        for what, keys in rows:
+            for earlier, later in itertools.pairwise(keys):
+                if not earlier.at < later.at:
+                    raise ValueError(
+                        f"has a keyframe of {what} at {later.at:g} after one at {earlier.at:g}; put them in"
+                        " ascending order, each time once"
+                    )
+        names = [each.name for each in self.objects]
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise ValueError(f"has two objects named {twice[0]!r}; join their tables")
+        return self
 
     @model_validator(mode="after")
     def _one_of_each(self) -> "ShutterTable":

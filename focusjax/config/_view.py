@@ -22,9 +22,12 @@ class CameraTable(Table):
     """`[camera]`: where the camera stands, what it sees, and how many pixels the picture has."""
 
     file: str | None = Field(
-        default=None, description="a USD or glTF file with a camera, whose pose and lens are taken"
+        default=None,
+        description="a USD or glTF file with a camera, whose pose and lens are taken; left out, scene.file",
     )
-    name: str | None = Field(default=None, description="the camera's name in the file, if it has several")
+    from_: str | None = Field(
+        default=None, alias="from", description="the camera's name in the file, if it has several"
+    )
     position: Vector | None = Field(default=None, description="the camera's place [x, y, z] in metres")
     look_at: Vector | None = Field(default=None, description="a point [x, y, z] in metres on the view axis")
     up: Vector = Field(default=(0.0, 1.0, 0.0), description="the up direction [x, y, z]")
@@ -48,8 +51,6 @@ class CameraTable(Table):
 
     @model_validator(mode="after")
     def _one_pose_one_focal_length(self) -> "CameraTable":
-        if self.name is not None and self.file is None:
-            raise ValueError("has a name, and no file; give the file that has the camera, or leave it out")
         if self.matrix is not None:
             if self.position is not None or self.look_at is not None or "up" in self.model_fields_set:
                 raise ValueError("has a matrix and also position, look_at or up; give one or the other")

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 from focusjax.exchange._record import Frame, Record
 from focusjax.io import json_text, replace_file
@@ -87,6 +86,8 @@ def _extras(record: Record, frame: Frame) -> dict[str, Any]:
 
 def _quaternions(record: Record) -> Float[np.ndarray, "t 4"]:
     """Rotations as (x, y, z, w), each in the same half as the one before."""
+    from scipy.spatial.transform import Rotation
+
     turns = Rotation.from_matrix(np.stack([frame.pose[:3, :3] for frame in record.frames])).as_quat()
     for index in range(1, len(turns)):
         if turns[index] @ turns[index - 1] < 0:

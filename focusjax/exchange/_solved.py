@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from focusjax.config import Config, ConfigError, build_look
+from focusjax.config import Config, build_look
 from focusjax.exchange._export import Exported, target_named, write_record
 from focusjax.exchange._record import record_of
 from focusjax.job import Progress, run
@@ -39,12 +39,10 @@ def export_config(
     target_named(to)
     name = config.title or config.source.stem
     if shot:
-        if not config.focus:
-            raise ConfigError(f"{config.source}: a shot is solved for [[focus]] wishes, and there are none")
         made = build_shot(config)
         solved = solve_shot(made, progress=progress)
-        pairs = [solved.solution.at(frame) for frame in range(solved.solution.count)]
-        lenses = [lens if made.look is None else made.look(camera, lens) for camera, lens in pairs]
+        pairs = [solved.seen_with(number, fit=False) for number in range(1, made.count + 1)]
+        lenses = [pair[1] for pair in pairs]
         assert config.shot is not None
         record = record_of([pair[0] for pair in pairs], lenses, name=name, fps=config.shot.fps)
         seen = [(float(low), float(high)) for low, high in solved.depths]

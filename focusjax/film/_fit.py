@@ -2,14 +2,13 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import SupportsFloat
+from typing import Any, SupportsFloat
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
-from scipy.optimize import OptimizeResult, least_squares
 
 from focusjax.film._display import encode_srgb
 from focusjax.film._film import AbstractFilm, Sensor
@@ -151,8 +150,9 @@ def _left_and_slopes(
     return now, slopes
 
 
-def _refined(first: Float[Array, " k"], known: tuple, max_steps: int) -> OptimizeResult:
-    """The best value from a first one, by Levenberg and Marquardt's method on the host."""
+def _refined(first: Float[Array, " k"], known: tuple, max_steps: int) -> Any:
+    """SciPy's result: the best value from a first one, by Levenberg and Marquardt's method on the host."""
+    from scipy.optimize import least_squares
 
     def at(value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         left, slopes = _left_and_slopes(jnp.asarray(value, dtype=first.dtype), known)

@@ -14,6 +14,7 @@ from focusjax.focus._findings import Conflict as Conflict
 from focusjax.focus._findings import Unreachable as Unreachable
 from focusjax.focus._frames_solution import FramesSolution as FramesSolution
 from focusjax.focus._frames_solution import LargestChange as LargestChange
+from focusjax.focus._frames_solution import unsolved as unsolved
 from focusjax.focus._image_points import ACROSS as ACROSS
 from focusjax.focus._image_points import AT_LEAST as AT_LEAST
 from focusjax.focus._image_points import AT_MOST as AT_MOST
@@ -54,11 +55,15 @@ from focusjax.focus._priors import Prior as Prior
 from focusjax.focus._solution import Result as Result
 from focusjax.focus._solution import Solution as Solution
 from focusjax.focus._solution import WishResult as WishResult
+from focusjax.focus._solution import one_row as one_row
 from focusjax.focus._solve import solve as solve
 from focusjax.focus._solve_frames import solve_frames as solve_frames
 from focusjax.focus._solve_glass import seen_through as seen_through
 from focusjax.focus._solve_surface import SurfaceSolution as SurfaceSolution
 from focusjax.focus._solve_surface import solve_focal_surface as solve_focal_surface
+from focusjax.focus._solve_surface_frames import SurfaceFramesSolution as SurfaceFramesSolution
+from focusjax.focus._solve_surface_frames import solve_surface_frames as solve_surface_frames
+from focusjax.focus._solve_surface_frames import unsolved_surfaces as unsolved_surfaces
 from focusjax.focus._units import Diameter as Diameter
 from focusjax.focus._units import OfHeight as OfHeight
 from focusjax.focus._units import OnSensor as OnSensor

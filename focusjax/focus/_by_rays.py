@@ -11,15 +11,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
-from scipy.stats import qmc
 
 from focusjax._arguments import ArgumentError
 from focusjax._words import kind_of
 from focusjax.focus._image_points import BLUR, EQUAL, ImagePoints
-from focusjax.focus._refine import forgiving
 from focusjax.focus._refuse import require_points
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, moved_film, refocused
@@ -145,6 +142,10 @@ def _search(
     lens: AbstractLens,
     max_steps: int,
 ) -> tuple[Array, Array, Array, Array]:
+    import optimistix as optx
+
+    from focusjax.focus._forgiving import forgiving
+
     share = weight / jnp.sum(weight)
     roots = jnp.where(share > 0.0, jnp.sqrt(jnp.where(share > 0.0, share, 1.0)), 0.0)
     dynamic, static = eqx.partition(lens, eqx.is_array)
@@ -172,4 +173,6 @@ def _search(
 
 
 def _square_points() -> Float[np.ndarray, "s 2"]:
+    from scipy.stats import qmc
+
     return qmc.Sobol(2, rng=np.random.default_rng(0)).random(_RAYS)

@@ -13,6 +13,7 @@ from focusjax.focus._diagnose_surface import SurfaceDiagnosis, diagnose_surface
 from focusjax.focus._frames_solution import FramesSolution
 from focusjax.focus._solution import Solution
 from focusjax.focus._solve_surface import SurfaceSolution
+from focusjax.focus._solve_surface_frames import SurfaceFramesSolution
 
 
 @overload
@@ -21,10 +22,10 @@ def diagnose(solution: Solution) -> Diagnosis: ...
 def diagnose(solution: SurfaceSolution, *, controls: Sequence[str] = ()) -> SurfaceDiagnosis: ...
 @overload
 def diagnose(
-    solution: FramesSolution, *, counts: Bool[np.ndarray, "t m"] | None = None
+    solution: FramesSolution | SurfaceFramesSolution, *, counts: Bool[np.ndarray, "t m"] | None = None
 ) -> FramesDiagnosis: ...
 def diagnose(
-    solution: Solution | SurfaceSolution | FramesSolution,
+    solution: Solution | SurfaceSolution | FramesSolution | SurfaceFramesSolution,
     *,
     counts: Bool[np.ndarray, "t m"] | None = None,
     controls: Sequence[str] = (),
@@ -35,7 +36,8 @@ def diagnose(
     is done only when some wish is missed.
 
     Args:
-        solution: as `solve`, `solve_focal_surface` or `solve_frames` returned it, with known values.
+        solution: as `solve`, `solve_focal_surface`, `solve_frames` or `solve_surface_frames` returned it,
+            with known values.
         counts: of a shot, the frames in which each wish is to be judged; all in which it has weight when not
             given.
         controls: of a focal surface, names of its control points, to call them by instead of numbers.
@@ -56,9 +58,9 @@ def diagnose(
         >>> [(c.first, c.second, round(c.first_gains, 2)) for c in diagnosis.conflicts]
         [('2 m', '4 m', 2.78)]
     """
-    kinds = (Solution, SurfaceSolution, FramesSolution)
+    kinds = (Solution, SurfaceSolution, FramesSolution, SurfaceFramesSolution)
     require_kind(solution, kinds, "diagnose(solution)", "`solve` and its like return one", "solution")
-    if isinstance(solution, FramesSolution):
+    if isinstance(solution, FramesSolution | SurfaceFramesSolution):
         return diagnose_frames(solution, counts)
     if isinstance(solution, SurfaceSolution):
         return diagnose_surface(solution, controls)

@@ -1,6 +1,7 @@
 """What stands between the wishes of a shot and the lenses that meet them best."""
 
 import dataclasses
+from collections.abc import Sequence
 from functools import partial
 
 import jax.numpy as jnp
@@ -32,6 +33,11 @@ from focusjax.focus._frames_asked import FramesAsked
 from focusjax.focus._frames_solution import FramesSolution
 from focusjax.focus._parameters import PARAMETERS
 from focusjax.focus._solve_frames import solve_frames_asked
+from focusjax.focus._solve_surface_frames import (
+    SurfaceFramesAsked,
+    SurfaceFramesSolution,
+    solve_surface_frames_asked,
+)
 
 _MOST_WISHES = 8
 """Every wish is dropped once to see what missed ones gain; of more than this, the weightiest."""
@@ -84,12 +90,12 @@ class FramesDiagnosis:
 
 
 def diagnose_frames(
-    solution: FramesSolution, counts: Bool[np.ndarray, "t m"] | None = None
+    solution: FramesSolution | SurfaceFramesSolution, counts: Bool[np.ndarray, "t m"] | None = None
 ) -> FramesDiagnosis:
     """The diagnosis of a shot's lenses; see `diagnose`.
 
     Args:
-        solution: as `solve_frames` returned it.
+        solution: as `solve_frames` or `solve_surface_frames` returned it.
         counts: frames in which each wish is to be judged; all in which it has weight when not given.
     """
     asked = solution.asked
@@ -110,27 +116,41 @@ def diagnose_frames(
             )
     unreachable = find_unreachable(verdict, partial(_changed, asked, True), over_time=True)
     missed = tuple(_missed(verdict, index, free) for index in unmet)
-    bounds = _bounds(solution)
+    lenses = solution if isinstance(solution, FramesSolution) else None
+    bounds = {} if lenses is None else _bounds(lenses)
+    open_ = () if lenses is None else lenses.undetermined
     counted = np.asarray(verdict.judged).sum(axis=0)
     idle = tuple(name for name, count in zip(asked.names, counted.tolist(), strict=True) if not count)
-    zooms = "focal_length" in solution.free and not asked.plan.keep_view
     return FramesDiagnosis(
         missed=missed,
         conflicts=conflicts,
         unreachable=unreachable,
         active_bounds=bounds,
-        open=solution.undetermined,
+        open=open_,
         idle=idle,
         sentences=(
             *(_missed_sentence(each) for each in missed),
             *unreachable_sentences(unreachable),
-            *framing_sentences(verdict, solution.points, error, solution.free, zooms=zooms),
+            *([] if lenses is None else _framing(verdict, lenses, error)),
             *conflict_sentences(conflicts),
-            *bound_sentences(list(bounds.items()), to_infinity=bool(np.isinf(asked.limits.far).all())),
-            *([open_sentence(solution.undetermined)] if solution.undetermined else []),
+            *([] if lenses is None else _bound_sentences(lenses, bounds)),
+            *([open_sentence(open_)] if open_ else []),
             *_idle_sentences(idle),
         ),
     )
+
+
+def _framing(verdict: Verdict, solution: FramesSolution, error: Float[np.ndarray, "t n"]) -> Sequence[str]:
+    """What keeps things from being shown where they are wished."""
+    assert solution.asked is not None
+    zooms = "focal_length" in solution.free and not solution.asked.plan.keep_view
+    return framing_sentences(verdict, solution.points, error, solution.free, zooms=zooms)
+
+
+def _bound_sentences(solution: FramesSolution, bounds: dict[str, Stretches]) -> Sequence[str]:
+    assert solution.asked is not None
+    to_infinity = bool(np.isinf(solution.asked.limits.far).all())
+    return bound_sentences(list(bounds.items()), to_infinity=to_infinity)
 
 
 def _idle_sentences(idle: tuple[str, ...]) -> list[str]:
@@ -141,7 +161,9 @@ def _idle_sentences(idle: tuple[str, ...]) -> list[str]:
 
 
 def _verdict(
-    solution: FramesSolution, error: Float[np.ndarray, "t n"], counts: Bool[np.ndarray, "t m"] | None
+    solution: FramesSolution | SurfaceFramesSolution,
+    error: Float[np.ndarray, "t n"],
+    counts: Bool[np.ndarray, "t m"] | None,
 ) -> Verdict:
     points, names = solution.points, solution.points.names
     wish, weight = np.asarray(points.wish), np.asarray(points.weight, dtype=float)
@@ -154,7 +176,7 @@ def _verdict(
     )
 
 
-def _changed(asked: FramesAsked, alone: bool, index: int) -> Errors:
+def _changed(asked: FramesAsked | SurfaceFramesAsked, alone: bool, index: int) -> Errors:
     """Errors with one wish alone in the whole shot, or without it."""
     weight = np.asarray(asked.points.weight)
     kept = np.where((np.asarray(asked.points.wish) == index) == alone, weight, 0.0)
@@ -162,10 +184,12 @@ def _changed(asked: FramesAsked, alone: bool, index: int) -> Errors:
     return _errors(dataclasses.replace(asked, points=points), weight=weight)
 
 
-def _errors(asked: FramesAsked, weight: np.ndarray | None = None) -> Errors:
+def _errors(asked: FramesAsked | SurfaceFramesAsked, weight: np.ndarray | None = None) -> Errors:
     """Errors by wish, of the rows that have weight in the shot as asked."""
     own = np.asarray(asked.points.weight if weight is None else weight, dtype=float)
-    error = np.asarray(solve_frames_asked(asked).error, dtype=float)
+    surfaces = isinstance(asked, SurfaceFramesAsked)
+    solution = solve_surface_frames_asked(asked) if surfaces else solve_frames_asked(asked)
+    error = np.asarray(solution.error, dtype=float)
     return errors_by_wish(error, asked.points, len(asked.names), own)
 
 

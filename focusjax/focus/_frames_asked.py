@@ -1,7 +1,7 @@
 """The arguments of a solve of all frames, checked and stacked."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -38,6 +38,7 @@ class FramesAsked(eqx.Module):
         smoothness: weight of second differences.
         steadiness: weight of first differences.
         max_steps: steps allowed.
+        held: frames in which a free parameter stays where the start has it, in the order of `plan.free`.
         names: of the wishes (static).
         plan: what else is static.
     """
@@ -50,6 +51,7 @@ class FramesAsked(eqx.Module):
     smoothness: Float[Array, ""]
     steadiness: Float[Array, ""]
     max_steps: Int[Array, ""]
+    held: Bool[Array, "t k"]
     names: tuple[str, ...] = eqx.field(static=True)
     plan: Plan = eqx.field(static=True)
 
@@ -76,6 +78,7 @@ def frames_asked(
     smoothness: ArrayLike,
     steadiness: ArrayLike,
     max_steps: int,
+    held: Mapping[str, Sequence[bool]],
     options: dict[str, Any],
 ) -> FramesAsked:
     """The arguments of `solve_frames`, checked.
@@ -132,9 +135,30 @@ def frames_asked(
         smoothness=weights[0],
         steadiness=weights[1],
         max_steps=jnp.asarray(max_steps),
+        held=_held(held, plan.free, count),
         names=points[0].names,
         plan=dataclasses.replace(plan, exact=False, many=not sided),
     )
+
+
+def _held(held: Mapping[str, Sequence[bool]], free: tuple[str, ...], count: int) -> Bool[Array, "t k"]:
+    unknown = [name for name in held if name not in free]
+    if unknown:
+        raise ArgumentError(
+            f"held has {unknown[0]!r}, which is not free; free is {list(free)}, so leave it out", "held"
+        )
+    columns = []
+    for name in free:
+        column = np.asarray(held.get(name, (False,) * count), dtype=bool)
+        if column.shape != (count,):
+            raise ArgumentError(
+                f"held has {column.size} values for {name!r} and there are {count} frames; give one each",
+                "held",
+            )
+        if column.all():
+            raise ArgumentError(f"{name!r} is free and held in all frames; leave it out of one", "held")
+        columns.append(column)
+    return jnp.asarray(np.stack(columns, axis=1))
 
 
 def _smoothing(name: str, weight: ArrayLike) -> Float[Array, ""]:

@@ -1,17 +1,19 @@
 """What a solve of all frames found: a lens for each, and how much they change from one to the next."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._frames_asked import FramesAsked
-from focusjax.focus._image_points import ImagePoints
+from focusjax.focus._image_points import ImagePoints, together
 from focusjax.focus._solution import Result, WishResult, html_of, one_row, text_of, wish_table
 from focusjax.geometry import Camera
-from focusjax.lens import ThinLens, TiltShiftLens
+from focusjax.lens import ThinLens, TiltShiftLens, as_tilt_shift
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,15 +131,59 @@ class FramesSolution(eqx.Module):
             free = names[name] in self.free
             own = pixels[:, self.free.index(names[name])] if free else None
             found[name] = LargestChange(
-                _largest(values, 1),
-                _largest(values, 2),
-                None if own is None else _largest(own, 1),
-                None if own is None else _largest(own, 2),
+                largest_change(values, 1),
+                largest_change(values, 2),
+                None if own is None else largest_change(own, 1),
+                None if own is None else largest_change(own, 2),
             )
         return found
 
 
-def _largest(values: Float[np.ndarray, "t"], order: int) -> float:
+def unsolved(cameras: Sequence[Camera], lenses: Sequence[ThinLens | TiltShiftLens]) -> FramesSolution:
+    """The lenses of a shot of which nothing is wished, in the form of a solution without wishes.
+
+    Args:
+        cameras: one a frame.
+        lenses: one a frame.
+    """
+    if any(isinstance(lens, TiltShiftLens) for lens in lenses):
+        lenses = [as_tilt_shift(lens) for lens in lenses]
+    points = no_points(len(cameras))
+    none = points.weight
+    return FramesSolution(
+        lens=jax.tree.map(together, *lenses),
+        camera=jax.tree.map(together, *cameras),
+        points=points,
+        blur=none,
+        error=none,
+        pixels=none,
+        cost=jnp.zeros(()),
+        roughness=jnp.zeros(()),
+        result=Result.solved,
+        steps=jnp.zeros((), dtype=int),
+        at_lower=none > 0,
+        at_upper=none > 0,
+        open=jnp.zeros(0, dtype=bool),
+        free=(),
+    )
+
+
+def no_points(count: int) -> ImagePoints:
+    """The wishes of `count` frames of which nothing is wished."""
+    none = jnp.zeros((count, 0))
+    return ImagePoints(
+        xy=jnp.zeros((count, 0, 2)),
+        disparity=none,
+        target=none,
+        signed=none > 0,
+        weight=none,
+        tolerance=none,
+        wish=jnp.zeros((count, 0), dtype=int),
+        names=(),
+    )
+
+
+def largest_change(values: Float[np.ndarray, "t"], order: int) -> float:
     """Largest difference of that order in size; 0 where there are too few frames for one."""
     # Settings that stay infinite, as the f-number of a pinhole does, do not change.
     with np.errstate(invalid="ignore"):

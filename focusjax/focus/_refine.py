@@ -7,7 +7,6 @@ from typing import Any, TypeAlias
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._bounds import Box
@@ -26,9 +25,6 @@ _GAIN = 1e3
 
 # Both methods end when steps and changes of residuals are below this many roundings.
 _ROUNDINGS = 1e3
-
-# Rounding steps by which a computed cost may be off.
-_NOISE = 8.0
 
 
 class Problem(eqx.Module):
@@ -64,39 +60,6 @@ class Problem(eqx.Module):
         """How far each parameter must move from `value` to change the residuals by 1 px in all."""
         effect = jnp.linalg.norm(jax.jacfwd(self.residuals)(value), axis=0)
         return jax.lax.stop_gradient(1.0 / jnp.where(effect > 0.0, effect, 1.0))
-
-
-class _Forgiving(optx.AbstractSearch):
-    """A trust region that also accepts steps whose effect is lost in rounding.
-
-    At the optimum rounding decides whether the next step seems to help. One that is refused is no sign of
-    having arrived, so without this, solvers that start there may never stop.
-    """
-
-    inner: optx.ClassicalTrustRegion
-
-    def init(self, y: Array, f_info_struct: Any) -> Any:
-        return self.inner.init(y, f_info_struct)
-
-    def step(
-        self,
-        first_step: Bool[Array, ""],
-        y: Array,
-        y_eval: Array,
-        f_info: Any,
-        f_eval_info: Any,
-        state: Any,
-    ) -> tuple[Array, Bool[Array, ""], optx.RESULTS, Any]:
-        size, accept, result, state = self.inner.step(first_step, y, y_eval, f_info, f_eval_info, state)
-        cost = f_info.as_min()
-        noise = _NOISE * jnp.finfo(cost.dtype).eps * cost
-        lost = jnp.abs(self.inner.predict_reduction(y_eval - y, f_info)) <= noise
-        return size, accept | (lost & (f_eval_info.as_min() - cost <= noise)), result, state
-
-
-def forgiving(solver: Any) -> Any:
-    """The same Gauss-Newton solver with that search."""
-    return eqx.tree_at(lambda each: each.search, solver, _Forgiving(solver.search))
 
 
 class _Face(eqx.Module):
@@ -146,7 +109,7 @@ def _residuals_on_face(variables: Float[Array, "k"], face: _Face) -> Float[Array
 
 
 def _on_face(
-    solver: Callable[[float], optx.AbstractLeastSquaresSolver],
+    solver: Callable[[float], Any],
     problem: Problem,
     basin: Basin,
     first: Float[Array, "k"],
@@ -158,6 +121,8 @@ def _on_face(
     Differentiable by the implicit function theorem: parameters on the face move with the points, pinned
     ones with their bounds, and what is left open with the starting lens.
     """
+    import optimistix as optx
+
     kept = basin.value + (first - jax.lax.stop_gradient(first))
     low, high = (jax.lax.stop_gradient(end) for end in (box.lower, box.upper))
     # What is left open may rest on a bound that keeps it from the starting lens.
@@ -210,6 +175,10 @@ def _on_face(
 def _by_optimistix(
     problem: Problem, basin: Basin, first: Float[Array, "k"], box: Box, max_steps: int
 ) -> Answer:
+    import optimistix as optx
+
+    from focusjax.focus._forgiving import forgiving
+
     return _on_face(
         lambda tol: forgiving(optx.LevenbergMarquardt(rtol=tol, atol=tol)),
         problem, basin, first, box, max_steps,
@@ -217,6 +186,10 @@ def _by_optimistix(
 
 
 def _by_dogleg(problem: Problem, basin: Basin, first: Float[Array, "k"], box: Box, max_steps: int) -> Answer:
+    import optimistix as optx
+
+    from focusjax.focus._forgiving import forgiving
+
     return _on_face(
         lambda tol: forgiving(optx.Dogleg(rtol=tol, atol=tol)), problem, basin, first, box, max_steps
     )

@@ -1,14 +1,14 @@
 """The lenses of a whole shot, solved for all frames at once."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from focusjax.focus._bounds import Box, Limits
 from focusjax.focus._frames_asked import FramesAsked, frames_asked
@@ -40,6 +40,7 @@ def solve_frames(
     smoothness: ArrayLike = 100.0,
     steadiness: ArrayLike = 1.0,
     max_steps: int = 256,
+    held: Mapping[str, Sequence[bool]] | None = None,
     throw: bool = True,
     **options: Any,
 ) -> FramesSolution:
@@ -78,6 +79,8 @@ def solve_frames(
         steadiness: weight of first differences; a little of it keeps the focus from running on after
             the last wish.
         max_steps: steps allowed in all.
+        held: by names of free parameters: whether they stay as the frame's lens and camera have them, one a
+            frame. Those of other frames change smoothly up to them.
         throw: raise an error, rather than report it in `FramesSolution.result`, when the solver fails.
         options: bounds, priors and what is free, as for `solve`. They are the same for all frames.
 
@@ -98,7 +101,7 @@ def solve_frames(
     """
     asked = frames_asked(
         points, cameras, lenses,
-        smoothness=smoothness, steadiness=steadiness, max_steps=max_steps, options=options,
+        smoothness=smoothness, steadiness=steadiness, max_steps=max_steps, held=held or {}, options=options,
     )  # fmt: skip
     solution = solve_frames_asked(asked)
     result = solution.result
@@ -127,16 +130,22 @@ def _solve(asked: FramesAsked) -> FramesSolution:
     plan = asked.plan
 
     def one(
-        points: ImagePoints, camera: Camera, lens: ThinLens | TiltShiftLens, limits: Limits
+        points: ImagePoints,
+        camera: Camera,
+        lens: ThinLens | TiltShiftLens,
+        limits: Limits,
+        held: Bool[Array, "k"],
     ) -> tuple[Objective, Start, Float[Array, "k"], Box, Float[Array, "k"]]:
         start = make_start(camera, lens, plan.free, keep_view=plan.keep_view)
         box = limits.box(camera).columns(start.columns)
         columns = jnp.array(start.columns)
-        first = jnp.clip(start.vector()[columns], box.lower, box.upper)
+        given = start.vector()[columns]
+        box = Box(jnp.where(held, given, box.lower), jnp.where(held, given, box.upper))
+        first = jnp.clip(given, box.lower, box.upper)
         frame = make_objective(points, start, prior_rows(asked.numbers, plan.free, camera))
         return frame, start, first, box, scales(start)[columns]
 
-    each_frame = asked.camera, asked.lens, asked.limits
+    each_frame = asked.camera, asked.lens, asked.limits, asked.held
     frames, start, first, boxes, scale = jax.vmap(one)(asked.points, *each_frame)
     scale = jnp.where(jnp.array([name == "focus" for name in plan.free]), jnp.mean(scale, axis=0), scale)
     joint = Joint(
@@ -161,7 +170,9 @@ def _solve(asked: FramesAsked) -> FramesSolution:
     kept = jnp.where(open_ > _HELD, first * scale, 0.0)
     is_open = open_ > _PARTLY_OPEN
     kept = kept - jax.lax.stop_gradient(kept)
-    pixels = following(joint, walked.pixels, walked.side, at_lower, at_upper, kept, is_open)
+    pixels = following(joint, walked.pixels, walked.side, at_lower | asked.held, at_upper, kept, is_open)
+    # What is held is no bound that keeps it from a better value.
+    at_lower, at_upper = at_lower & ~asked.held, at_upper & ~asked.held
     value = pixels / scale
     # Rounding may carry a parameter past its bound.
     value = value + jax.lax.stop_gradient(jnp.clip(value, boxes.lower, boxes.upper) - value)

@@ -5,7 +5,6 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import lineax as lx
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
@@ -136,7 +135,7 @@ def solve_focal_surface(
     require_kind(camera, Camera, usage, "`look_at` and `make_camera` make one", "camera")
     require_kind(surface, FocalSurface, usage, "`focal_surface` makes one", "surface")
     require_kind(lens, ThinLens, usage, "`thin_lens` makes one", "lens")
-    points = _without_relations(checked_points(points))
+    points = without_relations(checked_points(points))
     smoothness = require_number(
         smoothness,
         lambda v: (v >= 0) & (v < jnp.inf),
@@ -153,7 +152,7 @@ def solve_surface_asked(asked: SurfaceAsked) -> SurfaceSolution:
     return dataclasses.replace(solution, points=asked.points, asked=asked)
 
 
-def _without_relations(points: ImagePoints) -> ImagePoints:
+def without_relations(points: ImagePoints) -> ImagePoints:
     """The points without relations, when each wishes a blur of its own."""
     if points.quantity is not None:
         raise ArgumentError(
@@ -170,7 +169,7 @@ def _without_relations(points: ImagePoints) -> ImagePoints:
     return dataclasses.replace(points, relation=None, reference=None)
 
 
-class _Linear(eqx.Module):
+class LinearSurface(eqx.Module):
     """Residuals of wishes and smoothness as functions of the change of control values.
 
     The change is in px of blur, 2 f E times the change of disparity.
@@ -192,6 +191,8 @@ class _Linear(eqx.Module):
 
     def change(self, side: Float[Array, "n"]) -> Float[Array, "k"]:
         """The best change; the smallest, where several are as good."""
+        import lineax as lx
+
         return lx.linear_solve(lx.MatrixLinearOperator(self.matrix), self.right(side), lx.SVD()).value
 
 
@@ -200,7 +201,7 @@ def _solve(
     points: ImagePoints, camera: Camera, surface: FocalSurface, lens: ThinLens, smoothness: Float[Array, ""]
 ) -> SurfaceSolution:
     slope = 2.0 * camera.focal_px * lens.aperture_radius
-    linear = _linear(points, camera, surface, slope, smoothness)
+    linear = linear_surface(points, camera, surface, slope, smoothness)
     side = jax.lax.stop_gradient(_sides(jax.lax.stop_gradient(linear), points))
     change = linear.change(side)
     solved = eqx.tree_at(lambda s: s.focus_disparity, surface, surface.focus_disparity + change / slope)
@@ -221,13 +222,13 @@ def _solve(
     )
 
 
-def _linear(
+def linear_surface(
     points: ImagePoints,
     camera: Camera,
     surface: FocalSurface,
     slope: Float[Array, ""],
     smoothness: Float[Array, ""],
-) -> _Linear:
+) -> LinearSurface:
     root = root_weight(points.weight)
     shares = surface.shares(points.xy.T).T
     _, scale = surface.at(points.xy.T)
@@ -239,23 +240,30 @@ def _linear(
     gradient = jax.vmap(jax.jacfwd(surface.shares))(places)
     steps = jnp.moveaxis(gradient, 1, 2).reshape(-1, surface.weight.size)
     steps = root_weight((smoothness / len(places))[None])[0] * _STEP_PX * steps
-    return _Linear(
+    return LinearSurface(
         matrix=jnp.concatenate([(root * scale)[:, None] * shares, steps]),
         behind=jnp.concatenate([root * now, slope * steps @ surface.focus_disparity]),
         target=root * points.target,
     )
 
 
-def _sides(linear: _Linear, points: ImagePoints) -> Float[Array, "n"]:
-    """Factors 1 or -1 that make the wished blurs signed ones."""
+def starting_sides(linear: LinearSurface, points: ImagePoints) -> Float[Array, "4 n"]:
+    """Where the search for sides starts: above 0 behind the focus, below 0 in front of it."""
     count = points.weight.size
     middle = jnp.median(points.disparity)
-    starts = [
-        jnp.ones(count),
-        -jnp.ones(count),
-        jnp.sign(linear.behind[:count]),
-        jnp.where(points.disparity > middle, -1.0, 1.0),
-    ]
+    return jnp.stack(
+        [
+            jnp.ones(count),
+            -jnp.ones(count),
+            jnp.sign(linear.behind[:count]),
+            jnp.where(points.disparity > middle, -1.0, 1.0),
+        ]
+    )
+
+
+def _sides(linear: LinearSurface, points: ImagePoints) -> Float[Array, "n"]:
+    """Factors 1 or -1 that make the wished blurs signed ones."""
+    count = points.weight.size
 
     def clear(side: Float[Array, "n"]) -> Float[Array, "n"]:
         return jnp.where(points.signed | (side >= 0), 1.0, -1.0).astype(linear.target.dtype)
@@ -270,5 +278,5 @@ def _sides(linear: _Linear, points: ImagePoints) -> Float[Array, "n"]:
         miss = linear.matrix @ linear.change(side) - linear.right(side)
         return side, miss @ miss
 
-    sides, costs = jax.vmap(settle)(jnp.stack(starts))
+    sides, costs = jax.vmap(settle)(starting_sides(linear, points))
     return sides[jnp.argmin(costs)]

@@ -13,9 +13,10 @@ it; the wider two smooth them, and blur what is in focus: the deviation along ea
 box, 0.41 for the tent and 0.49 for the Gaussian.
 """
 
+import math
+
 import jax.numpy as jnp
 import jax.scipy.special
-import scipy.special
 from jaxtyping import Array, Float
 
 from focusjax._arguments import ArgumentError
@@ -65,5 +66,5 @@ def film_offsets(pixel_filter: str, sample: Float[Array, "*n"]) -> Float[Array, 
     if pixel_filter == "tent":
         near = jnp.sqrt(jnp.minimum(2.0 * sample, 2.0 - 2.0 * sample)) - 1.0
         return 0.5 + jnp.where(sample < 0.5, near, -near)
-    tail = float(scipy.special.ndtr(-radius / _SIGMA))
+    tail = 0.5 * math.erfc(radius / (_SIGMA * math.sqrt(2.0)))
     return 0.5 + _SIGMA * jax.scipy.special.ndtri(tail + (1.0 - 2.0 * tail) * sample)

@@ -16,6 +16,7 @@ class Check:
         error: how far off it is, as a share of what `truth` says; NaN where a value was not finite.
         bound: the most that it may be off.
         why: what makes the bound wider than those of other cases.
+        usual: the bound of other cases; an error beyond it is a known defect.
     """
 
     group: str
@@ -25,6 +26,7 @@ class Check:
     error: float
     bound: float
     why: str = ""
+    usual: float = math.inf
 
     @property
     def finite(self) -> bool:
@@ -35,6 +37,15 @@ class Check:
     def kept(self) -> bool:
         """Whether the bound holds; never where something is not finite."""
         return self.error <= self.bound
+
+    @property
+    def verdict(self) -> str:
+        """In words; a known defect is within its own bound and beyond the usual one."""
+        if not self.finite:
+            return "not finite"
+        if not self.kept:
+            return "broken"
+        return "known defect" if self.error > self.usual else "kept"
 
     @property
     def share(self) -> float:

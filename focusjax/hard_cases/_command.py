@@ -6,13 +6,13 @@ import itertools
 from pathlib import Path
 from typing import Annotated
 
-import jinja2
 import typer
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from focusjax._console import fail, say, warnings_told
+from focusjax._templates import template
 from focusjax.hard_cases._check import Check
 from focusjax.hard_cases._run import NAMES, hard_cases
 from focusjax.io import staged_folder
@@ -21,13 +21,6 @@ FILES = ("hard_cases.html", "hard_cases.csv")
 """Every file that the command leaves in its folder."""
 
 _FAILED, _BAD_INPUT = 1, 2
-_TEMPLATES = jinja2.Environment(
-    loader=jinja2.PackageLoader("focusjax.hard_cases", "."),
-    autoescape=True,
-    undefined=jinja2.StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
 
 
 def command(
@@ -68,10 +61,10 @@ def save_checks(folder: Path, checks: list[Check]) -> None:
     """Write the checks as CSV, and as a page."""
     with (folder / "hard_cases.csv").open("w", newline="", encoding="utf-8") as stream:
         names = [field.name for field in dataclasses.fields(Check)]
-        writer = csv.DictWriter(stream, [*names, "kept"])
+        writer = csv.DictWriter(stream, [*names, "verdict"])
         writer.writeheader()
-        writer.writerows({**dataclasses.asdict(check), "kept": check.kept} for check in checks)
-    page = _TEMPLATES.get_template("hard_cases.html.j2").render(
+        writer.writerows({**dataclasses.asdict(check), "verdict": check.verdict} for check in checks)
+    page = template("focusjax.hard_cases", "hard_cases.html.j2").render(
         cases=_by_case(checks), checks=checks, worst=_worst(checks)
     )
     (folder / "hard_cases.html").write_text(page, encoding="utf-8")
@@ -89,14 +82,14 @@ def _worst(checks: list[Check]) -> Check:
 
 
 def _table(checks: list[Check]) -> Table:
-    """One line for every case: what of it is nearest to its bound, and whether its bounds are wider."""
+    """One line for every case: what of it is nearest to its bound, and the worst verdict."""
     table = Table()
     for title in ("", "case", "nearest to its bound", "error", "bound", ""):
         table.add_column(title, justify="right" if title in ("error", "bound") else "left")
     for group, case, held in _by_case(checks):
         worst = _worst(held)
         numbers = (f"{worst.error:.1e}", f"{worst.bound:.1e}")
-        kept = "kept, wider" if any(check.why for check in held) else "kept"
-        verdict = kept if all(check.kept for check in held) else "broken"
+        said = {check.verdict for check in held}
+        verdict = next(each for each in ("not finite", "broken", "known defect", "kept") if each in said)
         table.add_row(group, Text(case), Text(worst.quantity), *numbers, verdict)
     return table

@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
-from scipy.optimize import root_scalar
 
 from focusjax._counts import later_seed, require_counts, require_seed
 from focusjax.geometry import Camera
@@ -101,6 +100,8 @@ def autofocus(
     low, high = (float(scan[min(max(best + k, 0), len(scan) - 1)]) for k in (-1, 1))
     found = float(scan[best])
     if slope(low) > 0 > slope(high):
+        from scipy.optimize import root_scalar
+
         found = float(root_scalar(slope, bracket=(low, high), xtol=_PRECISION * (high - low)).root)
     answer = _focused(lens, jnp.asarray(found, dtype=lens.focus_disparity.dtype))
     check_reach(layers, answer)

@@ -4,8 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.optimize import minimize
-from scipy.stats import qmc
 
 from focusjax.inverse._levels import Problem
 from focusjax.inverse._scan import Compared, Scan
@@ -31,6 +29,9 @@ def best_starts(
     scan's foci go within the frame; the best are refined by Nelder and Mead's method, and the best of these
     taken. None of it makes a picture.
     """
+    from scipy.optimize import minimize
+    from scipy.stats import qmc
+
     compared = Compared(scan, np.asarray(problem.target), np.asarray(problem.weight))
     camera = problem.layers.camera
     free = [column for column in variables.columns if column != GAIN]

@@ -2,7 +2,6 @@
 
 import numpy as np
 from jaxtyping import Float
-from scipy.ndimage import uniform_filter
 
 _HUBER = 1.345
 """Robust standard deviations beyond which residuals count linearly: 95 % efficient on normal ones."""
@@ -32,6 +31,8 @@ def by_spread(
         residual: picture less target.
         contrast: root of the sum of squares of the target about its mean, by weight.
     """
+    from scipy.ndimage import uniform_filter
+
     counts = (weight > 0).mean(axis=2)
     squares = (weight * residual**2).mean(axis=2)
     near, known = (uniform_filter(a.astype(np.float64), _WINDOW, mode="constant") for a in (squares, counts))

@@ -1,6 +1,8 @@
 """Output folders and files that never hold half of what they should."""
 
 import contextlib
+import errno
+import itertools
 import os
 import shutil
 import tempfile
@@ -76,9 +78,17 @@ def whole_folder(path: Path) -> Iterator[Path]:
         stage = apart / "new"
         stage.mkdir()
         yield stage
-        if path.exists():
-            os.replace(path, apart / "old")
-        os.replace(stage, path)
+        for attempt in itertools.count():
+            if path.exists():
+                # Somebody else may take it away first, who makes the same.
+                with contextlib.suppress(FileNotFoundError):
+                    os.replace(path, apart / f"old{attempt}")
+            try:
+                os.replace(stage, path)
+                return
+            except OSError as error:
+                if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                    raise
     finally:
         shutil.rmtree(apart, ignore_errors=True)
 

@@ -86,4 +86,7 @@ def load_exr(path: Path | str) -> Mapping[str, Float[np.ndarray, "h w"]]:
 def _refuse_non_finite(path: Path | str, image: Float[Pixels, "h w 3"]) -> None:
     bad = int(np.sum(~np.isfinite(image)))
     if bad:
-        raise ValueError(f"{path}: {bad} values of the picture are not finite; nothing was written")
+        raise ValueError(
+            f"{Path(path).name}: {bad} values of the picture are not finite; nothing was written. Look for a"
+            " light or an emission that is too bright"
+        )

@@ -29,16 +29,16 @@ def sole_use(folder: Path) -> Iterator[None]:
     if fcntl is None:
         yield
         return
+    in_use = f"another run is writing to {folder}; wait for it, or choose another with --out"
     handle = os.open(folder, os.O_RDONLY)
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise FolderInUseError(
-                f"another run is writing to {folder}; wait for it, or choose another with --out"
-            ) from None
-        # One that failed may have removed the folder between the two calls.
-        os.stat(folder)
+            raise FolderInUseError(in_use) from None
+        # A run that failed may have removed the folder between the two calls, and a third have made it anew.
+        if not os.path.samestat(os.fstat(handle), os.stat(folder)):
+            raise FolderInUseError(in_use)
         yield
     finally:
         os.close(handle)

@@ -4,9 +4,18 @@ from focusjax.job._exposed import ExposedLens as ExposedLens
 from focusjax.job._exposed import ExposedSolution as ExposedSolution
 from focusjax.job._exposed import open_for_light as open_for_light
 from focusjax.job._exposed import solve_exposed as solve_exposed
+from focusjax.job._glass import FIT_PX as FIT_PX
 from focusjax.job._glass import ThroughGlass as ThroughGlass
 from focusjax.job._glass import left_to_quality as left_to_quality
+from focusjax.job._glass import through_glass as through_glass
 from focusjax.job._guessed import Guessed as Guessed
+from focusjax.job._layers import left_out_sentence as left_out_sentence
+from focusjax.job._layers import make_layers as make_layers
+from focusjax.job._layers import room_for_more as room_for_more
+from focusjax.job._moving import blurred_view as blurred_view
+from focusjax.job._moving import build_shutter as build_shutter
+from focusjax.job._moving import keyed_transforms as keyed_transforms
+from focusjax.job._moving import refuse_uneven as refuse_uneven
 from focusjax.job._photograph import Development as Development
 from focusjax.job._photograph import Photograph as Photograph
 from focusjax.job._photograph import find_development as find_development
@@ -14,8 +23,6 @@ from focusjax.job._photograph import take_photograph as take_photograph
 from focusjax.job._picture import Examined as Examined
 from focusjax.job._picture import Picture as Picture
 from focusjax.job._picture import Progress as Progress
-from focusjax.job._picture import make_layers as make_layers
-from focusjax.job._picture import room_for_more as room_for_more
 from focusjax.job._run import Outcome as Outcome
 from focusjax.job._run import blur_map as blur_map
 from focusjax.job._run import find_points as find_points

@@ -23,7 +23,7 @@ from focusjax.lens import (
 )
 from focusjax.trace import LensPlan
 
-_FIT_PX = 0.05
+FIT_PX = 0.05
 """Pixels by which polynomials may be off where nothing is said of them, nor of quality."""
 
 
@@ -131,7 +131,7 @@ def through_glass(
     exact = build_real_lens(config, camera, lens) if solution is None else solution.glass
     assert isinstance(exact, PrescriptionLens | SpectralLens)
     traced, poor_fit = exact, ""
-    error_px = _FIT_PX if config.lens.fit_px is None else config.lens.fit_px
+    error_px = FIT_PX if config.lens.fit_px is None else config.lens.fit_px
     if fit and error_px > 0 and not left_to_quality(config):
         nearest = float(disparity.max())
         try:

@@ -3,23 +3,25 @@
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._stopwatch import Stopwatch
 from focusjax.config import RenderTable
 from focusjax.geometry import Camera
+from focusjax.job._layers import make_layers
+from focusjax.job._moving import Moving, blurred_view
 from focusjax.job._way import Way, choose_way
 from focusjax.layers import (
     Extent,
     Layers,
     MissedLight,
     UmbraSaving,
-    decompose,
     missed_light,
     peel,
     umbra_saving,
@@ -32,6 +34,7 @@ from focusjax.trace import (
     estimate_quality,
     nearest_in_layers,
     plan_lens,
+    plan_rays,
     render,
     render_pinhole,
 )
@@ -69,6 +72,7 @@ class Picture:
         pinhole: radiance [h, w, 3] with everything sharp.
         layer_count: layers that the lens sees and that hold anything.
         samples_kept: samples of surface in them.
+        samples_left_out: samples of surface for which there were too few layers.
         layer_bytes: memory of the layers with their N-buffers.
         margin: pixels that the layers reach beyond the frame.
         complete: whether no surface was left out for want of layers.
@@ -79,12 +83,15 @@ class Picture:
         way: how that was chosen, and what was expected, when a quality was asked for.
         decibels: PSNR of the picture then, estimated from a sample of the pixels.
         lens_plan: polynomials or the glass of a real lens, when the quality was to decide.
+        motion_px: farthest way of anything that moves while the shutter is open, in pixels; None without one.
+        spans: parts of the shutter's time.
     """
 
     image: Float[Array, "h w 3"]
     pinhole: Float[Array, "h w 3"]
     layer_count: int
     samples_kept: int
+    samples_left_out: int
     layer_bytes: int
     margin: float
     complete: bool
@@ -95,6 +102,8 @@ class Picture:
     way: Way | None = None
     decibels: float | None = None
     lens_plan: LensPlan | None = None
+    motion_px: float | None = None
+    spans: int = 1
 
 
 def make_picture(
@@ -107,6 +116,7 @@ def make_picture(
     tell: Progress,
     *,
     choose_lens: bool = False,
+    moving: Moving | None = None,
 ) -> Picture:
     """Layers, rays and picture as `table` has them.
 
@@ -118,8 +128,11 @@ def make_picture(
         like: `Picture.extent` of another run, whose compiled programs serve again.
         watch: told the stages.
         tell: told how far the rays are.
+        moving: what moves while the shutter is open, if there is one.
         choose_lens: whether polynomials may take the place of a real lens, if the quality of `table` allows.
     """
+    if moving is not None:
+        return _while_open(table, scene, camera, lens, moving, watch)
     if table.method == "post":
         return _post_processed(table, scene, camera, lens, watch)
     like = like if like is not None and like.serves(camera, table.supersampling) else None
@@ -177,6 +190,44 @@ def make_picture(
     )
 
 
+def _while_open(
+    table: RenderTable, scene: Scene, camera: Camera, lens: AbstractLens, moving: Moving, watch: Stopwatch
+) -> Picture:
+    """What the shutter lets in while it is open; the sharp picture is of its instant."""
+    post = table.method == "post"
+    with watch.stage("peel"):
+        layers = make_layers(table, scene, camera, closed_lens() if post else lens)
+        jax.block_until_ready(eqx.filter(layers, eqx.is_array))
+    rays, spans, complete = table.rays, 1, layers.complete
+    if table.quality is not None:
+        with watch.stage("plan"):
+            # What moves and is sharp is not smoothed, which layers of one instant do not tell.
+            rays = plan_rays(layers, lens, table.quality, smooth=False, seed=table.seed).rays
+    with watch.stage("render"):
+        if post:
+            times = {"frame": moving.frame, "fps": moving.fps, "taps": rays, "like": layers}
+            found, _, way = blurred_view(table, moving.world, moving.camera_at, lens, moving.shutter, **times)
+            image = jnp.asarray(found)
+        else:
+            made = moving.render(table, lens, rays)
+            image, way, spans = made.image, made.motion_px, made.spans
+            complete = complete and made.complete
+    with watch.stage("pinhole"):
+        pinhole = render_pinhole(layers)
+        pinhole.block_until_ready()
+    return Picture(
+        **_facts(layers),
+        image=image,
+        pinhole=pinhole,
+        complete=complete,
+        rays=rays,
+        method="post" if post else "trace",
+        extent=layers.extent.for_others(None),
+        motion_px=way,
+        spans=spans,
+    )
+
+
 def _reached(
     layers: Layers, lens: AbstractLens, image: np.ndarray, rays: int, seed: int, *, by_post: bool
 ) -> float:
@@ -219,66 +270,10 @@ def _facts(layers: Layers) -> dict[str, Any]:
     return {
         "layer_count": layers.filled,
         "samples_kept": layers.samples_kept,
+        "samples_left_out": layers.left_out.count,
         "layer_bytes": layers.nbytes,
         "margin": layers.grid.margin / layers.grid.supersampling,
     }
-
-
-@runtime_checkable
-class LayerSettings(Protocol):
-    """How layers are made; names and meanings as in `peel` and `decompose`."""
-
-    @property
-    def supersampling(self) -> int: ...
-    @property
-    def max_layers(self) -> int: ...
-    @property
-    def slabs(self) -> int | None: ...
-    @property
-    def slab_blur_px(self) -> float | None: ...
-    @property
-    def view_dependent(self) -> bool: ...
-    @property
-    def pixel_filter(self) -> str: ...
-
-
-def room_for_more(table: LayerSettings) -> str:
-    """What to change so that more surfaces find a place in the layers."""
-    if table.slab_blur_px is not None:
-        return "lower render.slab_blur_px"
-    return "raise render.max_layers" if table.slabs is None else "raise render.slabs"
-
-
-def make_layers(
-    table: LayerSettings,
-    scene: Scene,
-    camera: Camera,
-    lens: AbstractLens,
-    like: Layers | Extent | None = None,
-) -> Layers:
-    """Peeled, or in slabs when `table` says how many or how thick."""
-    if table.slabs is not None or table.slab_blur_px is not None:
-        return decompose(
-            scene,
-            camera,
-            lens,
-            count=table.slabs,
-            blur_step=table.slab_blur_px,
-            supersampling=table.supersampling,
-            view_dependent=table.view_dependent,
-            pixel_filter=table.pixel_filter,
-            like=like,
-        )
-    return peel(
-        scene,
-        camera,
-        lens,
-        supersampling=table.supersampling,
-        max_layers=table.max_layers,
-        view_dependent=table.view_dependent,
-        pixel_filter=table.pixel_filter,
-        like=like,
-    )
 
 
 def _examine(layers: Layers, scene: Scene, camera: Camera, lens: AbstractLens) -> Examined:

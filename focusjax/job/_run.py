@@ -34,6 +34,7 @@ from focusjax.geometry import Camera
 from focusjax.job._exposed import ExposedLens, ExposedSolution
 from focusjax.job._glass import ThroughGlass, left_to_quality, solved_through, through_glass
 from focusjax.job._guessed import Guessed, guessed_shares, warn_of_holes
+from focusjax.job._moving import build_moving
 from focusjax.job._photograph import Photograph, take_photograph
 from focusjax.job._picture import Picture, Progress, make_picture
 from focusjax.job._solving import solved_lens, solved_surface
@@ -125,6 +126,10 @@ def run(
     lens = build_lens(config, camera, solved=solving)
     with watch.stage("load"):
         scene = build_scene(config) if scene is None else scene
+        moving = build_moving(config, scene)
+        if moving is not None:
+            # Wishes are about the instant of the picture.
+            scene, camera, disparity = moving.world.at(moving.frame), moving.camera_at(moving.frame), None
         wishes = build_focus_points(config, scene) if solving or config.focus else ()
         options = build_solve_options(config) if solving and config.lens.focal_surface is None else {}
     grey, exposed = None, None
@@ -191,10 +196,13 @@ def run(
     if rendering:
         look = build_look(config, camera, lens) if glass is None else glass.traced
         choose = glass is not None and left_to_quality(config)
-        picture = make_picture(config.render, scene, camera, look, like, watch, tell, choose_lens=choose)
+        moving = None if moving is None else moving.with_camera(camera)
+        picture = make_picture(
+            config.render, scene, camera, look, like, watch, tell, choose_lens=choose, moving=moving
+        )
         if glass is not None and picture.lens_plan is not None:
             glass = glass.planned(picture.lens_plan)
-        if config.scene.photo is not None and picture.method == "trace":
+        if config.scene.photo is not None and picture.method == "trace" and moving is None:
             with watch.stage("guess"):
                 guessed = guessed_shares(config.render, scene, camera, look, picture)
         if config.exposure is not None or config.film is not None:

@@ -6,6 +6,8 @@ from focusjax.layers._build import peel as peel
 from focusjax.layers._cells import BELOW_MOST as BELOW_MOST
 from focusjax.layers._cells import covered as covered
 from focusjax.layers._cells import interval as interval
+from focusjax.layers._exr import load_layers as load_layers
+from focusjax.layers._exr import save_layers as save_layers
 from focusjax.layers._extent import Extent as Extent
 from focusjax.layers._gloss import GlossSamples as GlossSamples
 from focusjax.layers._gloss import unpack_normal as unpack_normal

@@ -18,7 +18,7 @@ from focusjax.layers._extent import Extent
 from focusjax.layers._gloss import GlossSamples
 from focusjax.layers._grid import Grid
 from focusjax.layers._joins import Joins, Planes, join
-from focusjax.layers._layers import Layers, Samples
+from focusjax.layers._layers import Layers, LeftOut, Samples
 from focusjax.layers._means import Seen, mean_radiances
 from focusjax.layers._picture import Rasterised
 from focusjax.layers._places import make_places
@@ -42,12 +42,15 @@ def assemble(
     counts: Sequence[int],
     *,
     max_layers: int,
-    complete: bool,
+    left_out: int,
     like: Extent | None = None,
     view_dependent: bool = False,
     pixel_filter: str = "box",
 ) -> Layers:
-    """Layers of the fragments in `held`: `counts` for each layer, in the order of their samples."""
+    """Layers of the fragments in `held`: `counts` for each layer, in the order of their samples.
+
+    `left_out` fragments found no layer.
+    """
     gloss = scene.gloss() if view_dependent else None
     triangles, grid, fragments = held.triangles, held.grid, held.fragments
     parallax = float(lens.parallax(camera)) * grid.supersampling
@@ -107,7 +110,8 @@ def assemble(
         lens=lens,
         camera=camera,
         grid=grid,
-        complete=complete,
+        complete=left_out == 0,
+        left_out=LeftOut(left_out),
         pixel_filter=pixel_filter,
     )
 

@@ -78,7 +78,7 @@ def peel(
         like=like,
     )
     parallax = float(lens.parallax(camera)) * supersampling
-    chosen, complete = peel_fragments(
+    chosen, left_out = peel_fragments(
         picture.fragments, picture.grid, parallax, max_layers, umbra=umbra, opacity=picture.opacity
     )
     counts = [len(some) for some in chosen]
@@ -93,7 +93,7 @@ def peel(
         picture,
         counts,
         max_layers=max_layers,
-        complete=complete,
+        left_out=left_out,
         like=like,
         view_dependent=view_dependent,
         pixel_filter=pixel_filter,

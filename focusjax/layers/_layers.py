@@ -40,6 +40,23 @@ class Samples(eqx.Module):
     gloss: GlossSamples | None
 
 
+class LeftOut:
+    """A number that equals all others, so that it compiles nothing anew."""
+
+    def __init__(self, count: int):
+        """Of samples."""
+        self.count = count
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, LeftOut)
+
+    def __hash__(self) -> int:
+        return 0
+
+    def __repr__(self) -> str:
+        return str(self.count)
+
+
 class Layers(eqx.Module):
     """Surfaces seen from the lens centre, nearest first: peeled (Lee10 section 3.1) or in slabs (Lee09).
 
@@ -63,6 +80,8 @@ class Layers(eqx.Module):
         camera: the camera they are seen from.
         grid: the sample grid (static).
         complete: whether every surface is here but those known to be hidden (static).
+        left_out: samples of surface that found no layer, as far as known to be seen (static, but of no
+            account to compiled programs: layers that differ in it alone are traced by one program).
         pixel_filter: the widest filter whose rays they hold (static); see `peel`.
     """
 
@@ -77,6 +96,11 @@ class Layers(eqx.Module):
     grid: Grid = eqx.field(static=True)
     complete: bool = eqx.field(static=True)
     pixel_filter: str = eqx.field(static=True)
+    left_out: LeftOut = eqx.field(static=True)
+
+    def __repr__(self) -> str:
+        size = f"{self.grid.width} x {self.grid.height} pixels"
+        return f"Layers({self.count} of {size}, peeled for a {type(self.lens).__name__})"
 
     @property
     def count(self) -> int:

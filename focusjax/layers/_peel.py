@@ -30,8 +30,8 @@ def peel_fragments(
     *,
     umbra: bool = True,
     opacity: Float[np.ndarray, " f"] | None = None,
-) -> tuple[list[Int[np.ndarray, " _"]], bool]:
-    """The fragments that each layer holds, in the order of their samples; and whether none was left over.
+) -> tuple[list[Int[np.ndarray, " _"]], int]:
+    """The fragments that each layer holds, in the order of their samples; and how many were left over.
 
     `parallax` is f E in samples per dioptre; 0 (a pinhole) hides everything behind the first opaque surface.
     Without `umbra` each layer is the next surface (Everitt 2001), and nothing is hidden but what lies in the
@@ -48,12 +48,12 @@ def peel_fragments(
             sparse, left = _peel_sparse(
                 fragments.take(alive), grid, parallax, max_layers - len(layers), umbra=umbra
             )
-            return layers + [alive[layer] for layer in sparse], left == 0
+            return layers + [alive[layer] for layer in sparse], left
         best, owner = first_surface(sample, disparity, grid)
         held = np.flatnonzero(owner >= 0)
         layers.append(np.take(alive, np.take(owner, held)))
         if umbra and opacity is None and parallax == 0:
-            return layers, True
+            return layers, 0
         if umbra and opacity is not None:
             opaque = opacity[layers[-1]] == 1.0
             solid = np.zeros(shape, dtype=disparity.dtype) if solid is None else solid
@@ -65,7 +65,7 @@ def peel_fragments(
         else:
             below = best * np.float32(1.0 - SEPARATION)
         alive, sample, disparity = _behind(below, alive, sample, disparity)
-    return layers, len(alive) == 0
+    return layers, len(alive)
 
 
 def _behind(below: np.ndarray, *fragments: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -101,7 +101,7 @@ def decompose(
     )
     grid, parallax = picture.grid, float(lens.parallax(camera))
     bounds = _bounds(picture.fragments.disparity, parallax, count, blur_step)
-    chosen, complete = slab_fragments(
+    chosen, left_out = slab_fragments(
         picture.fragments, grid, parallax * grid.supersampling, bounds, opacity=picture.opacity
     )
     limit = "count" if blur_step is None else "the number of slabs by a larger blur_step"
@@ -114,7 +114,7 @@ def decompose(
         picture.held(chosen),
         counts,
         max_layers=len(bounds) - 1,
-        complete=complete,
+        left_out=left_out,
         like=extent,
         view_dependent=view_dependent,
         pixel_filter=pixel_filter,
@@ -150,10 +150,10 @@ def slab_fragments(
     bounds: np.ndarray,
     *,
     opacity: Float[np.ndarray, " f"] | None = None,
-) -> tuple[list[Int[np.ndarray, " _"]], bool]:
+) -> tuple[list[Int[np.ndarray, " _"]], int]:
     """The fragments that each layer holds, in the order of their samples.
 
-    Also whether all were kept but those known to be hidden.
+    Also how many were left out that are not known to be hidden.
 
     Args:
         fragments: all there are.
@@ -169,7 +169,7 @@ def slab_fragments(
     filled = np.zeros(grid.size, dtype=np.int32)
     limit = np.full(grid.size, np.inf, dtype=fragments.disparity.dtype)
     overlap = _OVERLAP * (bounds[0] - bounds[-1]) / (len(bounds) - 1)
-    complete = True
+    left_out = 0
     for farther in [*bounds[1:-1], 0.0]:
         within = fragments.disparity[alive] >= farther - overlap
         nearest, owner = _nearest(fragments, alive[within], grid)
@@ -189,9 +189,9 @@ def slab_fragments(
         left = disparity < limit[fragments.sample[alive]]
         # What is left in this slab is too near for the next one.
         missed = left & (disparity >= farther)
-        complete = complete and not missed.any()
+        left_out += int(missed.sum())
         alive = alive[left & ~missed]
-    return [layer[layer >= 0] for layer in layers], complete
+    return [layer[layer >= 0] for layer in layers], left_out
 
 
 def _not_behind_the_first(

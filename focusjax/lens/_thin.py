@@ -9,6 +9,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from focusjax._arguments import number_or_traced, require_kind
+from focusjax._words import shown
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import AbstractAperture, Disk
 from focusjax.lens._base import AbstractLens
@@ -156,4 +157,4 @@ def _require(value: Any, holds: Any, sentence: str) -> Any:
 
 def _said(value: Any, unit: str = "", traced: str = " out of range") -> str:
     """A value for a sentence, after a blank; what to say in its place where it is traced."""
-    return traced if isinstance(value, Tracer) else f" {value}{unit}"
+    return traced if isinstance(value, Tracer) else f" {shown(value)}{unit}"

@@ -3,7 +3,6 @@
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
-from scipy.optimize import least_squares
 
 from focusjax.geometry import Camera
 from focusjax.lens._base import AbstractLens
@@ -38,6 +37,8 @@ def vignetted_like(lens: AbstractLens, real: AbstractLens, camera: Camera) -> Da
     if not opening > 0:
         raise ValueError("a closed lens has no vignetting; open it")
     middle = np.asarray(camera.principal_point, dtype=float)
+    from scipy.optimize import least_squares
+
     size = np.array([camera.width, camera.height])
     corner = np.where(middle > size / 2, 0.0, size)
     along = np.linspace(0.0, 1.0, _PLACES)[:, None]

@@ -11,8 +11,8 @@ theirs from disks as wide as the hole. Elsewhere the map stays as it was measure
 """
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
-from scipy.ndimage import distance_transform_edt, map_coordinates, maximum_filter, minimum_filter
 
 _SIGMA = 0.06
 """Difference of colours, 0 to 1, that counts as another surface."""
@@ -52,7 +52,7 @@ def aligned(
     radius = align_px * scale
     for _ in range(_PASSES if radius > 0 else 0):
         wide = 2 * int(np.ceil(radius)) + 1
-        spread = maximum_filter(depth, wide) - minimum_filter(depth, wide)
+        spread = scipy.ndimage.maximum_filter(depth, wide) - scipy.ndimage.minimum_filter(depth, wide)
         near_edge = np.flatnonzero(spread.ravel() > threshold)
         reach = np.full(len(near_edge), 2.0 * radius + 1.0, dtype=np.float32)
         sources = np.ones_like(there)
@@ -64,7 +64,7 @@ def _nearest_known(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     if known.all():
         return values
     index = np.zeros((2, *known.shape), dtype=np.int32)
-    distance_transform_edt(~known, return_distances=False, return_indices=True, indices=index)
+    scipy.ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True, indices=index)
     return values[*index]
 
 
@@ -74,7 +74,7 @@ def _enlarged(values: np.ndarray, known: np.ndarray, shape: tuple[int, int]) -> 
         return values.copy(), known.copy()
     rows, columns = ((np.arange(n) + 0.5) * m / n - 0.5 for n, m in zip(shape, values.shape, strict=True))
     places = np.meshgrid(rows, columns, indexing="ij")
-    depth = map_coordinates(values, places, order=1, mode="nearest")
+    depth = scipy.ndimage.map_coordinates(values, places, order=1, mode="nearest")
     row = np.clip(np.round(rows).astype(int), 0, values.shape[0] - 1)
     column = np.clip(np.round(columns).astype(int), 0, values.shape[1] - 1)
     return depth, known[np.ix_(row, column)]
@@ -83,7 +83,7 @@ def _enlarged(values: np.ndarray, known: np.ndarray, shape: tuple[int, int]) -> 
 def _holes_filled(depth: np.ndarray, there: np.ndarray, shown: np.ndarray, threshold: float) -> np.ndarray:
     """Holes by medians over disks that reach well past their borders."""
     away = np.zeros(there.shape)
-    distance_transform_edt(~there, distances=away)
+    scipy.ndimage.distance_transform_edt(~there, distances=away)
     holes = np.flatnonzero(~there.ravel())
     reach = (1.5 * away.ravel()[holes] + 4.0).astype(np.float32)
     out = depth.copy()
@@ -101,7 +101,7 @@ def _medians(
 ) -> np.ndarray:
     """Weighted medians around flat `places`, over disks of radius `reach`."""
     height, width = depth.shape
-    range_ = maximum_filter(depth, 3) - minimum_filter(depth, 3)
+    range_ = scipy.ndimage.maximum_filter(depth, 3) - scipy.ndimage.minimum_filter(depth, 3)
     trust = (sources / (1.0 + (range_ / threshold) ** 2)).astype(np.float32).ravel()
     flat, colours = depth.ravel(), shown.reshape(-1, 3).astype(np.float32)
     k = np.arange(_TAPS)

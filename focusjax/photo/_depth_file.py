@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 from jaxtyping import Float
 from PIL import Image
 
 from focusjax.photo._errors import PhotoError
+from focusjax.scene import depth_channel, exr_channels
 
 _KINDS = "expected a PNG or TIFF of 8 or 16 bits, NPY, PFM, or OpenEXR with a channel Z"
-_DEPTH_CHANNELS = ("Z", "depth.Z", "Depth.Z", "depth", "Y")
 
 
 @dataclass(frozen=True)
@@ -103,13 +102,10 @@ def _read_pfm(data: bytes, path: Path) -> Float[np.ndarray, "h w"]:
 
 
 def _read_exr(path: Path) -> Float[np.ndarray, "h w"]:
-    with OpenEXR.File(str(path), separate_channels=True) as file:
-        for part in file.parts:
-            channels = part.channels
-            found = next((name for name in _DEPTH_CHANNELS if name in channels), None)
-            if found is not None:
-                return np.array(channels[found].pixels, dtype=np.float64)
-            if len(channels) == 1:
-                return np.array(next(iter(channels.values())).pixels, dtype=np.float64)
-        names = ", ".join(name for part in file.parts for name in part.channels)
-    raise PhotoError(f"{path}: there is no depth channel among {names}; expected one named Z")
+    channels = exr_channels(path)
+    found = depth_channel(channels)
+    if found is None:
+        raise PhotoError(
+            f"{path}: there is no depth channel among {', '.join(channels)}; expected one named Z"
+        )
+    return channels[found].astype(np.float64)

@@ -13,8 +13,6 @@ Such a fill has no detail of its own, which is right on the average where nothin
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.sparse import coo_matrix, diags
-from scipy.sparse.linalg import cg
 
 from focusjax.photo._tears import GAP
 
@@ -91,6 +89,9 @@ def membrane(
     inside = np.isfinite(hidden)
     if not inside.any():
         return values.copy()
+    from scipy.sparse import coo_matrix, diags
+    from scipy.sparse.linalg import cg
+
     number = np.cumsum(inside.ravel()).reshape(inside.shape) - 1
     count = int(inside.sum())
     rows, columns = [], []

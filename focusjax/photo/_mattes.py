@@ -18,8 +18,8 @@ for mattes along depth edges).
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
-from scipy.ndimage import gaussian_filter
 
 _FAR_SHARE, _SPREAD = 0.15, 0.6
 """The share that pixels on the far side of a tear are expected to have, and how far off it may be."""
@@ -112,7 +112,7 @@ def _around(
     """Weighted means and variances of light around the pixels of `band`, and where there is any weight."""
 
     def blurred(values: np.ndarray) -> np.ndarray:
-        return gaussian_filter(weight * values, _RADIUS, truncate=3.0)[band]
+        return scipy.ndimage.gaussian_filter(weight * values, _RADIUS, truncate=3.0)[band]
 
     total = blurred(np.ones_like(weight))
     scale = 1.0 / np.maximum(total, 1e-12)

@@ -79,7 +79,7 @@ def read_exr(path: Path) -> Float[np.ndarray, "h w 3"]:
     try:
         light = read_image(path)
     except ValueError as error:
-        raise PhotoError(f"{path}: this OpenEXR file has no R, G and B to read ({error})") from error
+        raise PhotoError(str(error)) from error
     if not np.isfinite(light).all():
         raise PhotoError(
             f"{path}: {int((~np.isfinite(light)).any(axis=2).sum())} pixels are not finite; repair the file"

@@ -9,8 +9,8 @@ behind foregrounds, and beyond the frame, where the photograph goes on as its mi
 import dataclasses
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
-from scipy.ndimage import binary_dilation, distance_transform_edt, grey_dilation
 
 from focusjax.geometry import Camera
 from focusjax.photo._hidden import carried_behind, membrane
@@ -91,7 +91,7 @@ def sheets(
     nearest = _spread_colours(picture, behind, trusted)
     back = membrane(np.where(behind, far, np.nan), depth, trusted, picture, nearest, step)
     near_side = near_band | (
-        binary_dilation(near_band, iterations=_NEAR_SIDE) & _as_near(depth, near_band, step)
+        scipy.ndimage.binary_dilation(near_band, iterations=_NEAR_SIDE) & _as_near(depth, near_band, step)
     )
     matte = mattes(picture, back.astype(np.float32), near_side, band, near_band)
     return Sheets(border, near, far, behind, seen_behind, band, matte)
@@ -106,8 +106,8 @@ def _widened(
     step = GAP / max(parallax, 1e-12)
     for _ in range(edge_px - 1):
         cross = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=bool)
-        high = grey_dilation(np.where(near, depth, -1.0), footprint=cross)
-        low = grey_dilation(np.where(far, depth, -1.0), footprint=cross)
+        high = scipy.ndimage.grey_dilation(np.where(near, depth, -1.0), footprint=cross)
+        low = scipy.ndimage.grey_dilation(np.where(far, depth, -1.0), footprint=cross)
         free = ~near & ~far
         more_near = free & (high >= 0) & (np.abs(high - depth) <= step)
         more_far = free & (low >= 0) & (np.abs(low - depth) <= step) & ~more_near
@@ -117,13 +117,13 @@ def _widened(
 
 def _as_near(depth: np.ndarray, near_band: np.ndarray, step: float) -> np.ndarray:
     """Whether pixels are about as near as the nearest band around them."""
-    around = grey_dilation(np.where(near_band, depth, -1.0), size=2 * _NEAR_SIDE + 1)
+    around = scipy.ndimage.grey_dilation(np.where(near_band, depth, -1.0), size=2 * _NEAR_SIDE + 1)
     return np.abs(around - depth) <= 4 * step
 
 
 def _near_depth(depth: np.ndarray, near_band: np.ndarray, edge_px: int) -> np.ndarray:
     """Disparity of the foreground beside each pixel of its far band."""
-    around = grey_dilation(np.where(near_band, depth, -1.0), size=2 * edge_px + 1)
+    around = scipy.ndimage.grey_dilation(np.where(near_band, depth, -1.0), size=2 * edge_px + 1)
     return np.where(around > depth, around, depth).astype(np.float32)
 
 
@@ -133,7 +133,7 @@ def _spread_colours(picture: np.ndarray, behind: np.ndarray, trusted: np.ndarray
     if not edge.any():
         return picture
     index = np.zeros((2, *edge.shape), dtype=np.int32)
-    distance_transform_edt(~edge, return_distances=False, return_indices=True, indices=index)
+    scipy.ndimage.distance_transform_edt(~edge, return_distances=False, return_indices=True, indices=index)
     return picture[*index]
 
 

@@ -1,12 +1,15 @@
 """The whole camera as passes over one sharp view."""
 
+import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._counts import require_counts
-from focusjax.baselines import gather
+from focusjax.baselines import circle_radii, gather
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, FocalSurfaceLens, ThinLens, TiltShiftLens, in_colour
 from focusjax.post._motion import motion_blur
+from focusjax.post._scatter import WHITE, depths_of_light, scattered, small_lights
 from focusjax.post._straight import StraightenedLens
 from focusjax.post._view import PinholeView
 from focusjax.post._warp import warped
@@ -27,7 +30,8 @@ def post_process(
     Passes, in their order, each left out where there is nothing for it to do:
 
     1. motion blur along the view's velocities (`motion_blur`);
-    2. defocus: every pixel averages the view where its lens rays pass at its own depth (`gather`), with the
+    2. defocus: every pixel averages the view where its lens rays pass at its own depth (`gather`), and what
+       small lights out of focus have beyond white is sent where the lens sends it (`_scatter`), both with the
        shape of the opening, spherical aberration, coma, astigmatism and curvature of field; for each colour,
        where the lens treats them differently;
     3. distortion and lateral colour, by resampling (`warped`);
@@ -64,8 +68,29 @@ def post_process(
         found = image
         if opened:
             straight = one if ideal else StraightenedLens(one)
+            found, lights = _without_lights(found, view.disparity, camera, straight)
             found = gather(found, view.disparity, camera, straight, taps=taps, levels=levels)
+            if lights is not None:
+                rays = taps * camera.width * camera.height
+                depths = np.asarray(view.disparity)
+                found = found + scattered(*lights, depths, camera, straight, rays=rays)
         return found if ideal else warped(found, camera, one)
 
     found = in_colour(through, lens)
     return found if ideal else found * light_map(lens, camera).share.reshape(found.shape).astype(found.dtype)
+
+
+def _without_lights(
+    image: Float[Array, "h w 3"], disparity: Float[Array, "h w"], camera: Camera, lens: AbstractLens
+) -> tuple[Float[Array, "h w 3"], tuple[Float[np.ndarray, "h w 3"], Float[np.ndarray, "h w"]] | None]:
+    """The view without what small lights out of focus have beyond white; that and its disparities, if any."""
+    picture = np.asarray(image)
+    if not picture.max(initial=0.0) > WHITE:
+        return image, None
+    origin = depths_of_light(picture, np.asarray(disparity))
+    reach = circle_radii(jnp.asarray(origin, dtype=image.dtype), camera, lens)
+    chosen = small_lights(picture, np.asarray(reach))
+    if not chosen.any():
+        return image, None
+    lights = np.where(chosen[..., None], np.maximum(picture - WHITE, 0.0), 0.0)
+    return jnp.asarray(picture - lights), (lights, origin)

@@ -10,6 +10,7 @@ from focusjax.report._quality import quality_sentence as quality_sentence
 from focusjax.report._save import FILES as FILES
 from focusjax.report._save import save_outcome as save_outcome
 from focusjax.report._summary import guessed_sentence as guessed_sentence
+from focusjax.report._summary import left_out as left_out
 from focusjax.report._summary import movements as movements
 from focusjax.report._summary import summary as summary
 from focusjax.report._summary import versions as versions

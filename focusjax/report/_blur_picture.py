@@ -11,6 +11,7 @@ from matplotlib.colors import FuncNorm
 from matplotlib.figure import Figure
 
 _WIDTH_INCHES = 6.0
+_LONGEST_NAME = 40
 _HALO = [patheffects.withStroke(linewidth=2.5, foreground="white")]
 
 
@@ -49,7 +50,8 @@ def save_blur_picture(
     bar.ax.minorticks_off()
     bar.set_label("blur diameter in pixels:  in front of the focus (-), behind it (+)")
     for number, (name, positions) in enumerate(marks, start=1):
-        _mark(axes, f"{number} {name}", positions, width)
+        short = name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 3]}..."
+        _mark(axes, f"{number} {short}", positions, width)
     axes.set_xticks([])
     axes.set_yticks([])
     figure.savefig(path, dpi=160)

@@ -3,19 +3,11 @@
 import math
 from typing import Any
 
-import jinja2
-
 from focusjax._settings import angle, f_number, metres
+from focusjax._templates import template
 from focusjax.report._glass import glass_sentences
 from focusjax.report._quality import quality_sentence
 
-_TEMPLATES = jinja2.Environment(
-    loader=jinja2.PackageLoader("focusjax.report", "."),
-    autoescape=True,
-    undefined=jinja2.StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
 _STAGES = {
     "load": "load the meshes",
     "meter": "meter the sharp view",
@@ -47,7 +39,7 @@ def page(title: str, facts: dict[str, Any], pictures: dict[str, str]) -> str:
     total = sum(facts["seconds"].values())
     picture = facts["picture"]
     names = _STAGES | ({"render": "post-process"} if picture and picture["method"] == "post" else {})
-    return _TEMPLATES.get_template("page.html.j2").render(
+    return template("focusjax.report", "page.html.j2").render(
         title=title,
         facts=facts,
         pictures=pictures,

@@ -7,7 +7,6 @@ import numpy as np
 
 from focusjax.io import json_text, save_exr, save_png
 from focusjax.job import Outcome
-from focusjax.report._blur_picture import save_blur_picture
 from focusjax.report._page import page
 from focusjax.report._summary import summary
 
@@ -24,6 +23,9 @@ def save_outcome(folder: Path, outcome: Outcome) -> None:
         folder: an existing folder.
         outcome: what `run` returned.
     """
+    # matplotlib takes long to import.
+    from focusjax.report._blur_picture import save_blur_picture
+
     render = outcome.config.render
     pictures = {}
     if outcome.picture is not None:

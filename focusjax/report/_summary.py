@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from focusjax.focus import Diagnosis, Result, SurfaceDiagnosis, SurfaceSolution, diagnose
 from focusjax.io import for_json
-from focusjax.job import Examined, Guessed, Outcome, room_for_more, shutter
+from focusjax.job import Examined, Guessed, Outcome, left_out_sentence, room_for_more, shutter
 from focusjax.lens import FocalSurfaceLens, as_tilt_shift, depth_of_field
 from focusjax.report._glass import glass_facts
 from focusjax.report._quality import quality_facts
@@ -28,7 +28,7 @@ def summary(outcome: Outcome) -> dict[str, Any]:
     return for_json(
         {
             "config_file": str(outcome.config.source),
-            "config": outcome.config.model_dump(mode="python"),
+            "config": outcome.config.model_dump(mode="python", by_alias=True),
             "versions": versions(),
             "lens": _lens(outcome),
             "exposure": _exposure(outcome),
@@ -241,6 +241,16 @@ def _stood_in_the_way(found: Diagnosis | SurfaceDiagnosis) -> dict[str, Any]:
     }
 
 
+def left_out(outcome: Outcome) -> str | None:
+    """How much found no place in the layers, in a sentence; None where everything did."""
+    picture = outcome.picture
+    if picture is None or picture.complete:
+        return None
+    remedy = room_for_more(outcome.config.render)
+    counts = picture.samples_left_out, picture.samples_kept, picture.layer_count
+    return left_out_sentence(*counts, remedy)
+
+
 def _picture(outcome: Outcome) -> dict[str, Any] | None:
     picture = outcome.picture
     if picture is None:
@@ -249,7 +259,8 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
         "method": picture.method,
         "layers": picture.layer_count,
         "layers_complete": picture.complete,
-        "layers_remedy": None if picture.complete else room_for_more(outcome.config.render),
+        "layers_left_out": left_out(outcome),
+        "layer_samples_left_out": picture.samples_left_out,
         "layer_samples": picture.samples_kept,
         "layers_mib": picture.layer_bytes / 2**20,
         "examined": _examined(picture.examined),
@@ -257,6 +268,8 @@ def _picture(outcome: Outcome) -> dict[str, Any] | None:
         "rays_per_pixel": picture.rays,
         "quality": quality_facts(outcome),
         "largest_blur_px": float(np.abs(outcome.blur).max()),
+        "largest_motion_px": picture.motion_px,
+        "shutter_spans": picture.spans,
     }
 
 

@@ -8,7 +8,6 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from skimage.transform import resize_local_mean
 
 
 class Atlas(eqx.Module):
@@ -152,6 +151,8 @@ def pyramid(picture: Float[np.ndarray, "_ _ c"]) -> list[Float[np.ndarray, "_ _ 
         if fine.shape[:2] == (2 * height, 2 * width):
             coarse = fine.reshape(height, 2, width, 2, -1).mean(axis=(1, 3))
         else:
+            from skimage.transform import resize_local_mean
+
             coarse = resize_local_mean(fine, (height, width), channel_axis=-1, preserve_range=True)
         levels.append(coarse.astype(picture.dtype))
     return levels

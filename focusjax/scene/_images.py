@@ -5,11 +5,10 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 from jaxtyping import Float
 from PIL import Image
-from scipy.ndimage import distance_transform_edt
 
+from focusjax.scene._exr import colour_channels, exr_channels
 from focusjax.scene._sizes import check_pixels
 
 
@@ -78,6 +77,8 @@ def fill_hidden(
     """
     if picture.shape[:2] != opacity.shape or not (opacity == 0).any() or not (opacity > 0).any():
         return picture
+    from scipy.ndimage import distance_transform_edt
+
     nearest = np.zeros((2, *opacity.shape), dtype=np.int32)
     distance_transform_edt(opacity == 0, return_distances=False, return_indices=True, indices=nearest)
     return picture[*nearest]
@@ -86,7 +87,8 @@ def fill_hidden(
 def read_image(path: str | Path) -> Float[np.ndarray, "h w 3"]:
     """Linear float32 RGB [h, w, 3] of an image file.
 
-    OpenEXR files hold linear light already; every other format is decoded from sRGB.
+    OpenEXR files hold linear light already, in R, G and B or in a layer of any name; every other format is
+    decoded from sRGB.
 
     Raises:
         ValueError: the file does not exist, is not a picture, or has too many pixels.
@@ -97,16 +99,11 @@ def read_image(path: str | Path) -> Float[np.ndarray, "h w 3"]:
         raise ValueError(f"image file {path} {wrong}")
     try:
         if path.suffix.lower() == ".exr":
-            with OpenEXR.File(str(path), header_only=True) as opened:
-                low, high = opened.header()["dataWindow"]
-                check_pixels((int(high[0] - low[0]) + 1, int(high[1] - low[1]) + 1))
-            with OpenEXR.File(str(path)) as opened:
-                channels = opened.channels()
-                if "RGB" in channels or "RGBA" in channels:
-                    pixels = channels["RGB" if "RGB" in channels else "RGBA"].pixels[..., :3]
-                else:
-                    pixels = np.stack([channels[name].pixels for name in "RGB"], axis=-1)
-                return np.array(pixels, dtype=np.float32)
+            channels = exr_channels(path)
+            names = colour_channels(channels)
+            if names is None:
+                raise ValueError(f"there are no R, G and B among its channels {', '.join(channels)}")
+            return np.stack([channels[name] for name in names], axis=-1).astype(np.float32)
         with open_picture(path) as picture:
             return texture_of(picture)
     except Exception as error:

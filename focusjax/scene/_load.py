@@ -1,29 +1,18 @@
 """Mesh files as scene objects: whatever trimesh reads, placed, coloured and checked."""
 
-import contextlib
 import dataclasses
-import io
-import logging
-import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import trimesh
 from jaxtyping import Float
-from trimesh.exchange.load import mesh_formats
-from trimesh.resolvers import FilePathResolver
 
-from focusjax.scene._images import decode_srgb, open_picture
+from focusjax.scene._images import decode_srgb
 from focusjax.scene._material import UNTEXTURED, opacity_of, shininess_of, triple
 from focusjax.scene._object import DEFAULT_SMOOTH_ANGLE, SceneObject, assemble
 from focusjax.scene._part import Part, check_part
 from focusjax.scene._placement import placement
-from focusjax.scene._sizes import check_bytes, check_mesh
-from focusjax.scene._visual import TextureTable, part_of
-
-_DATA = {".mtl", ".bin", ".glb", ".gltf", ".obj"}
-"""Endings of files beside a mesh that are no pictures."""
+from focusjax.scene._textures import TextureTable
 
 
 def load_mesh(
@@ -79,12 +68,13 @@ def load_mesh(
     """
     path = Path(path)
     what = f"mesh file {path}"
-    parts, textures = _parts(path, what, within)
+    found, pictures, opacities = _parts(path, what, within)
+    parts = [part for _, part in found]
     return assemble(
         path.stem if name is None else name,
         [_overridden(part, colour, emission, specular, shininess, reflectance, opacity) for part in parts],
-        tuple(textures.pictures),
-        tuple(textures.opacities),
+        pictures,
+        opacities,
         placement(translate, rotate, scale),
         what=what,
         smooth_angle=DEFAULT_SMOOTH_ANGLE if smooth_angle is None else smooth_angle,
@@ -92,168 +82,76 @@ def load_mesh(
     )
 
 
-def _parts(path: Path, what: str, within: Sequence[Path] | None) -> tuple[list[Part], TextureTable]:
-    """The checked pieces of a mesh file, where its scene graph has them, and the pictures they refer to."""
-    assets = _Assets(str(path), within)
-    geometries = _read(path, assets)
+def load_objects(path: str | Path, *, within: Sequence[Path] | None = None) -> tuple[SceneObject, ...]:
+    """All of a mesh file where it stands, an object for each node of its scene graph that has a mesh.
+
+    Nodes of one name get numbers: `chair`, `chair 2`. Arguments, errors and warnings are those of
+    `load_mesh`.
+    """
+    path = Path(path)
+    what = f"mesh file {path}"
+    found, pictures, opacities = _parts(path, what, within)
+    named: dict[str, list[Part]] = {}
+    for name, part in found:
+        named.setdefault(name, []).append(part)
+    return tuple(object_of_parts(name, parts, pictures, opacities, what) for name, parts in named.items())
+
+
+def object_of_parts(
+    name: str,
+    parts: Sequence[Part],
+    pictures: Sequence[np.ndarray],
+    opacities: Sequence[np.ndarray],
+    what: str,
+) -> SceneObject:
+    """Checked pieces in world metres as one object, with those pictures that they use."""
+    used = sorted({part.material.texture for part in parts} - {UNTEXTURED})
+    cut = sorted({part.material.opacity_texture for part in parts} - {UNTEXTURED})
+
+    def renumbered(part: Part) -> Part:
+        own = part.material
+        material = dataclasses.replace(
+            own,
+            texture=used.index(own.texture) if own.texture in used else UNTEXTURED,
+            opacity_texture=cut.index(own.opacity_texture) if own.opacity_texture in cut else UNTEXTURED,
+        )
+        return dataclasses.replace(part, material=material)
+
+    return assemble(
+        name,
+        [renumbered(part) for part in parts],
+        tuple(pictures[k] for k in used),
+        tuple(opacities[k] for k in cut),
+        np.eye(4),
+        what=what,
+        smooth_angle=DEFAULT_SMOOTH_ANGLE,
+        keep_normals=True,
+    )
+
+
+def _parts(
+    path: Path, what: str, within: Sequence[Path] | None
+) -> tuple[
+    list[tuple[str, Part]], tuple[Float[np.ndarray, "_ _ 3"], ...], tuple[Float[np.ndarray, "_ _"], ...]
+]:
+    """The checked pieces of a mesh file with the names of their nodes; its colour and opacity pictures."""
+    # trimesh takes long to import.
+    from focusjax.scene._mesh_file import Assets, read_mesh_file
+    from focusjax.scene._visual import part_of
+
+    assets = Assets(str(path), within)
+    geometries = read_mesh_file(path, assets)
     textures = TextureTable(source=what, find=assets.get)
     linear_colours = path.suffix.lower() in (".glb", ".gltf")
     parts = []
-    for mesh, matrix in geometries:
+    for name, mesh, matrix in geometries:
         part = part_of(mesh, textures, linear_colours=linear_colours)
         check_part(part, what)
-        parts.append(_moved(part, matrix))
-    return parts, textures
+        parts.append((name, moved_part(part, matrix)))
+    return parts, tuple(textures.pictures), tuple(textures.opacities)
 
 
-class _Assets(FilePathResolver):
-    """Finds files beside the mesh, and remembers those that are missing, damaged or not to be read.
-
-    trimesh carries on without a texture it cannot load, and says so in its debug log only.
-    """
-
-    def __init__(self, source: str, within: Sequence[Path] | None):
-        super().__init__(source, allow_anywhere=True)
-        self.missing: dict[str, str] = {}
-        self.outside: list[str] = []
-        self._within = None if within is None else [folder.resolve() for folder in within]
-
-    def namespaced(self, namespace: str) -> "_Assets":
-        made = _Assets(str(Path(self.parent) / namespace), self._within)
-        made.missing, made.outside = self.missing, self.outside
-        return made
-
-    def absolute(self, name: str) -> Path:
-        path = super().absolute(name)
-        if not self._allowed(path):
-            raise ValueError(f"{name} is outside the folders that may be read")
-        if path.is_file():
-            check_bytes(path)
-        return path
-
-    def _allowed(self, path: Path) -> bool:
-        return self._within is None or any(path.is_relative_to(folder) for folder in self._within)
-
-    def get(self, name: str) -> bytes:
-        try:
-            data = super().get(name)
-        except Exception:
-            # A path from another machine leads nowhere here; one that leads somewhere is refused.
-            path = super().absolute(name)
-            if path.exists() and not self._allowed(path):
-                self.outside.append(name)
-            self.missing[name] = "does not exist"
-            raise
-        if Path(name).suffix.lower() not in _DATA:
-            try:
-                open_picture(io.BytesIO(data)).verify()
-            except Exception:
-                self.missing[name] = "is not a readable picture (png and jpg always are)"
-        return data
-
-
-_UNREADABLE = ("failed to load image", "`image/ktx2` textures are unsupported")
-"""How trimesh begins to say, to its developers only, that a picture is left out."""
-
-
-class _Remarks(logging.Handler):
-    """Keeps what trimesh logs, which would otherwise reach the terminal with a traceback."""
-
-    def __init__(self) -> None:
-        super().__init__(logging.DEBUG)
-        self.lines: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        if record.levelno >= logging.WARNING or record.getMessage().startswith(_UNREADABLE):
-            self.lines.append(record.getMessage())
-
-
-@contextlib.contextmanager
-def _remarks() -> Iterator[list[str]]:
-    logger, remarks = logging.getLogger("trimesh"), _Remarks()
-    propagated, logger.propagate = logger.propagate, False
-    level = logger.level
-    logger.setLevel(logging.DEBUG)
-    logger.addHandler(remarks)
-    try:
-        yield remarks.lines
-    finally:
-        logger.removeHandler(remarks)
-        logger.setLevel(level)
-        logger.propagate = propagated
-
-
-def _read(path: Path, assets: _Assets) -> list[tuple[trimesh.Trimesh, Float[np.ndarray, "4 4"]]]:
-    """The meshes of the file, each with its matrix file_from_mesh."""
-    if not path.is_file():
-        wrong = "is a folder; name a file in it" if path.is_dir() else "does not exist; check the path"
-        raise ValueError(f"mesh file {path} {wrong}")
-    ending = path.suffix.lower().lstrip(".")
-    if ending not in mesh_formats():
-        raise ValueError(
-            f"mesh file {path} has an unknown format {ending!r}; expected glb, gltf, obj, ply, stl or off"
-        )
-    try:
-        check_mesh(path)
-    except ValueError as error:
-        raise ValueError(f"mesh file {path} is too large: {error}") from None
-    try:
-        # Unprocessed: processing would drop vertices that are not finite and merge others unasked.
-        with _remarks() as remarks:
-            scene = trimesh.load_scene(str(path), resolver=assets, process=False)
-        found = []
-        for node in scene.graph.nodes_geometry:
-            matrix, key = scene.graph[node]
-            if isinstance(scene.geometry[key], trimesh.Trimesh):
-                found.append((scene.geometry[key], np.asarray(matrix, dtype=np.float64)))
-    except IndexError as error:
-        raise ValueError(
-            f"mesh file {path} cannot be read: a face refers to a vertex that is out of range ({error});"
-            " export the mesh again"
-        ) from error
-    except Exception as error:
-        _refuse_outside(path, assets)
-        reason = f"{type(error).__name__}: {error}".rstrip(": ")
-        raise ValueError(
-            f"mesh file {path} cannot be read ({reason}); is it a complete {ending} file?"
-        ) from error
-    _refuse_outside(path, assets)
-    undecoded = [remark for remark in remarks if "placeholder zeros" in remark]
-    if undecoded:
-        raise ValueError(
-            f"mesh file {path} is compressed with an extension that cannot be decoded ({undecoded[0]});"
-            " export it without compression"
-        )
-    for remark in remarks:
-        if "unable to load image" not in remark and not remark.startswith(_UNREADABLE):
-            warnings.warn(f"mesh file {path}: {remark}", stacklevel=4)
-    if any(remark.startswith(_UNREADABLE) for remark in remarks) and not assets.missing:
-        warnings.warn(
-            f"mesh file {path} holds a picture of a format that cannot be read (png and jpg always can);"
-            " using the material colour instead",
-            stacklevel=4,
-        )
-    for name, trouble in assets.missing.items():
-        warnings.warn(
-            f"mesh file {path} refers to {name}, which {trouble}; using the material colour instead",
-            stacklevel=4,
-        )
-    found = [(mesh, matrix) for mesh, matrix in found if len(mesh.faces)]
-    if not found:
-        raise ValueError(f"mesh file {path} has no faces; expected a mesh of triangles")
-    return found
-
-
-def _refuse_outside(path: Path, assets: _Assets) -> None:
-    """A stranger's file that asks for files elsewhere may be up to something."""
-    if assets.outside:
-        raise ValueError(
-            f"mesh file {path} refers to {assets.outside[0]}, outside the folders that may be read; move it"
-            " there, or allow more with --root DIR"
-        )
-
-
-def _moved(part: Part, matrix: Float[np.ndarray, "4 4"]) -> Part:
+def moved_part(part: Part, matrix: Float[np.ndarray, "4 4"]) -> Part:
     """`part` with a scene-graph transform applied."""
     linear = matrix[:3, :3]
     if np.array_equal(matrix, np.eye(4)):

@@ -227,9 +227,11 @@ def make_scene(
             gathered[key].append(getattr(item, key))
         gathered["faces"].append(item.faces + vertex_count)
         gathered["face_material"].append(item.face_material + len(materials))
-        materials += [_renumbered(material, len(textures), len(opacities)) for material in item.materials]
-        textures += item.textures
-        opacities += item.opacities
+        pictures, cuts = (
+            [_place_of(picture, known) for picture in own]
+            for own, known in ((item.textures, textures), (item.opacities, opacities))
+        )
+        materials += [_renumbered(material, pictures, cuts) for material in item.materials]
         vertex_count += len(item.vertices)
         face_count += len(item.faces)
     joined = {key: np.concatenate(values) for key, values in gathered.items()}
@@ -252,12 +254,22 @@ def make_scene(
     )
 
 
-def _renumbered(material: Material, textures: int, opacities: int) -> Material:
-    """`material` with its pictures counted on from those before."""
+def _place_of(picture: np.ndarray, known: list[np.ndarray]) -> int:
+    """The number of a picture among those known, to which it is added if no object had it before."""
+    for number, other in enumerate(known):
+        if other is picture:
+            return number
+    known.append(picture)
+    return len(known) - 1
+
+
+def _renumbered(material: Material, textures: Sequence[int], opacities: Sequence[int]) -> Material:
+    """`material` with the scene's numbers of its pictures."""
+    own, cut = material.texture, material.opacity_texture
     return replace(
         material,
-        texture=material.texture + textures if material.texture >= 0 else UNTEXTURED,
-        opacity_texture=material.opacity_texture + opacities if material.opacity_texture >= 0 else UNTEXTURED,
+        texture=textures[own] if own >= 0 else UNTEXTURED,
+        opacity_texture=opacities[cut] if cut >= 0 else UNTEXTURED,
     )
 
 

@@ -2,9 +2,8 @@
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -12,77 +11,115 @@ from focusjax._words import did_you_mean, listed
 from focusjax.config import (
     Config,
     ConfigError,
+    ObjectTable,
     ShotTable,
+    TimedControlTable,
+    TimedWishTable,
     build_camera,
+    build_control_points,
+    build_focal_surface,
     build_focus_points,
-    build_lens,
     build_look,
     build_objects,
     build_scene,
     build_solve_options,
+    build_stored_scene,
     values_of,
 )
-from focusjax.focus import FocusPoint
+from focusjax.focus import FocusPoint, ImagePoints
 from focusjax.geometry import Camera
-from focusjax.job import Development, find_development
-from focusjax.lens import ThinLens, TiltShiftLens
-from focusjax.scene import SceneObject, placement
-from focusjax.shot._camera import Path, moving_camera, pose_path
-from focusjax.shot._keyframes import Keyframes, keyframes
-from focusjax.shot._motion import Motion, MovingScene, transforms
+from focusjax.job import (
+    FIT_PX,
+    Development,
+    ThroughGlass,
+    build_shutter,
+    find_development,
+    keyed_transforms,
+    left_to_quality,
+    refuse_uneven,
+    through_glass,
+)
+from focusjax.lens import AbstractLens, FocalSurface, ThinLens
+from focusjax.motion import Keyframes, Motion, MovingScene, load_vertex_sequence, transforms_of
+from focusjax.scene import Scene, SceneObject, placement
+from focusjax.shot._build_camera import build_path, table_keys
+from focusjax.shot._held import held_frames
+from focusjax.shot._lens_track import LensTrack
 from focusjax.shot._render import FrameSettings, MotionSettings
-from focusjax.shot._sequence import load_vertex_sequence
 from focusjax.shot._solve import Shot
+from focusjax.shot._surfaces import CONTROL_SAMPLES, TimedSurface
 from focusjax.shot._wishes import TimedWish
-from focusjax.shutter import make_shutter
 
 
-def build_shot(config: Config) -> Shot:
+def build_shot(config: Config, scene: MovingScene | None = None) -> Shot:
     """Everything that `[shot]` and the tables it changes ask for, loaded and checked.
 
+    Args:
+        config: a checked config.
+        scene: that of a shot of another config with the same scene and moving objects; loaded if None.
+
     Raises:
-        ConfigError: no `[shot]` table, a focal surface, a real lens, an unknown name, or a value that does
-            not fit.
+        ConfigError: no `[shot]` table, an unknown name, or a value that does not fit.
     """
     table = config.shot
     if table is None:
         raise ConfigError(f"{config.source}: there is no [shot] table; add one with frames = 48")
-    if config.lens.focal_surface is not None:
-        raise ConfigError(
-            f"{config.source}: there is a [shot] and a lens.focal_surface, which does not change over time;"
-            " leave one of them out"
-        )
-    if config.lens.prescription is not None:
-        raise ConfigError(
-            f"{config.source}: there is a [shot] and a lens.prescription, which is for single pictures; leave"
-            " one of them out"
-        )
     camera = build_camera(config)
-    first = build_lens(config, camera, solved=True)
-    assert isinstance(first, ThinLens | TiltShiftLens)
-    objects = build_objects(config)
-    scene = build_scene(config, objects)
-    points = build_focus_points(config, scene)
-    options = build_solve_options(config)
+    objects = build_objects(config) if scene is None else []
+    still = build_scene(config, objects) if scene is None else scene.still
+    solving = bool(config.focus)
+    points = build_focus_points(config, still) if solving else ()
+    of_lens = config.lens.focal_surface is None
+    options = build_solve_options(config) if solving and of_lens else {}
     _tell_keys_outside(config, table)
     try:
-        camera_at = _camera_at(config, table, camera)
+        if scene is None:
+            scene = MovingScene(still, objects, _motions(config, table, objects))
+        track = LensTrack(config, table)
+        camera_at = build_path(config, table, camera, track, scene)
         cameras = tuple(camera_at(frame) for frame in range(1, table.frames + 1))
+        held = held_frames(config, table, track) if solving and of_lens else {}
+        keyed_look = any(track.config_at(frame).lens.look for frame in range(1, table.frames + 1))
         return Shot(
-            scene=MovingScene(scene, objects, _motions(config, table, objects)),
+            scene=scene,
             cameras=cameras,
-            lenses=_lenses(config, table, cameras, camera, first),
+            lenses=track.lenses(cameras, solved=solving and not held.get("focus")),
             wishes=_wishes(table, points),
             smoothness=table.smoothness,
             steadiness=table.steadiness,
             fade_frames=table.fade_frames,
             favour_near=config.solve.favour_near,
             options=options,
-            look=partial(build_look, config) if config.lens.look else None,
+            held=held,
+            surface=_surface(config, table, still),
+            glass=None if config.lens.prescription is None else partial(_through_glass, track),
+            look=partial(_look, track) if keyed_look else None,
             camera_at=camera_at,
         )
     except ValueError as error:
         raise ConfigError(f"{config.source}: shot: {error}") from error
+
+
+def _look(track: LensTrack, frame: int, camera: Camera, lens: AbstractLens) -> AbstractLens:
+    """The lens that makes a frame's picture."""
+    return build_look(track.config_at(frame), camera, lens)
+
+
+def _through_glass(
+    track: LensTrack,
+    frame: int,
+    camera: Camera,
+    lens: ThinLens,
+    points: ImagePoints | None,
+    disparity: np.ndarray,
+    *,
+    fit: bool,
+) -> ThroughGlass:
+    """The real lens of a frame; frames have polynomials as exact as those of a still without a quality."""
+    config = track.config_at(frame)
+    if left_to_quality(config):
+        config = config.model_copy(update={"lens": config.lens.model_copy(update={"fit_px": FIT_PX})})
+    return through_glass(config, camera, lens, points, disparity, fit=fit)
 
 
 def build_settings(config: Config) -> FrameSettings:
@@ -92,13 +129,7 @@ def build_settings(config: Config) -> FrameSettings:
     # A config with a shot refuses it.
     assert table.method != "auto"
     if table.method == "post" and motion is not None:
-        uneven = max(motion.shutter.curve) > min(motion.shutter.curve)
-        odd = "opens slowly" if uneven else "travels over the picture" if motion.shutter.travel_time else None
-        if odd is not None:
-            raise ConfigError(
-                f"{config.source}: the shutter {odd}, which post-processing does not know; leave out"
-                f" shutter.{'ramp and shutter.curve' if uneven else 'travel_time'}, or render.method"
-            )
+        refuse_uneven(config, motion.shutter)
     return FrameSettings(
         method=table.method,
         rays=table.rays,
@@ -124,19 +155,7 @@ def _motion_settings(config: Config) -> MotionSettings | None:
     table, shot = config.shutter, config.shot
     if table is None or shot is None:
         return None
-    seconds = config.shutter_seconds
-    assert seconds is not None
-    try:
-        shutter = make_shutter(
-            seconds,
-            ramp=table.ramp,
-            curve=table.curve,
-            travel_time=table.travel_time,
-            direction=table.direction,
-            align=table.align,
-        )
-    except ValueError as error:
-        raise ConfigError(f"{config.source}: shutter: {error}") from error
+    shutter = build_shutter(config)
     return MotionSettings(shutter, shot.fps, math.radians(table.turn_deg), table.step_px, table.most_spans)
 
 
@@ -159,6 +178,7 @@ def _tell_keys_outside(config: Config, table: ShotTable) -> None:
     keys = [("shot.camera", table.camera), ("shot.lens", table.lens)]
     keys += [(f"shot.objects ({each.name})", each.keys) for each in table.objects]
     keys += [(f"shot.wishes ({each.name})", each.keys) for each in table.wishes]
+    keys += [(f"shot.surface ({each.name})", each.keys) for each in table.surface]
     for what, frames in keys:
         outside = [key.frame for key in frames if not 1 <= key.frame <= table.frames]
         if outside:
@@ -171,81 +191,18 @@ def _tell_keys_outside(config: Config, table: ShotTable) -> None:
             )
 
 
-def _camera_at(config: Config, table: ShotTable, camera: Camera) -> Path:
-    view = config.camera
-    size = {
-        "width": camera.width,
-        "height": camera.height,
-        "sensor_width": view.sensor_width_mm / 1000,
-        "shift": view.shift_mm / 1000,
-        "rise": view.rise_mm / 1000,
-    }
-    lengths = _keys(table, values_of(table.camera, "focal_length_mm"))
-    length: float | Keyframes = float(camera.focal_length)
-    if lengths is not None:
-        length = Keyframes(lengths.frames, lengths.values / 1000, lengths.between)
-    positions = _keys(table, values_of(table.camera, "position"))
-    targets = _keys(table, values_of(table.camera, "look_at"))
-    if positions is not None or targets is not None:
-        # What has no keyframes stays; a camera given by a matrix has no such point to look at.
-        if view.position is None or view.look_at is None:
-            raise ValueError(
-                "the camera has a matrix and keyframes of position or look_at; give one or the other"
-            )
-        return moving_camera(
-            focal_length=length,
-            position=positions or keyframes({1: view.position}),
-            target=targets or keyframes({1: view.look_at}),
-            up=view.up,
-            **size,
-        )
-    matrices = values_of(table.camera, "matrix") or {1: np.asarray(camera.world_from_camera, dtype=float)}
-    pose = pose_path({frame: np.asarray(matrix) for frame, matrix in matrices.items()}, between=table.between)
-    return moving_camera(focal_length=length, pose=pose, **size)
-
-
-def _lenses(
-    config: Config,
-    table: ShotTable,
-    cameras: Sequence[Camera],
-    camera: Camera,
-    first: ThinLens | TiltShiftLens,
-) -> tuple[ThinLens | TiltShiftLens, ...]:
-    """The lens before solving, of every frame; it keeps its f-number and angles while the camera zooms."""
-    numbers = _keys(table, values_of(table.lens, "f_number"))
-    if numbers is None and all(float(each.focal_length) == float(camera.focal_length) for each in cameras):
-        return (first,) * len(cameras)
-    if numbers is not None and config.lens.f_number is None:
-        raise ValueError(
-            "the lens has aperture_radius_mm and keyframes of its f-number; give f_number instead"
-        )
-    found: list[ThinLens | TiltShiftLens] = []
-    for frame, each in enumerate(cameras, start=1):
-        changes = {} if numbers is None else {"f_number": float(numbers(frame))}
-        lens_table = config.lens.model_copy(update=changes)
-        lens = build_lens(config.model_copy(update={"lens": lens_table}), each, solved=True)
-        assert isinstance(lens, ThinLens | TiltShiftLens)
-        found.append(lens)
-    return tuple(found)
-
-
 def _motions(config: Config, table: ShotTable, objects: Sequence[SceneObject]) -> dict[str, Motion]:
     names = [item.name for item in objects]
-    found = {}
+    found = _motions_of_file(config)
+    # Those of the scene's file come first, and stand where it has them.
+    placements = [ObjectTable(file="")] * (len(objects) - len(config.scene.objects))
+    placements += config.scene.objects
     for moving in table.objects:
         number = _named(moving.name, names, "objects", "the scene")
-        placed, item = config.scene.objects[number], objects[number]
+        placed, item = placements[number], objects[number]
         path = None
         if moving.keys:
-            keys: dict[float, Mapping[str, Any]] = {
-                key.frame: {
-                    "translate": placed.translate if key.translate is None else key.translate,
-                    "rotate": placed.rotate_deg if key.rotate_deg is None else key.rotate_deg,
-                    "scale": placed.scale if key.scale is None else key.scale,
-                }
-                for key in moving.keys
-            }
-            path = transforms(keys, between=table.between)
+            path = keyed_transforms(placed, {key.frame: key for key in moving.keys}, table.between)
         shape = None
         if moving.vertices is not None:
             shape = load_vertex_sequence(
@@ -258,29 +215,70 @@ def _motions(config: Config, table: ShotTable, objects: Sequence[SceneObject]) -
     return found
 
 
+def _motions_of_file(config: Config) -> dict[str, Motion]:
+    """How objects of the scene's file move, whose first frame is the shot's."""
+    stored = build_stored_scene(config)
+    found = {}
+    for name, matrices in ({} if stored is None else stored.motions).items():
+        try:
+            path = transforms_of(dict(enumerate(matrices, start=1)))
+        except ValueError as error:
+            raise ValueError(f"{config.scene.file}: {name!r} moves, and {error}") from error
+        found[name] = Motion(matrices[0], path)
+    return found
+
+
+def _surface(config: Config, table: ShotTable, scene: Scene) -> TimedSurface | None:
+    """The control points of a focal surface over time."""
+    described = config.lens.focal_surface
+    if described is None:
+        if table.surface:
+            raise ValueError(
+                "there are [[shot.surface]] tables and no lens.focal_surface; give it its points"
+            )
+        return None
+    points = build_control_points(config, scene, samples=CONTROL_SAMPLES)
+    names = [point.name for point in points]
+    timed = {number: TimedWish(point) for number, point in enumerate(points)}
+    scales: dict[int, Keyframes] = {}
+    for each in table.surface:
+        number = _named(each.name, names, "surface", "lens.focal_surface.points")
+        timed[number] = _timed(table, points[number], each, "blur_px")
+        if (scale := table_keys(table, values_of(each.keys, "aperture_scale"))) is not None:
+            scales[number] = scale
+
+    def build(frame: int, found: ImagePoints, camera: Camera, lens: ThinLens) -> FocalSurface:
+        own = [point.aperture_scale for point in described.points]
+        now = [float(scales[k](frame)) if k in scales else scale for k, scale in enumerate(own)]
+        return build_focal_surface(config, found, camera, lens, aperture_scale=np.array(now))
+
+    return TimedSurface(tuple(timed.values()), build, described.smoothness, described.favour_near)
+
+
+def _timed(
+    table: ShotTable, point: FocusPoint, each: TimedWishTable | TimedControlTable, blur: str
+) -> TimedWish:
+    """A wish or a control point over time; `blur` is the key of its keyframes that has the diameter."""
+    places = values_of(each.keys, "point"), values_of(each.keys, "pixel")
+    if all(places):
+        raise ValueError(f"{each.name!r} has keyframes of point and of pixel; give one or the other")
+    return TimedWish(
+        point,
+        from_frame=each.from_frame,
+        to_frame=each.to_frame,
+        weight=table_keys(table, values_of(each.keys, "weight")),
+        diameter=table_keys(table, values_of(each.keys, blur)),
+        place=table_keys(table, places[0] or places[1]),
+    )
+
+
 def _wishes(table: ShotTable, points: Sequence[FocusPoint]) -> tuple[TimedWish, ...]:
     names = [point.name for point in points]
     changed = {}
     for timed in table.wishes:
         number = _named(timed.name, names, "wishes", "[[focus]]")
-        places = values_of(timed.keys, "point"), values_of(timed.keys, "pixel")
-        if all(places):
-            raise ValueError(
-                f"wish {timed.name!r} has keyframes of point and of pixel; give one or the other"
-            )
-        changed[number] = TimedWish(
-            points[number],
-            from_frame=timed.from_frame,
-            to_frame=timed.to_frame,
-            weight=_keys(table, values_of(timed.keys, "weight")),
-            diameter=_keys(table, values_of(timed.keys, "blur")),
-            place=_keys(table, places[0] or places[1]),
-        )
+        changed[number] = _timed(table, points[number], timed, "blur")
     return tuple(changed.get(number, TimedWish(point)) for number, point in enumerate(points))
-
-
-def _keys(table: ShotTable, values: Mapping[float, Any]) -> Keyframes | None:
-    return keyframes(values, between=table.between) if values else None
 
 
 def _named(name: str, names: Sequence[str], what: str, where: str) -> int:

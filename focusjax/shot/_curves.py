@@ -7,7 +7,6 @@ import imageio.v3 as iio
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from skimage.transform import resize_local_mean
 
 from focusjax.shot._solve import SolvedShot
 
@@ -36,6 +35,9 @@ def save_settings_curves(path: Path, solved: SolvedShot) -> None:
     ):
         axes.plot(frames, values, "-o", markersize=3, color="#a8531f")
         axes.set_ylabel(_LABELS[name])
+        if name == "focus_per_m" and solved.glass is not None:
+            axes.plot(frames, solved.glass.focus_per_m, color="#2b5d7d", label="through the glass")
+            axes.legend(fontsize=8)
         axes.grid(alpha=0.25)
     figure.axes[-1].set_xlabel("frame")
     figure.savefig(path, dpi=110)
@@ -68,6 +70,8 @@ def save_blur_curves(path: Path, solved: SolvedShot) -> None:
 
 def save_contact_sheet(path: Path, pictures: Sequence[Path], *, most: int = 24, width: int = 200) -> None:
     """Put at most `most` of the pictures in rows of six on one sheet, each `width` pixels wide."""
+    from skimage.transform import resize_local_mean
+
     count = min(most, len(pictures))
     chosen = np.unique(np.round(np.linspace(0, len(pictures) - 1, count)).astype(int))
     small = []

@@ -1,5 +1,6 @@
 """One run from a config with a `[shot]` to a folder of frames, a film and a report."""
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from focusjax.io import save_exr, staged_folder
 from focusjax.shot._build import build_settings, build_shot
 from focusjax.shot._frame_files import exposed_together
 from focusjax.shot._render import FrameSettings, RenderedFrames, render_frames, save_frame
-from focusjax.shot._report import REPORT_FILES, save_report
+from focusjax.shot._report import REPORT_FILES, left_out_of_frames, save_report
 from focusjax.shot._solve import Progress, SolvedShot, solve_shot
 from focusjax.shot._video import check_video, save_mp4
 
@@ -68,6 +69,8 @@ def film(
                 rendered = render_frames(
                     solved, pictures, settings, formats=formats, frames=frames, progress=tell
                 )
+            if (missing := left_out_of_frames(config, rendered)) is not None:
+                warnings.warn(missing, stacklevel=2)
             if config.shot.long_exposure:
                 with watch.stage("expose"):
                     _save_long_exposure(stage, solved, rendered, settings)

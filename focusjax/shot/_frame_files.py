@@ -13,7 +13,7 @@ from focusjax.geometry import Camera
 from focusjax.io import load_exr, save_exr, save_png
 from focusjax.job import Development, blur_map
 from focusjax.layers import disparity_map
-from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens
+from focusjax.lens import AbstractLens, FocalSurfaceLens, ThinLens, TiltShiftLens
 from focusjax.scene import Scene
 
 _DONE = "frames.json"
@@ -23,7 +23,7 @@ def save_shown(
     path: Path,
     image: np.ndarray,
     camera: Camera,
-    lens: ThinLens | TiltShiftLens,
+    lens: ThinLens | TiltShiftLens | FocalSurfaceLens,
     development: Development | None,
     *,
     exposure: float,
@@ -33,6 +33,8 @@ def save_shown(
     if development is None:
         save_png(path, image, exposure=exposure, bits=bits)
         return
+    if isinstance(lens, FocalSurfaceLens):
+        lens = lens.thin_lens_at(camera, camera.principal_point)
     shown = development.shown(jnp.asarray(image), camera, development.settings(camera, lens))
     save_png(path, shown, bits=bits)
 

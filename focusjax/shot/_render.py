@@ -15,14 +15,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
-from focusjax.job import Development, make_layers
+from focusjax.job import Development, blurred_view, make_layers
 from focusjax.layers import Extent, Layers
 from focusjax.lens import AbstractLens
-from focusjax.post import closed_lens, post_process, view_in_layers
+from focusjax.motion import solved_path
 from focusjax.scene import Scene
 from focusjax.shot._frame_files import read_done, save_shown, save_with_depth, write_done
 from focusjax.shot._solve import Progress, SolvedShot
-from focusjax.shutter import MovingPicture, Shutter, middle_of, render_moving, velocity_map
+from focusjax.shutter import MovingPicture, Shutter, render_moving
 from focusjax.trace import plan_rays, render
 
 FORMATS = ("png", "exr", "mp4")
@@ -106,6 +106,8 @@ class RenderedFrames:
         kept: how many frames were there already, made from the same scene, camera, lens and settings.
         rays: rays per pixel on the average; None when all frames were there and a quality was asked for.
         complete: whether no surface was left out for want of layers.
+        left_out: samples of surface for which there were too few layers, in the frame with the most.
+        worst_frame: that frame.
         motion_px: farthest way in pixels of anything that moves by itself while the shutter is open, over the
             frames that were made; None without a shutter.
         step_px: how far what deforms goes at most from one span of the shutter's time to the next; see
@@ -118,6 +120,8 @@ class RenderedFrames:
     kept: int
     rays: int | None
     complete: bool
+    left_out: int = 0
+    worst_frame: int = 1
     motion_px: float | None = None
     step_px: float = 0.0
     spans: int = 1
@@ -159,13 +163,14 @@ def render_frames(
     done = read_done(folder)
     widest: Layers | None = None
     rays = None if settings.quality is not None else settings.rays
-    kept, complete, files = 0, True, []
+    kept, files = 0, []
+    left_out: dict[int, int] = {}
     moved: list[MovingPicture] = []
     view: Layers | None = None
     ways = [0.0]
     for position, number in enumerate(wanted):
         tell("render", position / len(wanted))
-        camera, lens = _view(solved, number)
+        camera, lens = solved.seen_with(number)
         scene = shot.scene.at(number)
         names = [f"frame_{number:04d}.{kind}" for kind in kinds]
         files.append(tuple(folder / name for name in names))
@@ -182,11 +187,11 @@ def render_frames(
             ways.append(way)
         elif settings.motion is not None:
             moved.append(_exposed(solved, number, settings, rays, moved[-1].extents if moved else {}))
-            complete &= moved[-1].complete
+            left_out[number] = moved[-1].left_out
             image = np.asarray(moved[-1].image)
         else:
             layers = make_layers(settings, scene, camera, lens, widest)
-            complete &= layers.complete
+            left_out[number] = layers.left_out.count
             seed = settings.seed_of(number)
             image = np.asarray(render(layers, lens, rays=rays, smooth=settings.smooth, seed=seed))
         for kind, path in zip(kinds, files[-1], strict=True):
@@ -199,8 +204,11 @@ def render_frames(
             done[path.name] = mark
         write_done(folder, done)
     tell("render", 1.0)
+    worst = max(left_out, key=lambda frame: left_out[frame], default=1)
+    lacking = left_out.get(worst, 0)
+    complete = lacking == 0
     if settings.motion is None:
-        return RenderedFrames(wanted, tuple(files), kept, rays, complete)
+        return RenderedFrames(wanted, tuple(files), kept, rays, complete, lacking, worst)
     step = max((each.step_px for each in moved), default=0.0)
     if step > settings.motion.step_px:
         warnings.warn(
@@ -210,7 +218,7 @@ def render_frames(
         )
     way = max([*ways, *(each.motion_px for each in moved)])
     spans = max((each.spans for each in moved), default=1)
-    return RenderedFrames(wanted, tuple(files), kept, rays, complete, way, step, spans)
+    return RenderedFrames(wanted, tuple(files), kept, rays, complete, lacking, worst, way, step, spans)
 
 
 def save_frame(
@@ -226,17 +234,7 @@ def _camera_at(solved: SolvedShot, number: int) -> Callable[[float], Camera]:
     """The camera of a frame as it moves on from there."""
     camera = solved.solution.at(number - 1)[0]
     path = solved.shot.camera_at
-    if path is None:
-        return lambda _: camera
-    first = path(number)
-
-    def at(time: float) -> Camera:
-        then = path(time)
-        length = camera.focal_length * (then.focal_length / first.focal_length)
-        # What was solved for, such as a shift, is that of the frame.
-        return dataclasses.replace(camera, world_from_camera=then.world_from_camera, focal_length=length)
-
-    return at
+    return (lambda _: camera) if path is None else solved_path(path, number, camera)
 
 
 def _exposed(
@@ -252,7 +250,7 @@ def _exposed(
     return render_moving(
         solved.shot.scene,
         _camera_at(solved, number),
-        _view(solved, number)[1],
+        solved.seen_with(number)[1],
         motion.shutter,
         frame=number,
         fps=motion.fps,
@@ -270,21 +268,19 @@ def _exposed(
 def _post_processed(
     solved: SolvedShot, number: int, settings: FrameSettings, like: Layers | None
 ) -> tuple[np.ndarray, Layers, float]:
-    """A frame blurred from one sharp view, the layers of that view, and the farthest way in it, in pixels.
-
-    With a shutter the view is of the middle of its time.
-    """
-    time, motion = float(number), settings.motion
-    camera_at, velocity = _camera_at(solved, number), None
-    if motion is not None:
-        time = middle_of(motion.shutter, frame=number, fps=motion.fps)
-        velocity = velocity_map(solved.shot.scene, camera_at, motion.shutter, frame=number, fps=motion.fps)
-    scene, camera = solved.shot.scene.at(time), camera_at(time)
-    layers = make_layers(settings, scene, camera, closed_lens(), like)
-    view = view_in_layers(layers, scene, velocity=None if velocity is None else jnp.asarray(velocity))
-    image = post_process(view, camera, _view(solved, number)[1], taps=settings.rays)
-    way = 0.0 if velocity is None else float(np.linalg.norm(velocity, axis=-1).max())
-    return np.asarray(image), layers, way
+    """A frame blurred from one sharp view, the layers of that view, and the farthest way in it, in pixels."""
+    motion = settings.motion
+    return blurred_view(
+        settings,
+        solved.shot.scene,
+        _camera_at(solved, number),
+        solved.seen_with(number)[1],
+        None if motion is None else motion.shutter,
+        frame=number,
+        fps=1.0 if motion is None else motion.fps,
+        taps=settings.rays,
+        like=like,
+    )
 
 
 def _seen(solved: SolvedShot, number: int, settings: FrameSettings) -> tuple[tuple[Scene, Camera], ...]:
@@ -327,21 +323,14 @@ def fingerprint(
     return digest.hexdigest()[:32]
 
 
-def _view(solved: SolvedShot, number: int) -> tuple[Camera, AbstractLens]:
-    """What a frame is taken with."""
-    camera, lens = solved.solution.at(number - 1)
-    look = solved.shot.look
-    return camera, lens if look is None else look(camera, lens)
-
-
 def _widest(solved: SolvedShot, wanted: Sequence[int], settings: FrameSettings) -> tuple[Layers, int]:
     """Layers of the frame whose rays stray farthest, and the rays per pixel."""
     reach = []
     for number in wanted:
-        camera, lens = _view(solved, number)
+        camera, lens = solved.seen_with(number, fit=False)
         reach.append(float(_reach(lens, camera, jnp.asarray(solved.depths[number - 1], dtype=float))))
     number = wanted[int(np.argmax(reach))]
-    camera, lens = _view(solved, number)
+    camera, lens = solved.seen_with(number)
     layers = make_layers(settings, solved.shot.scene.at(number), camera, lens)
     if settings.quality is None:
         return layers, settings.rays

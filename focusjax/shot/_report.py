@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 
+from focusjax._templates import template
 from focusjax.config import Config
-from focusjax.focus import Result
+from focusjax.focus import FramesSolution, Result, SurfaceFramesSolution
 from focusjax.io import for_json, json_text
+from focusjax.job import room_for_more
 from focusjax.report import versions
-from focusjax.shot._curves import save_blur_curves, save_contact_sheet, save_settings_curves
 from focusjax.shot._render import RenderedFrames
 from focusjax.shot._solve import SolvedShot
 
@@ -30,13 +30,6 @@ REPORT_FILES = (
 """Every file that a shot can leave in its folder, beside the folder `frames`."""
 
 _RESULTS = ("solved", "undetermined", "max_steps_reached", "not_finite")
-_TEMPLATES = jinja2.Environment(
-    loader=jinja2.PackageLoader("focusjax.shot", "."),
-    autoescape=True,
-    undefined=jinja2.StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
 SETTING_NAMES = {
     "focus_per_m": ("Focus", "dioptres"),
     "f_number": ("f-number", ""),
@@ -56,9 +49,14 @@ def save_report(
     compile_seconds: Mapping[str, float],
 ) -> dict[str, Any]:
     """Write the report's files into an existing folder, and return what report.json holds."""
+    # matplotlib takes long to import.
+    from focusjax.shot._curves import save_blur_curves, save_contact_sheet, save_settings_curves
+
     save_settings_curves(folder / "settings.png", solved)
-    save_blur_curves(folder / "blur.png", solved)
-    pictures = ["settings", "blur"]
+    pictures = ["settings"]
+    if solved.shot.wishes:
+        save_blur_curves(folder / "blur.png", solved)
+        pictures.append("blur")
     if rendered is not None:
         pngs = [path for files in rendered.files for path in files if path.suffix == ".png"]
         if pngs:
@@ -74,7 +72,7 @@ def save_report(
         for name in pictures
     }
     title = config.title or config.source.stem.replace("_", " ").capitalize()
-    text = _TEMPLATES.get_template("shot.html.j2").render(
+    text = template("focusjax.shot", "shot.html.j2").render(
         title=title, facts=facts, pictures=embedded, names=SETTING_NAMES
     )
     (folder / "report.html").write_text(text, encoding="utf-8")
@@ -94,20 +92,16 @@ def shot_summary(
     return for_json(
         {
             "config_file": str(config.source),
-            "config": config.model_dump(mode="python"),
+            "config": config.model_dump(mode="python", by_alias=True),
             "versions": versions(),
             "solver": {
-                "status": next(name for name in _RESULTS if solution.result == getattr(Result, name)),
-                "message": str(Result[solution.result]),
-                "steps": int(solution.steps),
+                "status": _status(solved),
+                "message": str(Result[solution.result]) if solved.shot.wishes else "",
+                "steps": int(solution.steps) if isinstance(solution, FramesSolution) else 1,
                 "cost_px2": float(solution.cost),
                 "roughness_px2": float(solution.roughness),
-                "free": list(solution.free),
-                "undetermined": list(solution.undetermined),
-                "frames_at_bounds": int(
-                    np.sum(np.asarray(solution.at_lower) | np.asarray(solution.at_upper))
-                ),
-            },
+            }
+            | _freedom(solution),
             "largest_changes": {
                 name: dataclasses.asdict(change) for name, change in solution.largest_changes().items()
             },
@@ -117,6 +111,7 @@ def shot_summary(
                 {"frame": t + 1}
                 | {name: float(values[t]) for name, values in settings.items()}
                 | {"wishes": _rows(solved, t)}
+                | _glass(solved, t)
                 for t in range(solution.count)
             ],
             "pictures": None
@@ -126,6 +121,7 @@ def shot_summary(
                 "kept": rendered.kept,
                 "rays_per_pixel": rendered.rays,
                 "layers_complete": rendered.complete,
+                "layers_left_out": left_out_of_frames(config, rendered),
             }
             | _motion(rendered)
             | _long_exposure(config, rendered),
@@ -133,6 +129,26 @@ def shot_summary(
             "compile_seconds": dict(compile_seconds),
         }
     )
+
+
+def _freedom(solution: FramesSolution | SurfaceFramesSolution) -> dict[str, Any]:
+    """What was solved for, and what stood against it."""
+    if isinstance(solution, SurfaceFramesSolution):
+        free = ["focal_surface"] if solution.points.names else []
+        return {"free": free, "undetermined": [], "frames_at_bounds": 0}
+    return {
+        "free": list(solution.free),
+        "undetermined": list(solution.undetermined),
+        "frames_at_bounds": int(np.sum(np.asarray(solution.at_lower) | np.asarray(solution.at_upper))),
+    }
+
+
+def _status(solved: SolvedShot) -> str:
+    """How the solve ended, or that there was none."""
+    if not solved.shot.wishes:
+        return "keyed"
+    result = solved.solution.result
+    return next(name for name in _RESULTS if result == getattr(Result, name))
 
 
 def _diagnosis(solved: SolvedShot) -> dict[str, Any]:
@@ -200,6 +216,26 @@ def _rows(solved: SolvedShot, frame: int) -> list[dict[str, Any]]:
         }
         for number, row in enumerate(solved.solution.table(frame))
     ]
+
+
+def _glass(solved: SolvedShot, frame: int) -> dict[str, Any]:
+    """How a real lens is focused in a frame; nothing without one."""
+    glass = solved.glass
+    if glass is None:
+        return {}
+    focus = float(glass.focus_per_m[frame])
+    by = "spots" if frame + 1 in glass.by_rays else "distance"
+    return {"glass": {"focus_per_m": focus, "focused_by": by, "spots_px": glass.spots[frame]}}
+
+
+def left_out_of_frames(config: Config, rendered: RenderedFrames) -> str | None:
+    """How much found no place in the layers, in a sentence; None where everything did."""
+    if rendered.complete:
+        return None
+    return (
+        f"{rendered.left_out:,} samples of surface that the lens may see found no place in the layers of"
+        f" frame {rendered.worst_frame}, so that light from them is missing; {room_for_more(config.render)}."
+    )
 
 
 def _motion(rendered: RenderedFrames) -> dict[str, Any]:

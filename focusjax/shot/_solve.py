@@ -5,15 +5,30 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from focusjax.focus import FramesDiagnosis, FramesSolution, diagnose, solve_frames
+from focusjax.focus import (
+    FramesDiagnosis,
+    FramesSolution,
+    SurfaceFramesSolution,
+    diagnose,
+    one_row,
+    sharp_weights,
+    solve_frames,
+    solve_surface_frames,
+    unsolved,
+    unsolved_surfaces,
+)
 from focusjax.geometry import Camera
+from focusjax.job import ThroughGlass
 from focusjax.layers import disparity_map
 from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens
+from focusjax.motion import MovingScene
 from focusjax.scene import Scene
-from focusjax.shot._motion import MovingScene
+from focusjax.shot._surfaces import TimedSurface, find_surfaces
 from focusjax.shot._wishes import TimedWish, find_wishes
 
 Progress = Callable[[str, float | None], None]
@@ -28,13 +43,18 @@ class Shot:
         scene: what is filmed.
         cameras: one a frame (see `camera_path`).
         lenses: where to start, and what is not solved for; one a frame.
-        wishes: at least one.
+        wishes: what is solved for; without any, `lenses` are taken as they are.
         smoothness: see `solve_frames`.
         steadiness: see `solve_frames`.
         fade_frames: see `find_wishes`.
         favour_near: see `find_wishes`.
         options: what is free, bounds and priors, as for `solve`.
-        look: from a frame's camera and solved lens to the lens that makes its picture; itself if not given.
+        held: by the names of free settings: frames in which these stay as `lenses` has them, one a frame.
+        surface: the control points of a focal surface, of which the focus is solved for instead.
+        glass: `focusjax.job.through_glass` of a frame's number, camera, lens, wishes (None for the lens's own
+            focus), disparities and whether to `fit`: a real lens makes the pictures instead of a thin one.
+        look: from a frame's number, camera and solved lens to the lens that makes its picture; itself if not
+            given.
         camera_at: the camera between frames, for motion while the shutter is open; without it a camera stands
             still meanwhile.
     """
@@ -48,7 +68,10 @@ class Shot:
     fade_frames: float = 6.0
     favour_near: float = 0.0
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    look: Callable[[Camera, AbstractLens], AbstractLens] | None = None
+    held: Mapping[str, tuple[bool, ...]] = dataclasses.field(default_factory=dict)
+    surface: TimedSurface | None = None
+    glass: Callable[..., ThroughGlass] | None = None
+    look: Callable[[int, Camera, AbstractLens], AbstractLens] | None = None
     camera_at: Callable[[float], Camera] | None = None
 
     def __post_init__(self) -> None:
@@ -57,11 +80,28 @@ class Shot:
                 f"the shot has {len(self.cameras)} cameras and {len(self.lenses)} lenses; expected one each"
                 " per frame"
             )
+        if self.surface is not None and not all(isinstance(lens, ThinLens) for lens in self.lenses):
+            raise ValueError("the shot has a focal surface and a lens that is turned; leave one of them out")
 
     @property
     def count(self) -> int:
         """Number of frames."""
         return len(self.cameras)
+
+
+@dataclasses.dataclass(frozen=True)
+class FramesThroughGlass:
+    """How a real lens is focused over a shot.
+
+    Attributes:
+        focus_per_m: dioptres of every frame [t].
+        spots: of every frame, RMS diameters in pixels of the spots of what is wished sharp, by name.
+        by_rays: numbers of the frames whose focus spots have set, from 1.
+    """
+
+    focus_per_m: Float[np.ndarray, "t"]
+    spots: tuple[dict[str, float], ...]
+    by_rays: tuple[int, ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,14 +116,78 @@ class SolvedShot:
     """
 
     shot: Shot
-    solution: FramesSolution
+    solution: FramesSolution | SurfaceFramesSolution
     share: Float[np.ndarray, "t m"]
     depths: Float[np.ndarray, "t 2"]
 
     @cached_property
     def diagnosis(self) -> FramesDiagnosis:
         """What keeps the lenses from meeting the wishes, judged where these count in full."""
+        if not self.shot.wishes:
+            return FramesDiagnosis((), (), (), {}, (), (), ())
         return diagnose(self.solution, counts=self.share > 1.0 - 1e-6)
+
+    def seen_with(self, number: int, *, fit: bool = True) -> tuple[Camera, AbstractLens]:
+        """Camera and lens that make the picture of a frame, counted from 1.
+
+        Args:
+            number: of the frame.
+            fit: of a real lens, whether to trace polynomials for its rays where they are good enough.
+        """
+        camera, lens = self.solution.at(number - 1)
+        if self.shot.glass is not None:
+            return camera, self._glass_at(number, fit)
+        look = self.shot.look
+        return camera, lens if look is None else look(number, camera, lens)
+
+    @cached_property
+    def glass(self) -> FramesThroughGlass | None:
+        """The focus of a real lens in every frame; None without one.
+
+        Where a wish for sharpness counts in full, its spots set the focus, as in a still. How far that is
+        from the thin lens's, in dioptres, holds for other frames, too, on straight lines in between: a focus
+        that changes smoothly over the shot changes so through the glass.
+        """
+        glass, solution = self.shot.glass, self.solution
+        if glass is None or not isinstance(solution, FramesSolution):
+            return None
+        thin = solution.settings()["focus_per_m"]
+        full, found, spots = self.share > 1.0 - 1e-6, {}, []
+        for t in range(solution.count):
+            spots.append({})
+            points = jax.tree.map(lambda leaf, t=t: one_row(leaf, t), solution.points)
+            weight = (
+                np.asarray(points.weight) * full[t][np.asarray(points.wish)] if full.size else np.zeros(0)
+            )
+            points = dataclasses.replace(points, weight=jnp.asarray(weight, dtype=float))
+            if not (np.asarray(sharp_weights(points)) > 0).any():
+                continue
+            camera, lens = solution.at(t)
+            made = glass(t + 1, camera, lens, points, self.depths[t][None], fit=False)
+            spots[-1] = made.spots
+            if made.by_rays:
+                found[t] = float(made.middle.focus_disparity) - thin[t]
+        frames = np.arange(solution.count)
+        offset = np.interp(frames, list(found), list(found.values())) if found else np.zeros(len(frames))
+        return FramesThroughGlass(thin + offset, tuple(spots), tuple(t + 1 for t in found))
+
+    def _glass_at(self, number: int, fit: bool) -> AbstractLens:
+        """The real lens of a frame."""
+        known = self._known.get((number, fit))
+        if known is None:
+            assert self.shot.glass is not None
+            assert self.glass is not None
+            camera, lens = self.solution.at(number - 1)
+            assert isinstance(lens, ThinLens)
+            focus = jnp.asarray(self.glass.focus_per_m[number - 1], dtype=float)
+            lens = dataclasses.replace(lens, focus_disparity=jnp.maximum(focus, 0.0))
+            known = self.shot.glass(number, camera, lens, None, self.depths[number - 1][None], fit=fit).traced
+            self._known[number, fit] = known
+        return known
+
+    @cached_property
+    def _known(self) -> dict[tuple[int, bool], AbstractLens]:
+        return {}
 
     def missed(self) -> tuple[tuple[str, int, float], ...]:
         """Wishes that are missed by more than their tolerance in some frame in which they count in full.
@@ -99,13 +203,20 @@ class SolvedShot:
         return tuple((name, count, error) for name, (count, error) in worst.items())
 
 
-def solve_shot(shot: Shot, *, throw: bool = True, progress: Progress | None = None) -> SolvedShot:
-    """The lenses of all frames of a shot, solved together.
+def solve_shot(
+    shot: Shot,
+    *,
+    throw: bool = True,
+    progress: Progress | None = None,
+    disparities: Callable[[int], np.ndarray] | None = None,
+) -> SolvedShot:
+    """The lenses of all frames of a shot, solved together; those given, where nothing is wished.
 
     Args:
         shot: what to solve.
         throw: raise an error when the solver fails.
         progress: told how far it is.
+        disparities: `disparity_map` of a frame by its number, where these are at hand.
 
     Raises:
         ValueError: as `find_wishes` and `solve_frames`.
@@ -120,7 +231,9 @@ def solve_shot(shot: Shot, *, throw: bool = True, progress: Progress | None = No
         for number, camera in enumerate(shot.cameras):
             tell("locate", number / shot.count)
             scene = shot.scene.at(number + 1)
-            if known is None or known[0] is not scene or known[1] is not camera:
+            if disparities is not None:
+                known = scene, camera, disparities(number + 1)
+            elif known is None or known[0] is not scene or known[1] is not camera:
                 known = scene, camera, disparity_map(scene, camera)
             disparity = known[2]
             depths.append((float(disparity.min()), float(disparity.max())))
@@ -131,17 +244,38 @@ def solve_shot(shot: Shot, *, throw: bool = True, progress: Progress | None = No
                 "disparity_map": disparity,
             }
 
-    found = find_wishes(
-        shot.wishes, shot.cameras, views(), fade_frames=shot.fade_frames, favour_near=shot.favour_near
-    )
-    tell("solve", None)
-    solution = solve_frames(
-        found.points,
-        shot.cameras,
-        shot.lenses,
-        smoothness=shot.smoothness,
-        steadiness=shot.steadiness,
-        throw=throw,
-        **shot.options,
-    )
-    return SolvedShot(shot, solution, found.share, np.array(depths))
+    surfaces, thin = None, [lens for lens in shot.lenses if isinstance(lens, ThinLens)]
+    if shot.surface is not None:
+        surfaces = find_surfaces(shot.surface, shot.cameras, thin, views(), fade_frames=shot.fade_frames)
+    share = np.zeros((shot.count, 0))
+    if shot.wishes:
+        depths.clear()
+        found = find_wishes(
+            shot.wishes, shot.cameras, views(), fade_frames=shot.fade_frames, favour_near=shot.favour_near
+        )
+        share = found.share
+        tell("solve", None)
+        over_time = {"smoothness": shot.smoothness, "steadiness": shot.steadiness}
+        if surfaces is None:
+            solution = solve_frames(
+                found.points,
+                shot.cameras,
+                shot.lenses,
+                held=shot.held,
+                throw=throw,
+                **over_time,
+                **shot.options,
+            )
+        else:
+            assert shot.surface is not None
+            solution = solve_surface_frames(
+                found.points, shot.cameras, surfaces, thin, roughness=shot.surface.roughness, **over_time
+            )
+    elif surfaces is None:
+        # Nothing is looked for, and what is seen decides how far layers reach.
+        for _ in views():
+            pass
+        solution = unsolved(shot.cameras, shot.lenses)
+    else:
+        solution = unsolved_surfaces(shot.cameras, surfaces, thin)
+    return SolvedShot(shot, solution, share, np.array(depths))

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from focusjax._words import shown
 from focusjax.focus import ArgumentError, AtPixel, AtPoint, FocusPoint, ImagePoints, locate
 from focusjax.geometry import Camera
-from focusjax.shot._keyframes import Keyframes
+from focusjax.motion import Keyframes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,6 +101,7 @@ def find_wishes(
     *,
     fade_frames: float = 6.0,
     favour_near: float = 0.0,
+    called: str = "wish",
 ) -> FoundWishes:
     """Where the wishes are in every frame, with weights that come and go gradually.
 
@@ -115,6 +116,7 @@ def find_wishes(
         views: one a frame: what `locate` needs of the scene (vertices, faces, objects, disparity_map).
         fade_frames: frames from nothing to full weight; 0 lets weights jump.
         favour_near: how much more near wishes count, relative to the nearest of all frames (see `locate`).
+        called: what messages call one of them.
 
     Warns of wishes that count in no frame, or in none in full.
 
@@ -152,7 +154,7 @@ def find_wishes(
         near = 1.0 + favour_near * disparity / max(nearest, np.finfo(float).tiny)
         weight = np.asarray(seen.weight) * factor[wish] * near
         out.append(dataclasses.replace(seen, weight=jnp.asarray(weight, dtype=float)))
-    _tell_idle(wishes, found, acting, visible, share)
+    _tell_idle(wishes, found, acting, visible, share, called)
     return FoundWishes(tuple(out), share)
 
 
@@ -162,6 +164,7 @@ def _tell_idle(
     acting: Bool[np.ndarray, "t m"],
     visible: Float[np.ndarray, "t m"],
     share: Float[np.ndarray, "t m"],
+    called: str,
 ) -> None:
     """Warns of wishes that have a weight and never count, or never in full.
 
@@ -176,18 +179,20 @@ def _tell_idle(
     ])  # fmt: skip
     if not (weight * share).any():
         reasons = [
-            _idle_reason(wishes[m], [seen.notes[m] for _, seen in found], acting[:, m])
+            _idle_reason(wishes[m], [seen.notes[m] for _, seen in found], acting[:, m], called)
             for m in np.flatnonzero(wanted).tolist()
         ]
         raise ArgumentError(
-            "no wish counts in any frame: " + ("; ".join(reasons) or "give at least one a weight"), "points"
+            f"no {called} counts in any frame: " + ("; ".join(reasons) or "give at least one a weight"),
+            "points",
         )
     for m in np.flatnonzero(wanted & (share.max(axis=0) < 1.0 - 1e-6)).tolist():
         if not share[:, m].any():
-            why = _idle_reason(wishes[m], [seen.notes[m] for _, seen in found], acting[:, m])
+            why = _idle_reason(wishes[m], [seen.notes[m] for _, seen in found], acting[:, m], called)
             warnings.warn(f"{why}, so that it counts in no frame", stacklevel=3)
             continue
-        most = f"wish {wishes[m].point.name!r} never counts in full ({100 * share[:, m].max():.0f} % at most)"
+        percent = f"{100 * share[:, m].max():.0f} %"
+        most = f"{called} {wishes[m].point.name!r} never counts in full ({percent} at most)"
         if np.where(acting[:, m], visible[:, m], 0.0).max() > share[:, m].max() + 1e-6:
             most += ", for it comes and goes too soon to fade in; a smaller fade_frames lets it count sooner"
         else:
@@ -195,9 +200,9 @@ def _tell_idle(
         warnings.warn(f"{most}. What counts in part is never called missed", stacklevel=3)
 
 
-def _idle_reason(wish: TimedWish, notes: Sequence[str], acting: Bool[np.ndarray, "t"]) -> str:
+def _idle_reason(wish: TimedWish, notes: Sequence[str], acting: Bool[np.ndarray, "t"], called: str) -> str:
     """Why a wish counts in no frame."""
-    name, count = f"wish {wish.point.name!r}", len(notes)
+    name, count = f"{called} {wish.point.name!r}", len(notes)
     if not acting.any():
         ends = [
             f"{word} frame {frame:g}"

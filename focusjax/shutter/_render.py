@@ -40,6 +40,7 @@ class MovingPicture:
         step_px: how far what deforms goes from one span to the next, counted as for `step_px` of
             `render_moving`.
         complete: whether no surface was left out for want of layers.
+        left_out: samples of surface for which there were too few layers, of all layers that were peeled.
         extents: sizes of the layers by body: `like` for the next picture.
     """
 
@@ -50,6 +51,7 @@ class MovingPicture:
     motion_px: float
     step_px: float
     complete: bool
+    left_out: int
     extents: Mapping[str, Extent]
 
 
@@ -125,7 +127,8 @@ def render_moving(
     if not bodies and not cameras.move(times):
         layers = layers_of(scene, cameras.still, lens, known.get(BACKDROP))
         image = render(layers, lens, rays=rays, smooth=smooth, seed=seed)
-        return MovingPicture(image, 1, 1, 0.0, 0.0, 0.0, layers.complete, {BACKDROP: layers.extent})
+        missing, extents = layers.left_out.count, {BACKDROP: layers.extent}
+        return MovingPicture(image, 1, 1, 0.0, 0.0, 0.0, layers.complete, missing, extents)
     plans = plan_bodies(moving, scene, bodies, cameras, lens, times, Care(turn, step_px, most_spans))
     edges = _edges(shutter, plans.spans, frame, fps)
     laid: list[_Laid] = []
@@ -155,7 +158,8 @@ def render_moving(
         changing=float(change.mean()),
         motion_px=plans.motion_px,
         step_px=plans.step_px,
-        complete=all(each.complete for each in laid),
+        complete=all(each.left_out == 0 for each in laid),
+        left_out=sum(each.left_out for each in laid),
         extents={plan.body.name: each.layers.extent for plan, each in zip(plans.bodies, laid, strict=True)},
     )
 
@@ -181,7 +185,7 @@ class _Laid:
 
     posed: tuple[MovingLayers, ...]
     layers: Layers
-    complete: bool
+    left_out: int
 
 
 def _lay(
@@ -203,7 +207,7 @@ def _lay(
     every, like = (len(edges) - 1) // plan.spans, known.get(plan.body.name)
     number = plan.body.faces.start
     posed: list[MovingLayers] = []
-    complete, layers = True, None
+    left_out, layers = 0, None
     for k in range(plan.spans):
         begin, end = edges[k * every], edges[(k + 1) * every]
         middle = 0.5 * (begin + end)
@@ -214,7 +218,7 @@ def _lay(
             matrices = _matrices(plan, cameras, key, np.linspace(begin, end, _SPAN_NODES), middle)
             wide = swept_lens(lens, cameras.still, key, matrices, plan.nearest)
         layers = layers_of(part, key, wide, like)
-        like, complete = layers.extent, complete and layers.complete
+        like, left_out = layers.extent, left_out + layers.left_out.count
         backdrop = plan.body.name == BACKDROP
         posed.append(
             moving_layers(layers, matrices, float(begin), float(end), number=number, backdrop=backdrop)
@@ -226,7 +230,7 @@ def _lay(
             " least), or lower most_spans, the picture's size or the opening",
         )
     assert layers is not None
-    return _Laid(tuple(posed), layers, complete)
+    return _Laid(tuple(posed), layers, left_out)
 
 
 def _bytes(posed: Sequence[MovingLayers]) -> int:

@@ -53,6 +53,9 @@ class Answer:
         sentences: which wishes and limits stand in the way; None where they are not worked out yet.
         uncertainty: by how much settings would change if blurs were uncertain by the wishes' tolerances, in
             the units of `values`; empty where that is not worked out.
+        frame: of a shot, counted from 1; 0 for a still.
+        rows: the wishes' lines, of a frame; None where the outcome has them.
+        left_open: settings that the wishes of all frames together leave open.
     """
 
     number: int
@@ -62,10 +65,15 @@ class Answer:
     problem: str = ""
     sentences: tuple[str, ...] | None = None
     uncertainty: dict[str, float] = dataclasses.field(default_factory=dict)
+    frame: int = 0
+    rows: tuple[WishResult, ...] | None = None
+    left_open: tuple[str, ...] = ()
 
     @property
     def wishes(self) -> tuple[WishResult, ...]:
         """A line for each wish, in the config's order; empty where nothing was solved."""
+        if self.rows is not None:
+            return self.rows
         solution = None if self.outcome is None else self.outcome.solution
         return () if solution is None else solution.table()
 
@@ -78,9 +86,14 @@ class Answer:
         if points is None:
             return [wish.pixel for wish in self.config.focus]
         xy, wish = np.asarray(points.xy, dtype=float), np.asarray(points.wish)
+        seen = np.asarray(points.weight) > 0
         found: list[tuple[float, float] | None] = []
         for number in range(len(points.names)):
-            mine = xy[wish == number]
+            both = (wish == number) & seen
+            mine = xy[both if both.any() else wish == number]
+            if not len(mine):
+                found.append(None)
+                continue
             best = mine[np.argmin(np.linalg.norm(mine - mine.mean(axis=0), axis=1))]
             found.append((float(best[0]), float(best[1])))
         return found
@@ -104,7 +117,7 @@ class Answer:
         return depth_of_field(self.outcome.camera, self.outcome.middle_lens)
 
     def values(self) -> dict[str, float]:
-        """Settings of the lens by name: metres, f-number, degrees; empty without a lens."""
+        """Settings of the lens by name: metres, f-number, degrees, mm; empty without a lens."""
         if self.outcome is None:
             return {}
         lens, camera = self.outcome.middle_lens, self.outcome.camera
@@ -114,12 +127,13 @@ class Answer:
             "f_number": float(lens.f_number(camera)),
             "tilt": moved["tilt_deg"],
             "swing": moved["swing_deg"],
+            "focal_length": 1000 * float(camera.focal_length),
         }
 
     def uncertain(self) -> tuple[str, ...]:
         """Names of settings that the wishes leave open."""
         solution = None if self.outcome is None else self.outcome.solution
-        return solution.undetermined if isinstance(solution, Solution) else ()
+        return solution.undetermined if isinstance(solution, Solution) else self.left_open
 
     def with_sentences(self) -> "Answer":
         """The same with what stands in the way, which takes further solves."""
@@ -138,7 +152,10 @@ class Answer:
 
     def _in_units(self, errors: dict[str, float]) -> dict[str, float]:
         """Standard errors of a diagnosis (dioptres, f-numbers, radians) in the units of `values`."""
-        factors = {"focus": self.values()["focus"] ** 2, "f_number": 1.0, "tilt": _DEGREE, "swing": _DEGREE}
+        factors = {
+            "focus": self.values()["focus"] ** 2, "f_number": 1.0, "tilt": _DEGREE, "swing": _DEGREE,
+            "focal_length": 1000.0,
+        }  # fmt: skip
         return {name: error * factors[name] for name, error in errors.items() if name in factors}
 
 

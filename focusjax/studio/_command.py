@@ -1,8 +1,9 @@
 """The command `focusjax studio`."""
 
 import importlib.util
+import socket
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -14,8 +15,50 @@ _BAD_INPUT = 2
 _INSTALL = "the page needs NiceGUI, which is not installed; install it with: pip install 'focusjax[studio]'"
 
 
+_PORTS = range(8123, 8143)
+"""Tried one after another where none is asked for."""
+
+
+def _free_port(host: str, port: int | None) -> int:
+    """The port that is asked for, or a free one.
+
+    Raises:
+        OSError: nothing can listen there; the message says what to change.
+    """
+    for each in _PORTS if port is None else (port,):
+        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as tried:
+            tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                tried.bind((host, each))
+            except socket.gaierror:
+                raise OSError(f"--host {host}: this is no address of this machine; try 0.0.0.0") from None
+            except OSError as error:
+                problem = error.strerror
+            else:
+                return each
+    which = f"--port {port}" if port is not None else f"ports {_PORTS.start} to {_PORTS.stop - 1}"
+    raise OSError(f"{which} at {host}: cannot be listened to ({problem}); choose another with --port")
+
+
 def command(
-    config: Annotated[Path, typer.Argument(help="A TOML file.", metavar="CONFIG")],
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(help="A config (TOML), meshes, or a photograph with depth.", metavar="[FILE]..."),
+    ] = None,
+    depth: Annotated[
+        Path | None, typer.Option("--depth", metavar="FILE", help="A photograph's depth map.")
+    ] = None,
+    depth_unit: Annotated[
+        str | None,
+        typer.Option("--depth-unit", metavar="UNIT", help="What it has: m, mm, 1/m, px, relative."),
+    ] = None,
+    depth_scale: Annotated[
+        float | None, typer.Option("--depth-scale", metavar="X", help="What a stored 1 is in that unit.")
+    ] = None,
+    focal_length_35mm: Annotated[
+        float | None,
+        typer.Option("--focal-length-35mm", metavar="MM", help="A photograph's, as on 36 x 24 mm film."),
+    ] = None,
     root: Annotated[
         Path | None,
         typer.Option(
@@ -26,27 +69,40 @@ def command(
         str | None,
         typer.Option("--host", help="Listen there for other machines, too; the address then has a token."),
     ] = None,
-    port: Annotated[int, typer.Option("--port", help="The server's port.", min=1, max=65535)] = 8123,
+    port: Annotated[
+        int | None,
+        typer.Option("--port", help="The server's port; a free one by default.", min=1, max=65535),
+    ] = None,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = True,
 ) -> None:
     """Click what should be sharp on a page in the browser, and see the lens and the picture."""
     console, errors = Console(), Console(stderr=True)
     if importlib.util.find_spec("nicegui") is None:
         fail(errors, ModuleNotFoundError(_INSTALL), _BAD_INPUT)
-    from focusjax.studio._serve import serve
-    from focusjax.studio._session import Session
-    from focusjax.studio._studio import Studio
+    from focusjax.studio._desk import Desk
+    from focusjax.studio._gallery import Gallery
+    from focusjax.studio._serve import LOCAL, serve
 
     try:
-        session = Session(config, root=root)
-    except ConfigError as error:
+        chosen = _free_port(LOCAL if host is None else host, port)
+    except OSError as error:
         fail(errors, error, _BAD_INPUT)
-    studio = Studio(session)
-    studio.warm_up()
+    photo: dict[str, Any] = {
+        "depth": None if depth is None else str(depth),
+        "depth_unit": depth_unit,
+        "depth_scale": depth_scale,
+        "focal_length_35mm": focal_length_35mm,
+    }
+    desk = Desk(gallery=None if files else Gallery(), any_file=host is None)
+    if files:
+        try:
+            desk.open(files, root=root, photo=photo)
+        except ConfigError as error:
+            fail(errors, error, _BAD_INPUT)
     serve(
-        studio,
+        desk,
         host=host,
-        port=port,
+        port=chosen,
         show=show,
         tell=lambda address: say(console, f"Studio: {address}  (Ctrl-C stops it)"),
     )

@@ -11,6 +11,8 @@ from tomlkit.items import AoT, Array
 
 from focusjax._whole_file import replace_file
 from focusjax.config import Config, ConfigError, parse_config
+from focusjax.studio._files_named import name_files_from
+from focusjax.studio._kept import keep_text, kept_file, kept_text
 
 Change = Callable[[tomlkit.TOMLDocument], None]
 
@@ -26,30 +28,59 @@ class Document:
 
     Attributes:
         path: the file it is read from and saved to; relative paths in it start there.
+        new: whether there is no such file yet.
+        recovered: whether the text is one that was not saved before the program ended.
         text: as it is now.
         config: what the text says; None where it cannot be used.
         problem: why it cannot be used, in one sentence; empty where it can.
     """
 
-    def __init__(self, path: Path, *, root: Path | None = None):
+    def __init__(self, path: Path, *, root: Path | None = None, text: str | None = None):
         """Read the config at `path`, whose files lie below `root` (see `load_config`).
+
+        What was kept of changes that were never saved is taken up again: one `undo` goes back to the file.
+
+        Args:
+            path: a file.
+            root: the folder below which its files lie.
+            text: of a new config, for which there is no file yet.
 
         Raises:
             ConfigError: the file cannot be read as text.
         """
         self.path, self._root = path, root
-        self.text = self._on_disk = _read(path)
+        self.new = text is not None
+        self.text = self._on_disk = _read(path) if text is None else text
         self._done: list[str] = []
         self._undone: list[str] = []
         self._label = ""
         self.config: Config | None = None
         self.problem = ""
+        kept = kept_text(path)
+        self.recovered = kept is not None and kept != self.text
+        if kept is not None and self.recovered:
+            self._done.append(self.text)
+            self.text = kept
         self._look_at_text()
 
     @property
     def unsaved(self) -> bool:
         """Whether the text differs from the file as it was last read or written."""
-        return self.text != self._on_disk
+        return self.new or self.text != self._on_disk
+
+    def keep(self) -> None:
+        """Keep the text for the next time `path` is opened, should the program end before it is saved.
+
+        Raises:
+            EditError: the folder cannot be written to.
+        """
+        try:
+            keep_text(self.path, self.text if self.text != self._on_disk else None)
+        except OSError as error:
+            raise EditError(
+                f"{kept_file(self.path)}: changes cannot be kept there ({error.strerror}); save them to"
+                " another folder before you stop the command"
+            ) from None
 
     @property
     def can_undo(self) -> bool:
@@ -128,15 +159,63 @@ class Document:
         if self.config is None:
             raise EditError(self.problem)
         try:
-            if not even_if_changed and self.path.exists() and _read(self.path) != self._on_disk:
+            changed = self.path.exists() and (self.new or _read(self.path) != self._on_disk)
+            if not even_if_changed and changed:
                 raise EditError(
                     f"{self.path}: the file was changed by something else since it was opened; save again to"
                     " write over it, or open it anew"
                 )
             replace_file(self.path, self.text)
+            keep_text(self.path, None)
         except OSError as error:
-            raise EditError(f"{self.path}: the file cannot be written ({error.strerror})") from None
-        self._on_disk = self.text
+            raise EditError(
+                f"{self.path}: the file cannot be written ({error.strerror}); save it somewhere else"
+            ) from None
+        self._on_disk, self.new = self.text, False
+
+    def save_as(self, path: Path, *, even_if_there: bool = False) -> None:
+        """Save to another file, which is the document's from then on; the files it names stay where they are.
+
+        Args:
+            path: of the config; the suffix .toml is added where there is none.
+            even_if_there: write over a file that is there.
+
+        Raises:
+            EditError: there is a file of that name, the config could not name its files from there, or it
+                cannot be written; the document stays as it was.
+        """
+        path = path if path.suffix == ".toml" else path.with_name(f"{path.name}.toml")
+        if self.config is None:
+            raise EditError(self.problem)
+        if path.resolve() == self.path.resolve():
+            self.save(even_if_changed=even_if_there)
+            return
+        if path.exists() and not even_if_there:
+            raise EditError(
+                f"{path}: there is a file of that name; choose another, or save again to replace it"
+            )
+        if not path.parent.is_dir():
+            raise EditError(f"{path}: there is no folder {path.parent}; make it, or choose another")
+        tables = tomlkit.parse(self.text)
+        root = path.parent if self._root is None else self._root
+        outside = name_files_from(tables, self.path.parent, path.parent, root)
+        if outside:
+            raise EditError(
+                f"{path}: a config there may not name {outside}, which lies outside {root}; save it beside or"
+                " above its files, or start the studio with --root DIR"
+            )
+        old = self.path, self.text, self._on_disk, self.new
+        self.path, self.text, self.new = path, tomlkit.dumps(tables), False
+        try:
+            self._look_at_text()
+            self.save(even_if_changed=True)
+        except EditError:
+            self.path, self.text, self._on_disk, self.new = old
+            self._look_at_text()
+            raise
+        keep_text(old[0], None)
+        self._done.clear()
+        self._undone.clear()
 
     def _step(self, source: list[str], target: list[str]) -> None:
         if source:

@@ -42,6 +42,12 @@ class Latest:
         with self._condition:
             self._waiting = None
             self._newest += 1
+            self._condition.notify_all()
+
+    def overtaken(self, cancelled: Cancelled, seconds: float) -> bool:
+        """Wait for something newer, for so long at most; whether it has come. For the work itself to ask."""
+        with self._condition:
+            return self._condition.wait_for(cancelled, seconds)
 
     def wait(self, seconds: float | None = None) -> bool:
         """Wait until nothing is left to do; whether that came within `seconds`."""

@@ -8,6 +8,7 @@ from nicegui import ui
 
 from focusjax._settings import angle, f_number, metres
 from focusjax.studio._answer import Answer
+from focusjax.studio._aperture_view import aperture_svg
 from focusjax.studio._lens_settings import SETTINGS, Setting, is_free, limits
 from focusjax.studio._session import Session
 from focusjax.studio._studio import Studio
@@ -19,7 +20,7 @@ _LEAST_UNCERTAINTY = 0.005
 
 
 class LensPanel:
-    """Four settings with what was solved for them, and from where to where the picture is sharp."""
+    """Five settings with what was solved for them, and from where to where the picture is sharp."""
 
     def __init__(self, studio: Studio, attempt: Callable[[Callable[[Session], object]], object]):
         """Build it where NiceGUI is at; `attempt` makes a change to the session."""
@@ -36,7 +37,10 @@ class LensPanel:
             .classes(f"at-setting-{name}")
             for name in SETTINGS
         }
-        self._sharp = ui.label().classes("fj-dim").mark("sharp").classes("at-sharp")
+        with ui.row().classes("fj-row"):
+            self._opening = ui.html("", sanitize=False).mark("opening").classes("at-opening")
+            self._opening.tooltip("The shape of the opening, in which lights out of focus are drawn")
+            self._sharp = ui.label().classes("fj-dim").mark("sharp").classes("at-sharp")
 
     def show(self) -> None:
         """Show what is new."""
@@ -51,12 +55,14 @@ class LensPanel:
                 self._built[name] = shape
                 self._build(setting, free)
             self._fill(setting, answer, values.get(name), ends)
+        opening = aperture_svg(answer)
+        if opening != self._opening.content:
+            self._opening.content = opening
         depth = answer.depth_of_field()
         if depth is not None:
-            camera = answer.stage.camera
             self._sharp.text = (
                 f"Sharp from {metres(depth.near)} to {metres(depth.far)}"
-                f" (circle {depth.circle_px:.1f} px); {1000 * float(camera.focal_length):.3g} mm lens"
+                f" (circle of confusion {depth.circle_px:.1f} px)"
             )
 
     def _build(self, setting: Setting, free: bool) -> None:
@@ -165,11 +171,14 @@ class LensPanel:
 
 
 def _shown(name: str, value: float) -> str:
+    if name == "focal_length":
+        return f"{value:.4g} mm"
     return metres(value) if name == "focus" else f_number(value) if name == "f_number" else angle(value)
 
 
 def _difference(name: str, value: float) -> str:
-    return metres(value) if name == "focus" else f"{value:.2g}" + ("" if name == "f_number" else "°")
+    unit = {"f_number": "", "focal_length": " mm"}.get(name, "°")
+    return metres(value) if name == "focus" else f"{value:.2g}{unit}"
 
 
 def _ends(studio: Studio, name: str) -> tuple[float, float]:
@@ -179,16 +188,20 @@ def _ends(studio: Studio, name: str) -> tuple[float, float]:
         length = 0.05 if studio.answer is None else float(studio.answer.stage.camera.focal_length)
         nearest = config.solve.min_focus_distance_m or 2.5 * length
         return 1.0 / nearest, 1.0 / _FARTHEST
+    if name == "focal_length":
+        return math.log2(12.0), math.log2(400.0)
     return (0.0, 5.0) if name == "f_number" else (-20.0, 20.0)
 
 
 def _to_share(studio: Studio, name: str, value: float) -> float:
     low, high = _ends(studio, name)
-    scaled = 1.0 / value if name == "focus" else math.log2(max(value, 1e-3)) if name == "f_number" else value
+    by_halves = name in ("f_number", "focal_length")
+    scaled = 1.0 / value if name == "focus" else math.log2(max(value, 1e-3)) if by_halves else value
     return min(max((scaled - low) / (high - low), 0.0), 1.0)
 
 
 def _from_share(studio: Studio, name: str, share: float) -> float:
     low, high = _ends(studio, name)
     scaled = low + share * (high - low)
-    return 1.0 / scaled if name == "focus" else 2.0**scaled if name == "f_number" else scaled
+    by_halves = name in ("f_number", "focal_length")
+    return 1.0 / scaled if name == "focus" else 2.0**scaled if by_halves else scaled

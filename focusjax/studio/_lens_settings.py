@@ -6,6 +6,8 @@ import math
 from focusjax.config import Config
 from focusjax.studio._document import Change, EditError, set_value, together
 
+_ZOOM, _USUAL_MM = 1.4, 50.0
+"""By how much a focal length may change at first where it is set free."""
 _DIGITS = 9
 """Significant digits of values that are written to the config."""
 
@@ -18,11 +20,12 @@ class Setting:
         name: as in `solve.free`.
         label: for people.
         unit: of its values; empty for f-numbers.
-        key: in `[lens]`.
+        key: in `table`.
         low: the key of its least value in `[solve]`.
         high: the key of its largest value in `[solve]`.
-        rivals: other keys of `[lens]` that set the same.
+        rivals: other keys of `table` that set the same.
         help: one sentence.
+        table: "lens" or "camera".
     """
 
     name: str
@@ -33,6 +36,7 @@ class Setting:
     high: str
     rivals: tuple[str, ...]
     help: str
+    table: str = "lens"
 
 
 _RANGE = ("sharp_from_m", "sharp_to_m")
@@ -55,6 +59,11 @@ SETTINGS = {
             "swing", "Swing", "°", "swing_deg", "swing_min_deg", "swing_max_deg", (),
             "Turns the lens to the right (+): the plane in focus turns with it.",
         ),
+        Setting(
+            "focal_length", "Focal length", "mm", "focal_length_mm", "focal_length_min_mm",
+            "focal_length_max_mm", ("field_of_view_deg",), "A longer lens shows less, and blurs more.",
+            "camera",
+        ),
     )
 }  # fmt: skip
 """By name, in the order of the page."""
@@ -75,7 +84,15 @@ def limits(config: Config, name: str) -> tuple[float | None, float | None]:
 def free(config: Config, name: str) -> Change:
     """Let the wishes decide a setting."""
     names = [*config.solve.free, *({name} - set(config.solve.free))]
-    return set_value("solve", "free", value=names)
+    change = set_value("solve", "free", value=names)
+    if name != "focal_length":
+        return change
+    # It is free within a range only.
+    length = config.camera.focal_length_mm or _USUAL_MM
+    ends = {"focal_length_min_mm": length / _ZOOM, "focal_length_max_mm": length * _ZOOM}
+    given = config.solve.model_fields_set
+    limits_ = [set_value("solve", key, value=_rounded(end)) for key, end in ends.items() if key not in given]
+    return together(change, *limits_)
 
 
 def fix(config: Config, name: str, value: float) -> Change:
@@ -99,10 +116,10 @@ def fix(config: Config, name: str, value: float) -> Change:
 
 
 def set_fixed(name: str, value: float) -> Change:
-    """Set a setting of `[lens]`."""
+    """Set a setting of `[lens]` or `[camera]`."""
     setting = SETTINGS[name]
-    changes = [set_value("lens", key, value=None) for key in setting.rivals]
-    return together(*changes, set_value("lens", setting.key, value=_rounded(value)))
+    changes = [set_value(setting.table, key, value=None) for key in setting.rivals]
+    return together(*changes, set_value(setting.table, setting.key, value=_rounded(value)))
 
 
 def limit(config: Config, name: str, end: str, value: float | None) -> Change:
@@ -113,7 +130,7 @@ def limit(config: Config, name: str, end: str, value: float | None) -> Change:
     setting = SETTINGS[name]
     key = setting.low if end == "low" else setting.high
     change = set_value("solve", key, value=None if value is None else _rounded(value))
-    start = getattr(config.lens, setting.key)
+    start = getattr(getattr(config, setting.table), setting.key)
     if value is None or start is None:
         return change
     if (start < value) if end == "low" else (start > value):

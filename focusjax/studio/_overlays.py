@@ -3,7 +3,7 @@
 import io
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
 from PIL import Image
 
 _WIDEST = 1600
@@ -70,3 +70,14 @@ def depth_overlay(disparity: Float[np.ndarray, "h w"]) -> Rgba:
     share = np.sqrt(disparity / largest)
     grey = np.round(255 * share)[..., None]
     return np.concatenate([grey, grey, grey, np.full_like(grey, 225.0)], axis=-1).astype(np.uint8)
+
+
+_COUNTS = np.array([[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]])
+"""Colours (viridis) for 1, 2, 3, 4 and more layers, brighter the more, so that they differ without hue."""
+
+
+def layers_overlay(counts: Int[np.ndarray, "h w"]) -> Rgba:
+    """How many surfaces, one behind the other, lens rays may meet at each pixel: dark blue 1 to yellow 5."""
+    colour = _COUNTS[np.clip(counts, 1, len(_COUNTS)) - 1]
+    alpha = np.where(counts > 0, 205, 40)[..., None]
+    return np.concatenate([colour, alpha], axis=-1).astype(np.uint8)

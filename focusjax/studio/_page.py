@@ -1,28 +1,34 @@
 """The page: one picture, its marks and cards, the lens and the wishes beside it. It only shows a studio."""
 
+import functools
 import html
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from nicegui import events, ui
+from nicegui import events, run, ui
 
+from focusjax.exchange import TARGETS
+from focusjax.studio._desk import Desk
 from focusjax.studio._document import EditError
+from focusjax.studio._exposure_panel import ExposurePanel
 from focusjax.studio._lens_panel import LensPanel
 from focusjax.studio._picture_view import PictureView
+from focusjax.studio._save_dialog import SaveDialog
 from focusjax.studio._session import Session
 from focusjax.studio._side_view import Plan, make_plan, side_view
 from focusjax.studio._stage import Stage
 from focusjax.studio._studio import Studio
 from focusjax.studio._text_dialog import TextDialog
+from focusjax.studio._timeline import Timeline
 from focusjax.studio._wish_panel import WishPanel
 
-_LOOK = Path(__file__).with_name("_look.css")
-_EVERY = 0.05
+_EVERY = 0.02
 """Seconds between looks for something new."""
 _WORDS = {
     "starting": "loading and compiling…",
     "solving": "solving…",
+    "solving the shot": "solving the shot",
     "draft": "draft",
     "refining": "refining",
     "refined": "refined",
@@ -31,36 +37,46 @@ _WORDS = {
     "rendering": "rendering",
     "rendered": "rendered",
 }
+_WITH_SHARE = ("refining", "solving the shot")
+_WORKING = ("starting", "solving", "solving the shot", "draft", "refining", "rendering")
 _KEYS = """Click: new point · drag: move it · arrows: nudge (Shift: 10 px)
-Delete: remove · Esc: close the card
-Space: wipe · B: blur map · D: depth · N: next wish · Ctrl-Z, Ctrl-Y: undo, redo · Ctrl-S: save"""
+Delete: remove · Esc: close the card · N: next wish · Enter: new point in the middle
+Space: wipe · B: blur · D: depth · L: layers · Z: zoom · R: render
+Ctrl-Z, Ctrl-Y: undo, redo · Ctrl-S: save · shots: P: play · , and .: frames · K: keyframe"""
 _STEPS = {"ArrowLeft": (-1, 0), "ArrowRight": (1, 0), "ArrowUp": (0, -1), "ArrowDown": (0, 1)}
 
 
 class Page:
     """One tab that shows a studio; several may show the same."""
 
-    def __init__(self, studio: Studio):
-        """Build the page's elements where NiceGUI is at."""
-        self.studio = studio
+    def __init__(self, studio: Studio, desk: Desk | None = None):
+        """Build the page's elements where NiceGUI is at; `desk` is where the studio is open."""
+        self.studio, self._desk = studio, desk
         self._version = -1
         self._planned: object = None
         self._plan: tuple[Stage, Plan] | None = None
-        ui.add_css(_LOOK)
-        ui.tooltip.default_props("delay=700")
-        ui.add_head_html('<meta name="color-scheme" content="light dark">')
         self._dark = ui.dark_mode(None)
         self._bar()
         with ui.row().classes("fj-body"):
-            self.picture = PictureView(studio, self.attempt, self._selected)
+            with ui.column().classes("fj-left"):
+                self.picture = PictureView(studio, self.attempt, self._selected)
+                self.timeline = Timeline(studio, self.picture, self.attempt)
             with ui.column().classes("fj-panel"):
                 self.lens = LensPanel(studio, self.attempt)
+                self.exposure = ExposurePanel(studio, self.attempt)
                 self.wishes = WishPanel(studio, self.picture)
                 ui.label("From above").classes("fj-head")
                 self._side = ui.html("", sanitize=False).classes("w-full").mark("above").classes("at-above")
                 ui.label(_KEYS).classes("fj-dim").style("white-space: pre-line")
         self.text = TextDialog(studio)
+        self.saving = SaveDialog(studio)
         ui.keyboard(on_key=self._on_key, ignore=["input", "select", "textarea"])
+        self._warned = ""
+        if studio.session.document.recovered:
+            ui.notify(
+                "Changes that were not saved last time are here again. Undo goes back to the file.",
+                type="info", position="bottom", multi_line=True, timeout=8000,
+            )  # fmt: skip
         self.look()
         ui.timer(_EVERY, self.look)
 
@@ -75,26 +91,39 @@ class Page:
     def look(self) -> None:
         """Show what is new."""
         studio = self.studio
-        if self._version == studio.version:
+        if self._desk is not None and self._desk.studio is not studio:
+            # Another tab has opened something else, or left it.
+            ui.navigate.reload()
             return
+        if self._version == studio.version:
+            # The view from above comes after what was just shown is on its way.
+            self._show_from_above()
+            return
+        if studio.warning != self._warned:
+            self._warned = studio.warning
+            ui.notify(studio.warning, type="warning", position="bottom", multi_line=True)
         self._version = studio.version
         document, state = studio.session.document, studio.state
         word = _WORDS[state.word]
-        share = f" {100 * state.share:.0f} %" if state.word == "refining" else ""
+        share = f" {100 * state.share:.0f} %" if state.word in _WITH_SHARE else ""
         self._state.text = f"{word}{share}" + (f": {state.detail}" if state.word == "rendering" else "")
-        self._progress.set_visibility(state.word in ("starting", "solving", "draft", "refining", "rendering"))
-        self._name.text = document.path.name + (" •" if document.unsaved else "")
+        self._progress.set_visibility(state.word in _WORKING)
+        self._name.text = document.path.name + (" • unsaved" if document.unsaved else "")
         self._undo.set_enabled(document.can_undo)
         self._redo.set_enabled(document.can_redo)
         self.picture.show()
+        self.timeline.show()
         self.lens.show()
+        self.exposure.show()
         self.wishes.show()
-        self._show_from_above()
         self.text.show()
 
     def save(self) -> None:
-        """Write the config to its file; a second time over what others wrote."""
+        """Write the config to its file, or ask for one; a second time over what others wrote."""
         document = self.studio.session.document
+        if document.new:
+            self.saving.open()
+            return
         try:
             document.save(even_if_changed=self._refused)
         except EditError as error:
@@ -107,6 +136,8 @@ class Page:
 
     def _bar(self) -> None:
         with ui.row().classes("fj-bar"):
+            if self._desk is not None and self._desk.gallery is not None:
+                _button("home", "Back to the start page", self._leave)
             config = self.studio.session.document.config
             title = (config.title if config is not None else "") or "focusjax studio"
             ui.label(title).classes("fj-title")
@@ -119,36 +150,44 @@ class Page:
             self._undo = _button("undo", "Take the last change back (Ctrl-Z)", lambda: self._step("undo"))
             self._redo = _button("redo", "Do it again (Ctrl-Y)", lambda: self._step("redo"))
             self._overlay = ui.toggle(
-                {"": "picture", "blur": "blur", "depth": "depth"},
+                {"": "picture", "blur": "blur", "depth": "depth", "layers": "layers"},
                 value="",
                 on_change=lambda e: self.picture.set_overlay(e.value),
             ).props("dense no-caps size=sm")
             self._overlay.tooltip(
                 "Blur: orange behind the focus, blue before it, hatched where sharp. Depth: near is bright."
+                " Layers: surfaces that lens rays meet, from one (dark) to five (bright)."
             )
             self._wipe = _button(
                 "compare", "Wipe between the sharp view and the picture (Space)", self._toggle_wipe
             )
+            _button("zoom_in", "Zoom to the picture's pixels: fit, 1, 2, 4 (Z)", lambda: self.picture.zoom())
             _button("dark_mode", "Light or dark", self._toggle_dark)
             _button("notes", "The config's text", lambda: self.text.open())
             _button(
                 "photo_camera", "Make the final picture with its report, as focusjax run does", self._render
             )
+            with (
+                _button("ios_share", "Write the camera for another program, as focusjax export does"),
+                ui.menu(),
+            ):
+                for name, target in TARGETS.items():
+                    ui.menu_item(target.called, functools.partial(self._export, name)).mark(f"export-{name}")
             ui.button("Save", on_click=self.save).props("dense no-caps unelevated size=sm").mark(
                 "save"
             ).classes("at-save").tooltip("Write the config to its file, comments and all (Ctrl-S)")
+            _button("save_as", "Save to another file (Ctrl-Shift-S)", lambda: self.saving.open())
         self._refused = False
 
     def _selected(self, number: int | None) -> None:
         self.wishes.show()
-        self._planned = None
-        self._show_from_above()
+        self.timeline.show()
 
     def _show_from_above(self) -> None:
         answer = self.studio.answer
         if answer is None:
             return
-        key = (answer.number, self.picture.selected)
+        key = (answer.number, answer.frame, self.picture.selected)
         if key != self._planned:
             self._planned = key
             if self._plan is None or self._plan[0] is not answer.stage:
@@ -164,9 +203,23 @@ class Page:
         self.attempt(lambda session: self.studio.render(folder))
         ui.notify(f"The final picture goes to {folder}; press again to stop.", position="bottom")
 
+    async def _export(self, to: str, _: object = None) -> None:
+        folder = Path("out") / self.studio.session.document.path.stem
+        try:
+            said = await run.io_bound(self.studio.export, to, folder)
+        except (ValueError, RuntimeError, OSError) as error:
+            ui.notify(" ".join(str(error).split("\n\n")[0].split()), type="warning", position="bottom")
+            return
+        ui.notify(" ".join(said or ()), type="positive", position="bottom", multi_line=True, timeout=8000)
+
     def _step(self, way: str) -> None:
         self.picture.select(None)
         self.attempt(lambda session: getattr(session, way)())
+
+    def _leave(self) -> None:
+        assert self._desk is not None
+        self._desk.leave()
+        ui.navigate.reload()
 
     def _toggle_wipe(self) -> None:
         self.picture.set_wipe(None if self.picture.wipe is not None else 0.5)
@@ -183,7 +236,7 @@ class Page:
             act: dict[str, Callable[[], Any]] = {
                 "z": lambda: self._step("redo" if event.modifiers.shift else "undo"),
                 "y": lambda: self._step("redo"),
-                "s": self.save,
+                "s": self.saving.open if event.modifiers.shift else self.save,
             }
         else:
             act = {
@@ -191,6 +244,14 @@ class Page:
                 "b": lambda: self._overlay.set_value("" if self._overlay.value == "blur" else "blur"),
                 "d": lambda: self._overlay.set_value("" if self._overlay.value == "depth" else "depth"),
                 "n": self._next,
+                "Enter": self._add_in_the_middle,
+                "l": lambda: self._overlay.set_value("" if self._overlay.value == "layers" else "layers"),
+                "z": self.picture.zoom,
+                "r": self._render,
+                "p": self.timeline.toggle,
+                "k": self.timeline.toggle_key,
+                ",": lambda: self.timeline.step(-1),
+                ".": lambda: self.timeline.step(1),
                 "Escape": lambda: self.picture.select(None),
             }
             if selected is not None:
@@ -206,6 +267,13 @@ class Page:
         if action is not None:
             action()
 
+    def _add_in_the_middle(self) -> None:
+        """A new point for those who use no mouse; the arrows take it where it is to be."""
+        config = self.studio.session.document.config
+        if self.studio.answer is not None and config is not None:
+            width, height = config.camera.resolution
+            self.picture.add(width / 2, height / 2)
+
     def _next(self) -> None:
         answer = self.studio.answer
         count = 0 if answer is None else len(answer.config.focus)
@@ -214,7 +282,7 @@ class Page:
             self.picture.select(0 if selected is None else (selected + 1) % count)
 
 
-def _button(icon: str, help_: str, act: Callable[[], object]) -> ui.button:
+def _button(icon: str, help_: str, act: Callable[[], object] | None = None) -> ui.button:
     button = ui.button(icon=icon, on_click=act).props(
         f'flat dense size=sm color=grey aria-label="{html.escape(help_)}"'
     )

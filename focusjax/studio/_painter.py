@@ -1,11 +1,12 @@
 """Pictures of an answer: a draft at once, then a refined one, of layers that are peeled but seldom."""
 
 import dataclasses
+from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, UInt8
+from jaxtyping import Array, Float, Int, UInt8
 
 from focusjax import job
 from focusjax._freed import return_programs
@@ -26,6 +27,8 @@ DRAFT_WIDTH = 480
 """Pixels; of wider pictures the draft is made smaller, of the same frame."""
 _DRAFT_TAPS = 16
 _DRAFT_LEVELS = 4
+_MOST_VIEWS = 150
+"""Sharp views that are kept, of the frames of a shot: about 3 MB each."""
 _PASS_RAYS = 16
 """Rays per pixel of one pass of the refined picture: a change waits for one pass at most."""
 
@@ -52,12 +55,15 @@ class Painter:
 
     Attributes:
         peels: how often layers for the refined picture were peeled.
+        taken: the latest picture as the config's exposure and film have it; None without either.
     """
 
     def __init__(self) -> None:
         self.peels = 0
+        self.taken: job.Photograph | None = None
         self._stage: Stage | None = None
-        self._views: dict[Hashable, PinholeView] = {}
+        self._views: OrderedDict[Hashable, PinholeView] = OrderedDict()
+        self._view_extents: dict[Hashable, Extent] = {}
         self._layers: Layers | None = None
         self._peeled: Hashable = None
         self._extent: Extent | None = None
@@ -113,11 +119,24 @@ class Painter:
             traced += rays
             yield Painted(self._shown(answer, camera, total / traced), traced / table.rays)
 
+    def layer_counts(self) -> Int[np.ndarray, "h w"] | None:
+        """How many surfaces lens rays may meet at each pixel, of the layers at hand; None without any."""
+        layers = self._layers
+        if layers is None:
+            return None
+        grid, camera = layers.grid, layers.camera
+        step, margin = grid.supersampling, grid.margin
+        counts = np.asarray(layers.cells > 0).sum(axis=0)
+        inside = counts[margin : margin + step * camera.height, margin : margin + step * camera.width]
+        return inside[::step, ::step]
+
     def _look_at(self, answer: Answer) -> None:
         """Forget what is of another stage."""
         if answer.stage is not self._stage:
             same_frame = self._stage is not None and _frame(self._stage.camera) == _frame(answer.stage.camera)
-            self._views, self._layers, self._peeled, self._grey = {}, None, None, None
+            if answer.frame == 0:
+                self._views.clear()
+            self._layers, self._peeled, self._grey = None, None, None
             self._extent = self._extent if same_frame else None
             self._stage = answer.stage
 
@@ -125,10 +144,16 @@ class Painter:
         """The sharp view of a camera."""
         assert self._stage is not None
         table = config.render.model_copy(update={"view_dependent": False})
-        key = (_frame(camera), _layer_settings(config))
+        size = _frame(camera), _layer_settings(config)
+        key = self._stage, *size
         if key not in self._views:
-            layers = job.make_layers(table, self._stage.scene, camera, closed_lens())
+            like = self._view_extents.get(size)
+            layers = job.make_layers(table, self._stage.scene, camera, closed_lens(), like)
+            self._view_extents[size] = layers.extent.for_others(like)
             self._views[key] = view_in_layers(layers, self._stage.scene)
+            if len(self._views) > _MOST_VIEWS:
+                self._views.popitem(last=False)
+        self._views.move_to_end(key)
         return self._views[key]
 
     def _layers_for(self, answer: Answer, look: AbstractLens) -> Layers:
@@ -172,6 +197,7 @@ class Painter:
             config, camera, outcome.middle_lens, image, image[:1, :1], grey=self._grey, weighed=told
         )
         assert taken is not None
+        self.taken = taken
         return to_bytes(taken.image)
 
 

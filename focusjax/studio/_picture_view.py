@@ -11,6 +11,8 @@ from focusjax.studio._session import Session
 from focusjax.studio._studio import Studio
 from focusjax.studio._wish_card import WishCard
 
+_ZOOMS = (0, 1, 2, 4)
+"""Pixels of the screen for one of the picture's; 0 shows all of it."""
 _STILL = 0.006
 """Share of the picture's width by which a press may move and still be a click."""
 
@@ -45,6 +47,8 @@ class PictureView:
         self._dragged: int | str | None = None
         self._drags = 0
         self._loaded = 0
+        self._zoom = 0
+        self._seen = tuple(0.5 * each for each in self._resolution())
         self._content = ""
         width, height = self._size()
         with ui.element("div").classes("fj-stage"):
@@ -96,6 +100,30 @@ class PictureView:
         """Forget a wish."""
         self.select(None)
         self.attempt(lambda session: session.delete_point(number))
+
+    def add(self, x: float, y: float) -> None:
+        """A new wish for what is under (x, y), in pixels of the config's picture."""
+        added = self.attempt(lambda session: session.add_point(x, y))
+        if isinstance(added, int):
+            self.select(added)
+
+    def zoom(self) -> None:
+        """The whole picture, or each of its pixels as 1, 2 or 4 of the screen's, around what is looked at."""
+        self._zoom = (self._zoom + 1) % len(_ZOOMS)
+        factor, width = _ZOOMS[self._zoom], self._size()[0]
+        answer = self.studio.answer
+        marks = [] if answer is None else answer.marks()
+        mark = marks[self.selected] if self.selected is not None and self.selected < len(marks) else None
+        x, y = self._seen if mark is None else mark
+        if not factor:
+            self._frame.style("width: min(100cqw, calc(100cqh * var(--fj-ratio)))")
+            return
+        self._frame.style(f"width: {factor * width}px; flex: none")
+        at = factor * self._scale() * x, factor * self._scale() * y
+        ui.run_javascript(
+            f"setTimeout(() => {{const s = document.querySelector('.fj-stage');"
+            f" s.scrollTo({at[0]:.0f} - s.clientWidth / 2, {at[1]:.0f} - s.clientHeight / 2)}}, 60)"
+        )
 
     def nudge(self, dx: float, dy: float) -> None:
         """Move the selected point by pixels of the config's picture."""
@@ -173,6 +201,7 @@ class PictureView:
         if self._dragged == "wipe":
             self.set_wipe(min(max(x / width, 0.0), 1.0))
             return
+        self._seen = x, y
         self._under.text = answer.under(x, y).sentence()
         self._under.set_visibility(True)
         if isinstance(self._dragged, int) and self._moved(x, y):
@@ -187,9 +216,7 @@ class PictureView:
             self.studio.session.end_drag()
         self._press = self._dragged = None
         if clicked:
-            added = self.attempt(lambda session: session.add_point(x, y))
-            if isinstance(added, int):
-                self.select(added)
+            self.add(x, y)
 
     def _leave(self, x: float, y: float) -> None:
         self._under.set_visibility(False)

@@ -1,13 +1,18 @@
 """One config being worked on: its text, wishes, lens and history, without any page."""
 
 from pathlib import Path
+from typing import Any
 
 from focusjax.config import Config
 from focusjax.studio import _lens_settings as lens_settings
+from focusjax.studio import _timing as timing
 from focusjax.studio import _wishes as wishes
 from focusjax.studio._answer import Answer, Under, answer
-from focusjax.studio._document import Change, Document, EditError, delete_wish
+from focusjax.studio._document import Change, Document, EditError, delete_wish, set_value, together
+from focusjax.studio._reel import Progress, Reel, ReelMaker
 from focusjax.studio._stage import StageMaker
+
+_LIMITS_OF = {"time": ("longest_time", "shortest_time"), "iso": ("iso_min", "iso_max")}
 
 
 class Session:
@@ -26,19 +31,21 @@ class Session:
         >>> print(session.solve().outcome.solution)  # doctest: +SKIP
     """
 
-    def __init__(self, path: Path | str, *, root: Path | None = None):
+    def __init__(self, path: Path | str, *, root: Path | None = None, text: str | None = None):
         """Open the config at `path`, also where it has errors: `document.problem` tells them.
 
         Args:
             path: a TOML file.
             root: the folder below which its files lie; the config's own by default.
+            text: of a new config, which is not written to `path` before it is saved.
 
         Raises:
             ConfigError: the file cannot be read as text.
         """
-        self.document = Document(Path(path), root=root)
+        self.document = Document(Path(path), root=root, text=text)
         self.number = 0
         self._maker = StageMaker()
+        self._reels = ReelMaker()
         self._answer: Answer | None = None
         self._weights: dict[str, float] = {}
         self._pixels: dict[str, tuple[float, float]] = {}
@@ -70,6 +77,34 @@ class Session:
         self._answer = answer(config, self._maker.stage_for(config), number)
         return self._answer
 
+    def solve_shot(
+        self, config: Config | None = None, number: int | None = None, progress: Progress | None = None
+    ) -> Reel:
+        """The lenses of all frames of the config's shot, as `focusjax shot` finds them.
+
+        Args:
+            config: as for `solve`.
+            number: as for `solve`.
+            progress: told how far it is.
+
+        Raises:
+            EditError: the text is no usable config.
+            ValueError: a shot that cannot be built or solved.
+            RuntimeError: the solver failed.
+        """
+        config = self.config if config is None else config
+        return self._reels.reel_for(config, self.number if number is None else number, progress)
+
+    def before_shot(self, config: Config, frame: int, number: int, problem: str = "") -> Answer:
+        """What a frame shows before the shot is solved, or where that fails."""
+        self._answer = Answer(number, config, self._reels.stage(config, frame), None, problem, frame=frame)
+        return self._answer
+
+    def frame_of(self, reel: Reel, frame: int) -> Answer:
+        """A frame of a shot as an answer, to which `under` refers from then on."""
+        self._answer = reel.answer(frame)
+        return self._answer
+
     def under(self, x: float, y: float) -> Under:
         """What the last answer has at pixel position (`x`, `y`)."""
         return (self._answer or self.solve()).under(x, y)
@@ -91,8 +126,8 @@ class Session:
         self.document.end_label()
 
     def delete_point(self, number: int) -> None:
-        """Forget a wish."""
-        self._edit(delete_wish(number))
+        """Forget a wish, and its track in a shot."""
+        self._edit(together(timing.delete_track(self.config, number), delete_wish(number)))
 
     def wish_for(self, number: int, kind: str, *, pixels: float = 0.0, other: str = "") -> None:
         """Change what is wished; see `wish_for` of the wishes."""
@@ -100,7 +135,9 @@ class Session:
 
     def rename(self, number: int, name: str) -> None:
         """Call a wish something else."""
-        self._edit(wishes.rename(self.config, number, name))
+        config = self.config
+        renamed = wishes.rename(config, number, name)
+        self._edit(together(timing.rename_track(config, number, name.strip()), renamed))
 
     def set_weight(self, number: int, weight: float) -> None:
         """How much a wish counts."""
@@ -140,6 +177,22 @@ class Session:
         self._pixels[name] = mark
         self._edit(wishes.whole_object(number, found))
 
+    def act(self, number: int, end: str, frame: int | None) -> None:
+        """Let a wish of a shot act "from" or "to" a frame; None for the shot's first or last."""
+        self._edit(timing.set_span(self.config, number, end, frame))
+
+    def value_at(self, number: int, frame: int, what: str) -> float:
+        """The "blur" or the "weight" of a wish at a frame of the shot."""
+        return timing.value_at(self.config, number, frame, what)
+
+    def set_key(self, number: int, frame: int, what: str, value: float) -> None:
+        """Give the "blur" (in the unit of the wish) or the "weight" of a wish a keyframe."""
+        self._edit(timing.set_key(self.config, number, frame, what, value))
+
+    def delete_key(self, number: int, frame: int) -> None:
+        """Take a keyframe of a wish away."""
+        self._edit(timing.delete_key(self.config, number, frame))
+
     def free(self, name: str) -> None:
         """Let the wishes decide a setting of the lens."""
         self._edit(lens_settings.free(self.config, name))
@@ -155,6 +208,15 @@ class Session:
     def limit(self, name: str, end: str, value: float | None) -> None:
         """Set the "low" or "high" limit of a free setting; None for the usual one."""
         self._edit(lens_settings.limit(self.config, name, end, value))
+
+    def set_exposure(self, table: str, key: str, value: Any) -> None:
+        """Set a key of "exposure" or "film"; None removes it. Limits to what is given by hand go."""
+        limits = _LIMITS_OF.get(key, ()) if value is not None else ()
+        self._edit(
+            together(
+                *(set_value(table, each, value=None) for each in limits), set_value(table, key, value=value)
+            )
+        )
 
     def set_text(self, text: str) -> None:
         """Take a whole text."""

@@ -8,18 +8,27 @@ from pathlib import Path
 
 from focusjax import job
 from focusjax.config import Config, ConfigError
+from focusjax.exchange import export_config, target_named
 from focusjax.io import staged_folder
 from focusjax.report import FILES, save_outcome
+from focusjax.shot import film
 from focusjax.studio._answer import Answer, answer
 from focusjax.studio._document import EditError
 from focusjax.studio._latest import Cancelled as IsCancelled
 from focusjax.studio._latest import Latest
-from focusjax.studio._overlays import blur_overlay, depth_overlay, jpeg, shown_size, webp
+from focusjax.studio._overlays import blur_overlay, depth_overlay, jpeg, layers_overlay, shown_size, webp
 from focusjax.studio._painter import Cancelled, Painter
+from focusjax.studio._reel import Reel
 from focusjax.studio._session import Session
 
 _NO_WISH = dict.fromkeys(("sharp", "same_blur_as", "shown_at", "blur_px", "blur_mm", "blur_height"))
-KINDS = ("picture", "sharp", "blur", "depth")
+_FIRST_NUMBERS_S = 0.04
+"""Seconds that the page has to show marker and numbers, before a draft takes all of the processor."""
+_AFTER_DRAFT_S = 0.3
+"""Seconds before it is worked out what stands in the way, so that the draft is not held up."""
+_STILL_S = 0.7
+"""Seconds for which a frame is looked at before its picture is refined."""
+KINDS = ("picture", "sharp", "blur", "depth", "layers")
 """Pictures that the studio has."""
 
 
@@ -31,13 +40,18 @@ class Shown:
         number: of the picture; every picture of a studio has its own.
         answer: number of the answer that it shows.
         media: its media type.
-        data: its bytes.
+        make: makes its bytes.
     """
 
     number: int
     answer: int
     media: str
-    data: bytes
+    make: Callable[[], bytes]
+
+    @functools.cached_property
+    def data(self) -> bytes:
+        """Its bytes, made when they are first asked for."""
+        return self.make()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,7 +59,7 @@ class State:
     """What the picture is at the moment.
 
     Attributes:
-        word: "starting", "solving", "draft", "refining", "refined", "no lens", "problem",
+        word: "starting", "solving", "solving the shot", "draft", "refining", "refined", "no lens", "problem",
             "rendering" or "rendered".
         share: how far refining is, 0 to 1.
         detail: a sentence, of a problem.
@@ -66,6 +80,9 @@ class Studio:
         shown: the latest picture of each kind.
         version: rises with every change of these, for pages that look at it.
         drafts: how many drafts were made.
+        frame: of the shot, counted from 1; 0 for a still.
+        reel: the solved shot; None for a still, or before it is solved.
+        warning: why changes cannot be kept before they are saved; empty where they can.
     """
 
     def __init__(self, session: Session):
@@ -76,12 +93,18 @@ class Studio:
         self.shown: dict[str, Shown] = {}
         self.version = 0
         self.drafts = 0
+        self.warning = ""
+        self.frame = 0
+        self.reel: Reel | None = None
+        self._drafts: tuple[Reel | None, dict[int, bytes]] = (None, {})
         self.painter = Painter()
         self._lock = threading.Lock()
         self._pictures = 0
         self._numbers = Latest("focusjax numbers", self._failed)
         self._painting = Latest("focusjax pictures", self._failed)
+        self._keeping = Latest("focusjax unsaved", self._unkept)
         self._sharp_of: object = None
+        self._layers_of = 0
         self.refresh()
 
     def apply(self, edit: Callable[[Session], object]) -> object:
@@ -93,6 +116,7 @@ class Studio:
         before = self.session.number
         result = edit(self.session)
         if self.session.number != before:
+            self._keeping.submit(lambda cancelled: self.session.document.keep())
             self.refresh()
         return result
 
@@ -105,8 +129,21 @@ class Studio:
             self._set(state=State("problem", detail=self.session.document.problem))
             return
         self._painting.cancel()
+        shot = config.shot if config.focus else None
+        self.frame = 0 if shot is None else min(max(self.frame, 1), shot.frames)
         self._set(state=State("solving" if self.answer else "starting"))
-        self._numbers.submit(functools.partial(self._solve, config, self.session.number))
+        solve = self._solve if shot is None else self._solve_shot
+        self._numbers.submit(functools.partial(solve, config, self.session.number))
+
+    def show_frame(self, frame: int) -> None:
+        """Show a frame of the shot, which is moved into its range; a draft first, and more when it stays."""
+        reel = self.reel
+        if reel is None:
+            return
+        self.frame = min(max(frame, 1), reel.count)
+        self._painting.cancel()
+        if reel.number == self.session.number:
+            self._numbers.submit(functools.partial(self._show_frame, reel))
 
     def warm_up(self) -> None:
         """Compile, in a thread of its own, the solve with limits to blur, so that the first one is quick."""
@@ -117,6 +154,17 @@ class Studio:
         config = self.session.config
         self._painting.submit(lambda cancelled: self._render(config, folder, cancelled))
 
+    def export(self, to: str, folder: Path) -> tuple[str, ...]:
+        """Write the camera for another program into `folder`, as `focusjax export` does; what it says.
+
+        Raises:
+            ValueError: as `export_config`.
+        """
+        config = self.session.config
+        file = folder / f"{self.session.document.path.stem}{target_named(to).suffix}"
+        has_shot = config.shot is not None and bool(config.focus)
+        return export_config(config, file, to=to, shot=has_shot, approximate=True).sentences
+
     def cancel_render(self) -> None:
         """Stop at the next stage."""
         self._painting.cancel()
@@ -126,30 +174,75 @@ class Studio:
         return self._numbers.wait(seconds) and self._painting.wait(seconds)
 
     def close(self) -> None:
-        """End the threads."""
+        """End the threads; what is not saved is kept."""
+        self._keeping.wait()
+        self._keeping.close()
         self._numbers.close()
         self._painting.close()
 
     def _solve(self, config: Config, number: int, cancelled: IsCancelled) -> None:
         answer = self.session.solve(config, number)
+        self.reel = None
         self._set(answer=answer)
-        if answer.outcome is not None:
-            size = shown_size(config.camera.resolution)
-            sharp = answer.depth_of_field()
-            assert sharp is not None
-            self._show("blur", answer, webp(blur_overlay(answer.outcome.blur, sharp.circle_px), size))
+        self._lay_blur(answer)
         if answer.outcome is None:
             self._set(state=State("no lens", detail=answer.problem))
         self._painting.submit(functools.partial(self._paint, answer))
-        if not cancelled():
+        if not self._numbers.overtaken(cancelled, _AFTER_DRAFT_S):
             told = answer.with_sentences()
             if not cancelled():
                 self._set(answer=told)
 
+    def _solve_shot(self, config: Config, number: int, cancelled: IsCancelled) -> None:
+        def tell(stage: str, share: float | None) -> None:
+            if cancelled():
+                raise Cancelled
+            self._set(state=State("solving the shot", share or 0.0))
+
+        if self.answer is None or self.answer.config.scene != config.scene:
+            first = self.session.before_shot(config, self.frame, number)
+            self._set(answer=first)
+            self._painting.submit(functools.partial(self._paint, first))
+        try:
+            reel = self.session.solve_shot(config, number, tell)
+        except Cancelled:
+            return
+        except (ValueError, RuntimeError) as error:
+            problem = " ".join(str(error).split("\n\n")[0].split())
+            unsolved = self.session.before_shot(config, self.frame, number, problem)
+            self.reel = None
+            self._set(answer=unsolved, state=State("no lens", detail=problem))
+            self._painting.submit(functools.partial(self._paint, unsolved))
+            return
+        self.reel = reel
+        self._show_frame(reel, cancelled)
+        if not cancelled():
+            sentences = reel.sentences()
+            if not cancelled() and self.answer is not None:
+                self._set(answer=dataclasses.replace(self.answer, sentences=sentences))
+
+    def _show_frame(self, reel: Reel, cancelled: IsCancelled) -> None:
+        answer = self.session.frame_of(reel, self.frame)
+        if cancelled():
+            return
+        self._set(answer=answer)
+        self._lay_blur(answer)
+        known = self._drafts[1].get(answer.frame) if self._drafts[0] is reel else None
+        if known is not None:
+            self._show("picture", answer, lambda: known)
+            self._set(state=State("draft"))
+        self._painting.submit(functools.partial(self._paint, answer))
+
+    def _lay_blur(self, answer: Answer) -> None:
+        outcome, sharp = answer.outcome, answer.depth_of_field()
+        if outcome is not None and sharp is not None:
+            size = shown_size(answer.config.camera.resolution)
+            self._show("blur", answer, lambda: webp(blur_overlay(outcome.blur, sharp.circle_px), size))
+
     def _warm_up(self) -> None:
         self._numbers.wait()
         answer_ = self.answer
-        if answer_ is None or not answer_.config.focus:
+        if answer_ is None or not answer_.config.focus or answer_.frame:
             return
         limit = answer_.config.focus[0].model_copy(update=_NO_WISH | {"at_most_px": 1e3, "name": "warm-up"})
         config = answer_.config.model_copy(update={"focus": (*answer_.config.focus, limit)})
@@ -157,33 +250,53 @@ class Studio:
 
     def _paint(self, answer: Answer, cancelled: IsCancelled) -> None:
         size = shown_size(answer.config.camera.resolution)
-        if cancelled():
+        if self._painting.overtaken(cancelled, _FIRST_NUMBERS_S):
             return
-        draft = self.painter.draft(answer)
-        self.drafts += 1
-        self._show("picture", answer, jpeg(draft.pixels, size))
+        reel, drafts = self._drafts
+        if answer.frame and reel is not self.reel:
+            self._drafts = reel, drafts = self.reel, {}
+        if not (answer.frame in drafts and answer.outcome is not None):
+            data = jpeg(self.painter.draft(answer).pixels, size)
+            self.drafts += 1
+            self._show("picture", answer, lambda: data)
+            if answer.frame and answer.outcome is not None:
+                drafts[answer.frame] = data
         if answer.outcome is None:
             self._extras(answer, size)
             return
         if cancelled():
             return
         self._set(state=State("draft"))
+        if answer.frame and self._painting.overtaken(cancelled, _STILL_S):
+            # The next frame is looked at.
+            return
         self._extras(answer, size)
         try:
             for painted in self.painter.refined(answer, cancelled):
                 if cancelled():
                     return
-                self._show("picture", answer, jpeg(painted.pixels, size))
+                self._lay_layers(answer, size)
+                data = jpeg(painted.pixels, size)
+                self._show("picture", answer, lambda data=data: data)
                 done = painted.share >= 1.0
                 self._set(state=State("refined" if done else "refining", painted.share))
         except Cancelled:
             return
 
+    def _lay_layers(self, answer: Answer, size: tuple[int, int]) -> None:
+        """The number of layers, once for each time that they are peeled."""
+        if self._layers_of != self.painter.peels:
+            self._layers_of = self.painter.peels
+            counts = self.painter.layer_counts()
+            if counts is not None:
+                self._show("layers", answer, lambda: webp(layers_overlay(counts), size))
+
     def _extras(self, answer: Answer, size: tuple[int, int]) -> None:
         """The sharp view and depth, once for each stage."""
         if self._sharp_of is not answer.stage:
-            self._show("sharp", answer, jpeg(self.painter.sharp(answer), size))
-            self._show("depth", answer, webp(depth_overlay(answer.stage.disparity), size))
+            sharp = jpeg(self.painter.sharp(answer), size)
+            self._show("sharp", answer, lambda: sharp)
+            self._show("depth", answer, lambda: webp(depth_overlay(answer.stage.disparity), size))
             self._sharp_of = answer.stage
 
     def _render(self, config: Config, folder: Path, cancelled: IsCancelled) -> None:
@@ -193,6 +306,10 @@ class Studio:
             self._set(state=State("rendering", share or 0.0, stage))
 
         try:
+            if config.shot is not None and config.focus:
+                film(config, folder, progress=tell)
+                self._set(state=State("rendered", 1.0, f"Report: {folder / 'report.html'}"))
+                return
             with staged_folder(folder, owned=FILES) as made:
                 outcome = job.run(config, solving=bool(config.focus), progress=tell)
                 save_outcome(made, outcome)
@@ -201,17 +318,23 @@ class Studio:
             return
         self._set(state=State("rendered", 1.0, f"Report: {folder / 'report.html'}"))
 
-    def _show(self, kind: str, answer: Answer, data: bytes) -> None:
-        media = "image/webp" if kind in ("blur", "depth") else "image/jpeg"
+    def _show(self, kind: str, answer: Answer, make: Callable[[], bytes]) -> None:
+        media = "image/jpeg" if kind in ("picture", "sharp") else "image/webp"
         with self._lock:
             self._pictures += 1
-            self.shown = {**self.shown, kind: Shown(self._pictures, answer.number, media, data)}
+            self.shown = {**self.shown, kind: Shown(self._pictures, answer.number, media, make)}
             self.version += 1
 
     def _set(self, *, answer: Answer | None = None, state: State | None = None) -> None:
         with self._lock:
             self.answer = self.answer if answer is None else answer
             self.state = self.state if state is None else state
+            self.version += 1
+
+    def _unkept(self, error: Exception) -> None:
+        """Say once that changes cannot be kept."""
+        with self._lock:
+            self.warning = self.warning or str(error)
             self.version += 1
 
     def _failed(self, error: Exception) -> None:

@@ -1,6 +1,6 @@
 """The card beside a mark: what is wished for its point."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from nicegui import events, ui
@@ -33,8 +33,14 @@ class WishCard:
 
     def open(self, number: int | None) -> None:
         """Show the card of a wish, or none."""
-        self._number, self._built = number, None
+        self._number = number
         self.show()
+
+    @property
+    def number(self) -> int:
+        """Of the wish whose card is open."""
+        assert self._number is not None
+        return self._number
 
     def show(self) -> None:
         """Show what is new of the wish."""
@@ -48,67 +54,67 @@ class WishCard:
         assert number is not None
         names = [called(config, index) for index in range(len(config.focus))]
         kind = kind_of(config, number)
-        shape = (number, kind, tuple(names) if kind == "same_blur_as" else len(names))
+        others = tuple(name for k, name in enumerate(names) if k != number)
+        shape = (kind, others if kind == "same_blur_as" else ())
         if shape != self._built:
             self._built = shape
-            self._build(number, kind, names)
+            self._build(kind, others)
         self._fill(number, kind)
         x, y = self._view.place_of(number)
         self._card.style(_beside(x, y))
 
-    def _build(self, number: int, kind: str, names: list[str]) -> None:
+    def _build(self, kind: str, others: Sequence[str]) -> None:
         self._fields = {}
         self._card.clear()
         with self._card:
             with ui.row().classes("fj-row"):
-                self._build_name(number)
+                self._build_name()
             self._fields["told"] = ui.label().classes("fj-dim at-told").mark("told")
-            toggle = ui.toggle(KINDS, on_change=lambda e: self._choose(number, e))
+            toggle = ui.toggle(KINDS, on_change=self._choose)
             toggle.props("dense no-caps unelevated size=sm spread").classes("w-full at-kind").mark("kind")
             self._fields["kind"] = toggle
             with ui.row().classes("fj-row"):
-                self._build_numbers(number, kind, names)
+                self._build_numbers(kind, others)
             with ui.row().classes("fj-row"):
-                self._build_switches(number)
+                self._build_switches()
 
-    def _build_name(self, number: int) -> None:
+    def _build_name(self) -> None:
         field = ui.input().props("dense borderless").classes("col at-name").mark("name")
-        field.on("change", lambda: self._do(lambda s: s.rename(number, field.value or "")))
+        field.on("change", lambda: self._do(lambda s: s.rename(self.number, field.value or "")))
         field.tooltip("The wish's name")
         self._fields["name"] = field
         ui.button(icon="close", on_click=lambda: self._view.select(None)).props(
             'flat dense round size=sm color=grey aria-label="Close the card"'
         )
 
-    def _build_numbers(self, number: int, kind: str, names: list[str]) -> None:
+    def _build_numbers(self, kind: str, others: Sequence[str]) -> None:
         if kind in ("blur", "at_most", "at_least"):
             self._number_field(
                 "pixels", "px", 0.5, "The blur's diameter in pixels of the picture",
-                lambda s, v: s.wish_for(number, kind, pixels=v),
+                lambda s, v: s.wish_for(self.number, kind, pixels=v),
             )  # fmt: skip
         if kind == "same_blur_as":
-            others = [name for name in names if name != names[number]]
-            field = ui.select(others, label="as blurred as", on_change=lambda e: self._other(number, e))
+            field = ui.select(list(others), label="as blurred as", on_change=self._other)
             self._fields["other"] = field.props("dense").classes("col at-other").mark("other")
         self._number_field(
             "weight", "weight", 1.0, "How much this wish counts beside the others",
-            lambda s, v: s.set_weight(number, v),
+            lambda s, v: s.set_weight(self.number, v),
         )  # fmt: skip
         self._number_field(
             "tolerance", "± px", 0.5, "The largest miss that still counts as met",
-            lambda s, v: s.set_tolerance(number, v),
+            lambda s, v: s.set_tolerance(self.number, v),
         )  # fmt: skip
 
-    def _build_switches(self, number: int) -> None:
+    def _build_switches(self) -> None:
         self._switch(
             "whole", "whole object", "All of the object that shows, not this one point",
-            lambda s, v: s.spread(number, whole=v),
+            lambda s, v: s.spread(self.number, whole=v),
         )  # fmt: skip
         self._switch(
-            "on", "on", "Off: the wish is kept, and does not count", lambda s, v: s.switch(number, on=v)
+            "on", "on", "Off: the wish is kept, and does not count", lambda s, v: s.switch(self.number, on=v)
         )
         ui.space()
-        delete = ui.button("Delete", on_click=lambda: self._view.delete(number))
+        delete = ui.button("Delete", on_click=lambda: self._view.delete(self.number))
         delete.props("flat dense no-caps size=sm color=negative").classes("at-delete").mark("delete")
         delete.tooltip("Forget this wish (Delete)")
 
@@ -164,10 +170,10 @@ class WishCard:
         finally:
             self._quiet = False
 
-    def _choose(self, number: int, event: events.ValueChangeEventArguments[Any]) -> None:
+    def _choose(self, event: events.ValueChangeEventArguments[Any]) -> None:
         if self._quiet or event.value is None:
             return
-        config, kind = self._view.studio.session.config, event.value
+        config, kind, number = self._view.studio.session.config, event.value, self.number
         if kind == "same_blur_as":
             others = [called(config, k) for k in range(len(config.focus)) if k != number]
             if not others:
@@ -185,9 +191,9 @@ class WishCard:
         pixels = next((abs(each) for each in known if each is not None), usual)
         self._do(lambda s: s.wish_for(number, kind, pixels=pixels))
 
-    def _other(self, number: int, event: events.ValueChangeEventArguments[Any]) -> None:
+    def _other(self, event: events.ValueChangeEventArguments[Any]) -> None:
         if not self._quiet and event.value is not None:
-            self._do(lambda s: s.wish_for(number, "same_blur_as", other=event.value))
+            self._do(lambda s: s.wish_for(self.number, "same_blur_as", other=event.value))
 
     def _typed(self, event: events.ValueChangeEventArguments[Any], edit: Edit) -> None:
         if not self._quiet and event.value is not None:

@@ -20,7 +20,12 @@ class WishPanel:
         self._names: tuple[str, ...] | None = None
         self._lines: list[tuple[Any, ...]] = []
         ui.label("Wishes").classes("fj-head")
-        self._rows = ui.column().classes("w-full").style("gap: 0").mark("wishes").classes("at-wishes")
+        with ui.column().classes("w-full at-wishes").style("gap: 0").mark("wishes") as self._rows:
+            self._empty = ui.label("Click on the picture, on what should be sharp.").classes("fj-dim")
+            with ui.row().classes("fj-wish fj-dim").style("cursor: default") as self._head:
+                for text, style in zip(("", "wish", "wished", "got px", "off px", ""), _WIDTHS, strict=True):
+                    ui.label(text).style(style)
+            self._head.set_visibility(False)
         self._way = ui.column().classes("w-full").style("gap: 4px").mark("way").classes("at-way")
         self._sentences: tuple[str, ...] | None = ()
 
@@ -35,7 +40,7 @@ class WishPanel:
             self._build(names)
         rows = answer.wishes
         told = wish_rows(rows)
-        for number, (line, sign, wished, got, off, verdict) in enumerate(self._lines):
+        for number, (line, sign, _, wished, got, off, verdict) in enumerate(self._lines):
             line.classes(
                 add="chosen" if number == self._view.selected else "",
                 remove="" if number == self._view.selected else "chosen",
@@ -61,31 +66,26 @@ class WishPanel:
                     ui.label(sentence).classes("fj-way")
 
     def _build(self, names: tuple[str, ...]) -> None:
-        self._rows.clear()
-        self._lines = []
+        """As many lines as there are names: only those that are missing are made."""
+        self._empty.set_visibility(not names)
+        self._head.set_visibility(bool(names))
+        while len(self._lines) > len(names):
+            self._lines.pop()[0].delete()
         with self._rows:
-            if not names:
-                ui.label("Click on the picture, on what should be sharp.").classes("fj-dim")
-                return
-            with ui.row().classes("fj-wish fj-dim").style("cursor: default"):
-                for text, style in zip(("", "wish", "wished", "got px", "off px", ""), _WIDTHS, strict=True):
-                    ui.label(text).style(style)
-            for number, name in enumerate(names):
-                line = (
-                    ui.row()
-                    .classes("fj-wish")
-                    .props(f'tabindex=0 role="button" aria-label="wish {number + 1}"')
-                )
-                line.on("click", lambda _, number=number: self._view.select(number))
-                line.on("keydown.enter", lambda _, number=number: self._view.select(number))
-                with line:
-                    labels = [
-                        ui.label(text).style(style)
-                        for text, style in zip(("", name, "", "", "", ""), _WIDTHS, strict=True)
-                    ]
-                for label in labels[2:]:
-                    label.classes("fj-num")
-                self._lines.append((line, labels[0], *labels[2:]))
+            while len(self._lines) < len(names):
+                self._lines.append(self._line(len(self._lines)))
+        for name, (_, _, label, *_) in zip(names, self._lines, strict=True):
+            label.text = name
+
+    def _line(self, number: int) -> tuple[Any, ...]:
+        line = ui.row().classes("fj-wish").props(f'tabindex=0 role="button" aria-label="wish {number + 1}"')
+        line.on("click", lambda: self._view.select(number))
+        line.on("keydown.enter", lambda: self._view.select(number))
+        with line:
+            labels = [ui.label().style(style) for style in _WIDTHS]
+        for label in labels[2:]:
+            label.classes("fj-num")
+        return line, *labels
 
 
 _CUT = "overflow: hidden; text-overflow: ellipsis; white-space: nowrap"

@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.interpolate import make_interp_spline
 
 from focusjax.geometry import Camera
 
@@ -81,4 +80,6 @@ def frame_nodes(camera: Camera) -> FrameNodes:
 
 def _spline(count: int, at: Float[np.ndarray, " p"], degree: int) -> Float[np.ndarray, "p n"]:
     """Shares of `count` nodes from 0 to 1 in a spline `at` some places."""
+    from scipy.interpolate import make_interp_spline
+
     return make_interp_spline(np.linspace(0.0, 1.0, count), np.eye(count), k=degree)(at)

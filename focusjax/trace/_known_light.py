@@ -20,7 +20,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.stats import qmc
 
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, in_colour
@@ -89,4 +88,6 @@ def light_map(lens: AbstractLens, camera: Camera) -> KnownLight:
 @functools.cache
 def _square() -> Float[np.ndarray, "s 2"]:
     """Points of the unit square, the same for all nodes, so that what they miss changes smoothly."""
+    from scipy.stats import qmc
+
     return np.minimum(qmc.Sobol(2, rng=np.random.default_rng(0)).random(_RAYS), 1.0 - 2.0**-24)

@@ -13,6 +13,7 @@ import trimesh
 from boxes_config import write_boxes
 
 from focusjax.batch import BatchError, _run, make_items, run_batch
+from focusjax.many import Ended
 
 GRID = ("--grid", "focus.1.blur_px=[3, 4]")
 NAMES = ["boxes,focus.1.blur_px=3", "boxes,focus.1.blur_px=4"]
@@ -69,9 +70,13 @@ def test_a_failing_item_is_named_and_stops_no_other(mixed):
     assert f"behind  failed: {reason}\n" in printed
     assert "2 of 3 done" in printed
     assert str(folder / "summary.html") in printed
-    names = ["good", "summary.csv", "summary.html", "summary.json", "wide"]
+    names = ["behind", "good", "summary.csv", "summary.html", "summary.json", "wide"]
     assert sorted(path.name for path in folder.iterdir()) == names
-    files = ["blur.png", "item.json", "report.html", "report.json", "thumbnail.jpg"]
+    assert [path.name for path in (folder / "behind").iterdir()] == ["failed.log"]
+    log = (folder / "behind" / "failed.log").read_text()
+    assert log.startswith(f"{reason}\n")
+    assert "Traceback" in log
+    files = ["blur.png", "item.json", "journal.jsonl", "report.html", "report.json", "thumbnail.jpg"]
     assert sorted(path.name for path in (folder / "good").iterdir()) == files
 
 
@@ -182,16 +187,16 @@ def test_the_summary_does_not_wait_for_an_item_that_takes_long(config, tmp_path,
     """The second result comes right after the first, before a summary may be written again."""
     out = tmp_path / "out"
 
-    def two_at_once(tasks, *_):
-        yield tasks[0], "bad"
-        yield tasks[1], "bad"
+    def two_at_once(work, tasks, *_, **more):
+        yield Ended(tasks[0], error="bad")
+        yield Ended(tasks[1], error="bad")
         end = time.monotonic() + 60
         while summary(out)["counts"]["failed"] < 2:
             assert time.monotonic() < end, summary(out)["counts"]
             time.sleep(0.01)
-        yield tasks[2], "bad"
+        yield Ended(tasks[2], error="bad")
 
-    monkeypatch.setattr(_run, "_do", two_at_once)
+    monkeypatch.setattr(_run, "carry_out", two_at_once)
     solve(make_items([config], grid={"focus.1.blur_px": [3, 4, 5]}), out)
     assert summary(out)["counts"]["failed"] == 3
     assert summary(out)["finished"]
@@ -279,6 +284,7 @@ def test_two_batches_do_not_share_a_folder(config, tmp_path):
         (["--set", "render.rays=0"], "render.rays is 0; expected a number of at least 1"),
         (["--table", "gone.csv"], "gone.csv: there is no such table; check the path"),
         (["--jobs", "0"], "jobs is 0; expected at least 1 process"),
+        (["--scheduler", "x", "--jobs", "2"], "--scheduler x has workers of its own; leave out --jobs 2"),
         (["--resume", "--overwrite"], "--resume keeps what is there and --overwrite removes it; give one"),
         (["gone.toml"], "gone.toml: there is no such config file; check the path"),
         (["{config}"], "two items are the same"),

@@ -1,11 +1,13 @@
 """What one item leaves for the next."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import trimesh
 
 from focusjax.batch import _work, make_items
 from focusjax.batch._fingerprint import Fingerprints
+from focusjax.many import carry_out
 
 
 def test_a_worker_hands_on_its_scene_and_the_extent_of_its_layers(boxes, tmp_path, monkeypatch):
@@ -19,12 +21,15 @@ def test_a_worker_hands_on_its_scene_and_the_extent_of_its_layers(boxes, tmp_pat
     monkeypatch.setattr(_work, "save_outcome", lambda folder, outcome: None)
     monkeypatch.setattr(_work, "_save_thumbnail", lambda folder: None)
     scales = ["scene.objects.0.scale=1", "scene.objects.0.scale=1", "scene.objects.0.scale=2"]
-    worker, told = _work.Worker(tmp_path, solve_only=False), []
-    for scale in scales:
+    monkeypatch.setattr(_work.DoItem, "_kept", {})
+    out, tasks = tmp_path / "out", []
+    out.mkdir()
+    for number, scale in enumerate(scales):
         (item,) = make_items([boxes], overrides=[scale])
-        fingerprint = Fingerprints().of(item.config, solve_only=False)
-        told.append(worker.attempt(_work.Task(item, fingerprint)))
-    assert told == ["", "", ""]
+        item = dataclasses.replace(item, name=str(number))
+        tasks.append(_work.task_of(item, Fingerprints().of(item.config, solve_only=False)))
+    ended = list(carry_out(_work.DoItem(out, solve_only=False), tasks, out))
+    assert [each.error for each in ended] == [""] * 3
     assert [rendering for rendering, _, _ in calls] == [True] * 3
     assert [like for _, _, like in calls] == [None, 1, 2]
     first, second, larger = (scene for _, scene, _ in calls)
@@ -32,7 +37,10 @@ def test_a_worker_hands_on_its_scene_and_the_extent_of_its_layers(boxes, tmp_pat
     assert larger is not first
     # The same table, but the mesh is another.
     trimesh.creation.box((0.5, 0.5, 0.4)).export(boxes.with_name("box.ply"))
-    worker.attempt(_work.Task(item, Fingerprints().of(item.config, solve_only=False)))
+    again = _work.task_of(
+        dataclasses.replace(item, name="3"), Fingerprints().of(item.config, solve_only=False)
+    )
+    list(carry_out(_work.DoItem(out, solve_only=False), [again], out))
     assert calls[3][1] is not larger
 
 
@@ -42,7 +50,9 @@ def test_what_is_no_fault_of_the_user_is_said_to_be_ours(boxes, tmp_path, monkey
 
     monkeypatch.setattr(_work.job, "run", run)
     (item,) = make_items([boxes])
-    worker = _work.Worker(tmp_path, solve_only=True)
-    message = worker.attempt(_work.Task(item, Fingerprints().of(item.config, solve_only=True)))
-    assert message == "internal error, please report it: KeyError('lens')"
-    assert [path.name for path in tmp_path.iterdir()] == ["scene"]
+    out = tmp_path / "out"
+    out.mkdir()
+    task = _work.task_of(item, Fingerprints().of(item.config, solve_only=True))
+    (ended,) = carry_out(_work.DoItem(out, solve_only=True), [task], out)
+    assert ended.error == "internal error, please report it: KeyError('lens')"
+    assert list(out.iterdir()) == []

@@ -5,17 +5,18 @@ import json
 import re
 
 import pytest
+from complaints import complaints_in
 from typer.testing import CliRunner
 
 from focusjax.cli import app
 
 
 def bench(*arguments):
-    """The exit status and what was printed to stdout and stderr."""
+    """The exit status, what was printed to stdout, and to stderr beside the progress."""
     words = ["bench", "speed-error", *(str(argument) for argument in arguments)]
     result = CliRunner().invoke(app, words, env={"COLUMNS": "200"})
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
-    return result.exit_code, result.stdout, result.stderr
+    return result.exit_code, result.stdout, complaints_in(result.stderr, "Ball & <wall>")
 
 
 @pytest.fixture(scope="module")

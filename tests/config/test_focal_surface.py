@@ -30,7 +30,10 @@ CONFIG = Path(__file__).parents[2] / "configs" / "focal_surface.toml"
             "focal_surface.points.0.weight is -1; expected a number of",
         ),
         ("lens.focal_surface.points.0.aperture_scale=0", "points.0.aperture_scale is 0; expected a number"),
-        ("lens.focal_surface.points.0.pixel=[1, 2]", "needs exactly one of pixel, point and object to say"),
+        (
+            "lens.focal_surface.points.0.pixel=[1, 2]",
+            "needs exactly one of pixel, point, direction,",
+        ),
         ("lens.focal_surface.point=1", "unknown key lens.focal_surface.point; did you mean points?"),
         ("lens.focus_distance_m=2", "lens has focus_distance_m and a focal_surface; give one or the other"),
         ("focus.0={object='spot', in_frame_px=9}", "focus.0 wishes for neither sharp nor a blur"),

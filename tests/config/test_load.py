@@ -168,8 +168,15 @@ def test_unreadable_files(tmp_path):
     assert "the config cannot be read" in message(tmp_path)
     (tmp_path / "broken.toml").write_text("[scene\n")
     assert "this is not valid TOML" in message(tmp_path / "broken.toml")
+    (tmp_path / "wide.toml").write_text('title = "boxes"\n', encoding="utf-16")
+    assert "this is not text in UTF-8 (invalid start byte); save it" in message(tmp_path / "wide.toml")
     (tmp_path / "empty.toml").write_text("")
     assert message(tmp_path / "empty.toml") == "scene is missing; give a [scene] table"
+
+
+def test_a_root_that_is_not_there_is_named(path):
+    with pytest.raises(ConfigError, match=r"root nowhere is not a folder; name the one below which"):
+        load_config(path, root="nowhere")
 
 
 def test_the_method_is_the_solves(path):

@@ -35,3 +35,4 @@ def test_python_runs(tmp_path, monkeypatch):
     for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
         exec(compile(block, "exchange.md", "exec"), {})
     assert (tmp_path / "camera.usda").exists()
+    assert (tmp_path / "layers.exr").exists()

@@ -324,3 +324,25 @@ def test_diagnosis_says_when_what_is_missed_and_why(make_setup, make_frames):
     assert any(
         line.startswith("The closest focus distance stands in the way in frames") for line in held.sentences
     )
+
+
+def test_frames_that_are_held_keep_their_lens_and_others_follow_it(make_setup, make_frames):
+    """The derivative in a held focus, of free frames that smoothness ties to it, is that of differences."""
+    camera, lens = make_setup()
+    points = make_frames(np.full((4, 1), 0.9))
+
+    def solved(disparity):
+        first = dataclasses.replace(lens, focus_disparity=jnp.asarray(disparity))
+        lenses = [first, first, lens, lens]
+        held = {"focus": (True, True, False, False)}
+        return solve_frames(points, camera, lenses, smoothness=1.0, steadiness=0.0, held=held).lens
+
+    start, step = jnp.asarray(0.3), 1e-3
+    focus = solved(start).focus_disparity
+    np.testing.assert_array_equal(focus[:2], [0.3, 0.3])
+    slope = jax.jacfwd(lambda x: solved(x).focus_disparity)(start)
+    ends = [solved(start + sign * step).focus_disparity for sign in (-1, 1)]
+    np.testing.assert_allclose(slope, (ends[1] - ends[0]) / (2 * step), atol=1e-6)
+    assert 0.01 < float(slope[2]) < 1
+    with pytest.raises(ValueError, match="'tilt', which is not free; free is"):
+        solve_frames(points, camera, lens, held={"tilt": (True,) * 4})

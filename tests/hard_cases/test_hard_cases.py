@@ -11,9 +11,10 @@ from focusjax.hard_cases import NAMES, Check, hard_cases
 from focusjax.hard_cases._command import save_checks
 from focusjax.hard_cases._glass import HEIGHTS
 from focusjax.hard_cases._pictures import CASES
+from focusjax.hard_cases._stages import has_common_shape
 from focusjax.hard_cases._wishes import CASES as WISHES
 
-PICTURES = ("focus at infinity", "coincident triangles", "all behind the camera")
+PICTURES = [case.name for case in CASES if has_common_shape(case.stage, case.settings)]
 CHECK = Check("wishes", "a <b>", "solution, float64", "closed form", 0.5, 1.0)
 
 
@@ -74,7 +75,7 @@ def test_page_and_table_hold_every_check(tmp_path):
     assert "not finite" in page
     assert "<b>" not in page
     rows = list(csv.DictReader((tmp_path / "hard_cases.csv").read_text().splitlines()))
-    assert [row["kept"] for row in rows] == ["True", "False"]
+    assert [row["verdict"] for row in rows] == ["kept", "not finite"]
 
 
 def test_the_command_writes_them_and_refuses_unknown_cases(tmp_path):
@@ -90,10 +91,10 @@ def test_the_command_writes_them_and_refuses_unknown_cases(tmp_path):
 
 def test_a_broken_bound_is_an_exit_status_of_one(tmp_path, monkeypatch):
     worse = dataclasses.replace(CHECK, case="one", error=2.0)
-    wider = dataclasses.replace(CHECK, case="two", why="hard")
+    wider = dataclasses.replace(CHECK, case="two", why="hard", usual=0.1)
     monkeypatch.setattr("focusjax.hard_cases._command.hard_cases", lambda names, tell: [CHECK, worse, wider])
     result = CliRunner().invoke(app, ["bench", "hard-cases", "--out", str(tmp_path / "out")])
     assert result.exit_code == 1
-    assert "kept, wider" in result.output
+    assert "known defect" in result.output
     assert "1 of 3 bounds are broken: one: solution, float64, 2" in " ".join(result.output.split())
     assert (tmp_path / "out" / "hard_cases.html").exists()

@@ -115,6 +115,12 @@ def test_too_few_layers_are_owned_up_to():
     layers = peel(varied_scene(), camera, wide_lens(camera), max_layers=1)
     assert layers.filled == 1
     assert not layers.complete
+    everything = peel(varied_scene(), camera, wide_lens(camera))
+    # What is left may hide some of itself, so that there are as many samples of it or more.
+    assert layers.left_out.count >= everything.samples_kept - layers.samples_kept > 0
+    assert everything.left_out.count == 0
+    # Of no account to compiled programs.
+    assert (layers.left_out, hash(layers.left_out)) == (everything.left_out, hash(everything.left_out))
 
 
 def test_an_empty_view_has_an_empty_layer():

@@ -200,3 +200,33 @@ def test_the_step_of_stored_values_becomes_one_of_disparity(tmp_path):
         found = disparity_of(read_depth(tmp_path / "d.png"), DepthUnit("m", scale=0.02), (4, 4))
     assert found[0][0, 0] == pytest.approx(0.5)
     assert found[2] == pytest.approx(0.02 / 4)
+
+
+@pytest.mark.parametrize("kind", ["one part", "layers", "parts", "half"])
+def test_colour_and_depth_of_another_renderer_are_a_scene(tmp_path, kind):
+    """As Mitsuba, Blender (layers in one part, Z of 1e10 where nothing is) and Nuke (parts) name them."""
+    picture, depth = disk_scene()
+    light = (picture / 255.0).astype(np.float16 if kind == "half" else np.float32)
+    z = depth.astype(np.float32)
+    z[:3] = 1e10
+    rgb = dict(zip("RGB", np.moveaxis(light, 2, 0).copy(), strict=True))
+    noise = {f"ViewLayer.Normal.{c}": np.zeros_like(z) for c in "XYZ"}
+    head = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    if kind == "layers":
+        named = {f"ViewLayer.Combined.{c}": plane for c, plane in rgb.items()}
+        named |= {f"ViewLayer.DiffCol.{c}": np.zeros_like(z) for c in "RGB"}
+        parts = [OpenEXR.Part(head, named | noise | {"ViewLayer.Depth.Z": z})]
+    elif kind == "parts":
+        parts = [OpenEXR.Part(head | {"name": "beauty"}, rgb), OpenEXR.Part(head | {"name": "z"}, {"Z": z})]
+    else:
+        parts = [OpenEXR.Part(head, rgb | {"Z": z})]
+    with OpenEXR.File(parts) as file:
+        file.write(str(tmp_path / "frame.exr"))
+    found = load_photo(tmp_path / "frame.exr", depth_unit="m", focal_length_px=60)
+    np.testing.assert_allclose(found.light, light, rtol=1e-6)
+    # Rendered edges are where they are.
+    np.testing.assert_allclose(found.disparity, 1 / z, rtol=1e-6)
+    assert found.edge_px == 1
+    (tmp_path / "cut.exr").write_bytes((tmp_path / "frame.exr").read_bytes()[:700])
+    with pytest.raises(PhotoError, match=r"cut\.exr cannot be read: it is cut off or damaged; copy it again"):
+        load_photo(tmp_path / "cut.exr", depth_unit="m", focal_length_px=60)

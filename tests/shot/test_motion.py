@@ -7,7 +7,14 @@ import pytest
 import trimesh
 
 from focusjax.scene import load_mesh, make_object, make_scene, placement
-from focusjax.shot import Motion, MovingScene, VertexSequence, load_vertex_sequence, transforms
+from focusjax.shot import (
+    Motion,
+    MovingScene,
+    VertexSequence,
+    load_vertex_sequence,
+    transforms,
+    transforms_of,
+)
 
 PLACE = {"translate": (0.3, -0.1, -2.0), "rotate": (10, 200, 5), "scale": (1.0, 2.0, 0.5)}
 
@@ -141,3 +148,19 @@ def test_motions_that_do_not_fit_are_refused():
         transforms({1: {"scale": 1.0}, 2: {"scale": -1.0}})
     with pytest.raises(ValueError, match="another sign of its scale than its keyframes have"):
         MovingScene(scene, [card], {"card": Motion(transforms=transforms({1: {"scale": (-1, 1, 1)}}))})
+
+
+def test_matrices_of_a_file_are_placements():
+    placed = placement((0.3, -0.1, -2.0), (10, 200, 5), (-1.0, 2.0, 0.5))
+    turned = placement((0.3, -0.1, -1.0), (10, 220, 5), (-1.0, 2.0, 0.5))
+    path = transforms_of({1: placed, 2: turned})
+    np.testing.assert_allclose(path(1), placed, atol=1e-12)
+    np.testing.assert_allclose(path(2), turned, atol=1e-12)
+    assert path(1.5)[2, 3] == pytest.approx(-1.5)
+    for wrong, said in (
+        (np.diag([1.0, 0, 1, 1]), "is flat at frame 2"),
+        (np.eye(4) + np.eye(4, k=1) * 0.2, "is skewed at frame 2"),
+        (np.diag([-1.0, 1, 1, 1]) @ placed, "is mirrored in some frames only"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            transforms_of({1: placed, 2: wrong})

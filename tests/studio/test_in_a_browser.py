@@ -145,6 +145,27 @@ def test_a_config_with_errors_opens_with_its_errors_beside_the_text(tmp_path, br
         assert len(load_wishes(tab)) == 2
 
 
+def test_the_start_page_opens_a_config_and_unsaved_changes_outlive_the_command(tmp_path, browser):
+    file = write_boxes(tmp_path)
+    programs = os.environ["FOCUSJAX_TESTS_PROGRAMS"]
+    with server(cwd=tmp_path, programs=programs) as address:
+        tab = Tab(browser)
+        tab.open(address)
+        tab.wait(lambda: any("boxes.toml" in each for each in tab.texts(".at-thumb")), 60, "the config")
+        tab.wait(lambda: browser.find_elements("css selector", ".at-thumb img"), 60, "its thumbnail")
+        card = next(each for each in tab.all("thumb") if "boxes.toml" in each.text)
+        card.click()
+        tab.wait(lambda: tab.all("state"), 60, "the studio")
+        tab.settle()
+        tab.press("\ue007")  # Enter: a point in the middle
+        tab.wait(lambda: len(load_wishes(tab)) == 3, 60, "a third wish")
+    with server(file, programs=programs) as address:
+        tab.open(address)
+        tab.wait(lambda: "not saved last time" in tab.body(), 60, "the word that changes are here again")
+        tab.wait(lambda: len(load_wishes(tab)) == 3, 120, "the third wish")
+        assert tab.complaints() == []
+
+
 def test_other_hosts_need_the_token_of_the_address(tmp_path, browser):
     with server(write_boxes(tmp_path), "--host", "127.0.0.1") as address:
         assert "?token=" in address

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import socket
 
 import pytest
 from boxes_config import CONFIG, write_boxes
@@ -176,6 +177,18 @@ def asked(guard, address, headers):
             return await client.get(address, headers=headers)
 
     return asyncio.run(ask())
+
+
+def test_a_port_that_is_taken_is_refused(tmp_path):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        result = CliRunner().invoke(
+            command_line, ["studio", str(write_boxes(tmp_path)), "--port", port], env={"COLUMNS": "200"}
+        )
+    assert result.exit_code == 2
+    assert f"--port {port} at 127.0.0.1: cannot be listened to" in result.stderr
 
 
 def test_without_nicegui_the_command_says_how_to_install_it(tmp_path, monkeypatch):

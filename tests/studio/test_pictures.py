@@ -14,7 +14,7 @@ from focusjax.config import load_config
 from focusjax.film import to_bytes
 from focusjax.studio import Session, Studio
 from focusjax.studio._latest import Latest
-from focusjax.studio._overlays import blur_overlay, depth_overlay, jpeg, shown_size
+from focusjax.studio._overlays import blur_overlay, depth_overlay, jpeg, layers_overlay, shown_size
 from focusjax.studio._painter import Cancelled, Painter
 from focusjax.studio._side_view import make_plan, side_view
 
@@ -171,6 +171,21 @@ def test_a_studio_tells_what_it_cannot_use(tmp_path):
     assert studio.wait(300)
     assert studio.state.word == "refined"
     studio.close()
+
+
+def test_the_camera_goes_to_other_programs(session, tmp_path):
+    studio = Studio(session)
+    said = studio.export("gltf", tmp_path / "out")
+    assert "boxes.gltf" in " ".join(said)
+    assert (tmp_path / "out" / "boxes.gltf").is_file()
+    studio.close()
+
+
+def test_layers_are_told_by_brightness():
+    shown = layers_overlay(np.array([[0, 1, 2, 9]]))[0].astype(int)
+    light = shown[:, :3].sum(axis=1)
+    assert light[1] < light[2] < light[3]
+    assert shown[0, 3] < shown[1, 3]
 
 
 def test_overlays_show_zone_sides_and_depth():

@@ -163,3 +163,23 @@ def test_no_solver_is_compiled_when_wishes_come_and_move(session):
         session.solve().with_sentences()
     # JAX copies arrays of one row more by three programs that do nothing else.
     assert len(compiled) <= 3
+
+
+def test_a_focal_length_is_fixed_and_freed_within_a_range(session):
+    session.fix("focal_length", 35.0)
+    assert session.solve().values()["focal_length"] == pytest.approx(35.0, rel=1e-6)
+    session.free("focal_length")
+    solve = session.config.solve
+    assert (solve.focal_length_min_mm, solve.focal_length_max_mm) == pytest.approx((25.0, 49.0))
+
+
+def test_exposure_is_set_and_its_limits_go(session):
+    session.set_text(CONFIG + '[exposure]\nlight_ev = 8\niso_max = 800\n[film]\npreset = "filmic"\n')
+    session.set_exposure("exposure", "iso", 400.0)
+    assert (session.config.exposure.iso, session.config.exposure.iso_max) == (400.0, None)
+    session.set_exposure("exposure", "time", "1/60")
+    assert session.config.exposure.time == pytest.approx(1 / 60)
+    session.set_exposure("film", "preset", None)
+    assert session.config.film.preset is None
+    with pytest.raises(EditError, match=r'exposure\.iso is "fast"; expected a number'):
+        session.set_exposure("exposure", "iso", "fast")

@@ -1,0 +1,84 @@
+"""What `run`, `solve`, `render`, `refocus` and `shot` do, from a config to an exit status."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import typer
+from rich.console import Console
+
+from focusjax import job
+from focusjax._console import BAD_INPUT, FAILED, MISSED, Talk, fail, fail_inside, say, warnings_told
+from focusjax._progress import progress
+from focusjax._tell import tell_outcome, tell_shot
+from focusjax.config import Config, ConfigError
+from focusjax.io import staged_folder
+from focusjax.report import FILES, save_outcome
+from focusjax.shot import film
+
+
+def carry_out(
+    read: Callable[[], Config], folder: Path, *, solving: bool, rendering: bool, talk: Talk
+) -> None:
+    """What a config asks for, into `folder`, to exit status."""
+    console, errors = Console(), Console(stderr=True)
+    try:
+        config = read()
+        with (
+            staged_folder(folder, owned=FILES) as stage,
+            progress(errors, talk) as tell,
+            warnings_told(errors),
+        ):
+            outcome = job.run(config, solving=solving, rendering=rendering, progress=tell)
+            tell("save", None)
+            save_outcome(stage, outcome)
+    except ConfigError as error:
+        fail(errors, error, BAD_INPUT)
+    except (ValueError, RuntimeError, OSError, MemoryError) as error:
+        fail(errors, error, FAILED, folder)
+    except Exception as error:
+        fail_inside(errors, error, talk)
+    if talk is not Talk.QUIET:
+        tell_outcome(console, outcome, folder)
+    if outcome.solution is not None and not all(
+        row.met or not row.counts for row in outcome.solution.table()
+    ):
+        raise typer.Exit(MISSED)
+
+
+def carry_out_shot(
+    read: Callable[[], Config], folder: Path, *, rendering: bool, frames: str | None, talk: Talk
+) -> None:
+    """All frames of a config's shot, into `folder`, to exit status.
+
+    Args:
+        read: makes the config.
+        folder: for the results.
+        rendering: make the pictures.
+        frames: numbers such as "1,24" of the pictures to make; all when None.
+        talk: how much to say.
+    """
+    console, errors = Console(), Console(stderr=True)
+    try:
+        config = read()
+        chosen = None if frames is None else _frames(frames)
+        with progress(errors, talk) as tell, warnings_told(errors):
+            solved, _ = film(config, folder, rendering=rendering, frames=chosen, progress=tell)
+    except ConfigError as error:
+        fail(errors, error, BAD_INPUT)
+    except (ValueError, RuntimeError, OSError, MemoryError) as error:
+        fail(errors, error, FAILED, folder)
+    except Exception as error:
+        fail_inside(errors, error, talk)
+    if talk is not Talk.QUIET:
+        tell_shot(console, solved)
+        say(console, f"Report: {folder / 'report.html'}")
+    if solved.missed():
+        raise typer.Exit(MISSED)
+
+
+def _frames(text: str) -> list[int]:
+    """Frame numbers from text such as 1,24,48."""
+    parts = text.split(",")
+    if not all(part.strip().isdecimal() for part in parts):
+        raise ConfigError(f"--frames is {text}; expected frame numbers such as 1,24,48")
+    return [int(part) for part in parts]

@@ -1,0 +1,348 @@
+"""The focal surfaces of a whole shot, solved for all frames at once."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Float
+
+from focusjax._arguments import ArgumentError
+from focusjax.focus._banded import FIRST, SECOND, banded_least_squares
+from focusjax.focus._checks import require_number
+from focusjax.focus._frames_solution import LargestChange, largest_change, no_points
+from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, stacked, together
+from focusjax.focus._refuse import checked_points, opened
+from focusjax.focus._solution import Result, WishResult, one_row, wish_table
+from focusjax.focus._solve_surface import LinearSurface, linear_surface, starting_sides, without_relations
+from focusjax.geometry import Camera
+from focusjax.lens import FocalSurface, FocalSurfaceLens, ThinLens, focal_surface_lens
+
+_ROUNDS = 8
+"""Turns in which unsigned wishes choose sides and the surfaces follow, as for one picture."""
+
+_DAMPING = 1e-8
+"""Weight of a change of 1 px of any control value: what nothing else determines stays as given."""
+
+
+class SurfaceFramesAsked(eqx.Module):
+    """A shot with a focal surface, its values checked; arrays of frames have a leading axis t.
+
+    Attributes:
+        points: wishes, as many rows in every frame.
+        camera: pinholes.
+        surface: control points, and values to start from.
+        lens: aperture radius and shape.
+        roughness: weight of the change of blur over the picture.
+        smoothness: weight of second differences over time.
+        steadiness: weight of first differences over time.
+        names: of the wishes (static).
+    """
+
+    points: ImagePoints
+    camera: Camera
+    surface: FocalSurface
+    lens: ThinLens
+    roughness: Float[Array, ""]
+    smoothness: Float[Array, ""]
+    steadiness: Float[Array, ""]
+    names: tuple[str, ...] = eqx.field(static=True)
+
+
+class SurfaceFramesSolution(eqx.Module):
+    """The solved focal surfaces of a shot. A pytree; every array has a leading axis t of frames.
+
+    Attributes:
+        surface: control points with their solved focal disparities.
+        camera: the cameras.
+        thin: aperture radius and shape of every frame.
+        points: what was asked, where the cameras see it; without names when nothing was wished.
+        blur: signed blur diameter in pixels at every point.
+        error: difference from the wish in pixels at every point.
+        cost: half the sum of weight x error^2 and of all roughness, in px^2.
+        roughness: the share of `cost` that is change over time.
+        result: how the solve ended.
+        asked: the problem; None when nothing was wished.
+    """
+
+    surface: FocalSurface
+    camera: Camera
+    thin: ThinLens
+    points: ImagePoints
+    blur: Float[Array, "t n"]
+    error: Float[Array, "t n"]
+    cost: Float[Array, ""]
+    roughness: Float[Array, ""]
+    result: Result
+    asked: SurfaceFramesAsked | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of frames."""
+        return self.surface.xy.shape[0]
+
+    def at(self, frame: int) -> tuple[Camera, FocalSurfaceLens]:
+        """Camera and lens of one frame, counted from 0."""
+        surface, camera, thin = jax.tree.map(
+            lambda leaf: one_row(leaf, frame), (self.surface, self.camera, self.thin)
+        )
+        return camera, focal_surface_lens(surface, camera, thin)
+
+    def table(self, frame: int) -> tuple[WishResult, ...]:
+        """One line per wish for one frame, counted from 0."""
+        points, blur, error = jax.tree.map(
+            lambda leaf: np.asarray(leaf)[frame], (self.points, self.blur, self.error)
+        )
+        return wish_table(points, blur, error)
+
+    def settings(self) -> dict[str, Float[np.ndarray, "t"]]:
+        """Each setting of every frame, as the middle of the picture has it; see `FramesSolution.settings`."""
+        focus, scale = _in_the_middle(self.surface, self.camera)
+        length = np.asarray(self.camera.focal_length, dtype=float)
+        with np.errstate(divide="ignore"):
+            number = length / (2.0 * np.asarray(self.thin.aperture_radius * scale, dtype=float))
+        return {
+            "focus_per_m": np.asarray(focus, dtype=float),
+            "f_number": number,
+            "focal_length_mm": 1000.0 * length,
+        }
+
+    def largest_changes(self) -> dict[str, LargestChange]:
+        """How unsteady each setting is; the same names as in `settings`."""
+        return {
+            name: LargestChange(largest_change(values, 1), largest_change(values, 2), None, None)
+            for name, values in self.settings().items()
+        }
+
+
+def solve_surface_frames(
+    points: Sequence[ImagePoints],
+    cameras: Sequence[Camera],
+    surfaces: Sequence[FocalSurface],
+    lenses: Sequence[ThinLens],
+    *,
+    roughness: ArrayLike = 1e-3,
+    smoothness: ArrayLike = 100.0,
+    steadiness: ArrayLike = 1.0,
+) -> SurfaceFramesSolution:
+    """The focal disparities of control points that meet the wishes of all frames of a shot best.
+
+    With x_t the control values of frame t in pixels of blur, 2 f E times their disparities, minimised is
+
+        sum_t  what `solve_focal_surface` minimises of frame t, with `roughness` for its smoothness,
+             + smoothness |x_t - 2 x_(t-1) + x_(t-2)|^2 + steadiness |x_t - x_(t-1)|^2.
+
+    The last line is that of `solve_frames`: wishes pull the surface over from one place to another in time,
+    and points that appear and disappear do so without a jump. Control points keep their order; one that is
+    not there in a frame has weight 0 in its surface, and its value is filled in. Unsigned wishes take sides
+    by turns with the solve of all frames, from the same four starts as for one picture. The solution is
+    differentiable as that of `solve_focal_surface`, with sides held.
+
+    Args:
+        points: every frame's located wishes, the same in every frame; weight 0 where they do not count.
+        cameras: of every frame.
+        surfaces: of every frame, with as many control points each.
+        lenses: aperture radius and shape of every frame.
+        roughness: weight of the change of blur over the picture.
+        smoothness: weight of second differences over time.
+        steadiness: weight of first differences over time.
+
+    Raises:
+        ArgumentError: a weight out of range, frames that do not fit together, no point with weight, or a wish
+            for a limit or for another point's blur.
+    """
+    weights = [
+        require_number(
+            value, lambda v: (v >= 0) & (v < np.inf), name, "zero or a positive finite number", name
+        )
+        for name, value in (("roughness", roughness), ("smoothness", smoothness), ("steadiness", steadiness))
+    ]
+    counts = {len(points), len(cameras), len(surfaces), len(lenses)}
+    if len(counts) > 1 or not points:
+        raise ArgumentError(
+            f"there are {len(points)} points, {len(cameras)} cameras, {len(surfaces)} surfaces and"
+            f" {len(lenses)} lenses; give one each per frame, of at least one frame",
+            "points",
+        )
+    if len({surface.weight.size for surface in surfaces}) > 1:
+        raise ArgumentError(
+            "surfaces have several numbers of control points; give all the same ones, with weight 0 where"
+            " they are not there",
+            "surfaces",
+        )
+    own = [float(np.sum(np.asarray(each.weight))) > 0 for each in points]
+    if not any(own):
+        raise ArgumentError(
+            "no wish counts in any frame; give at least one a weight in one of them", "points"
+        )
+    rows = [without_relations(checked_points(p)) if has else without_relations(p)
+            for p, has in zip(points, own, strict=True)]  # fmt: skip
+    asked = SurfaceFramesAsked(
+        points=stacked([anonymous(each) for each in rows]),
+        camera=jax.tree.map(together, *cameras),
+        surface=jax.tree.map(together, *surfaces),
+        lens=jax.tree.map(together, *(opened(lens) for lens in lenses)),
+        roughness=weights[0],
+        smoothness=weights[1],
+        steadiness=weights[2],
+        names=points[0].names,
+    )
+    return solve_surface_frames_asked(asked)
+
+
+def solve_surface_frames_asked(asked: SurfaceFramesAsked) -> SurfaceFramesSolution:
+    """The solution of a checked problem."""
+    solution = _solve(dataclasses.replace(asked, names=()))
+    points = dataclasses.replace(solution.points, names=asked.names)
+    return dataclasses.replace(solution, points=points, asked=asked)
+
+
+def unsolved_surfaces(
+    cameras: Sequence[Camera], surfaces: Sequence[FocalSurface], lenses: Sequence[ThinLens]
+) -> SurfaceFramesSolution:
+    """The focal surfaces of a shot of which nothing is wished, in the form of a solution without wishes.
+
+    Args:
+        cameras: one a frame.
+        surfaces: one a frame.
+        lenses: one a frame.
+    """
+    nothing, none = jnp.zeros(()), no_points(len(cameras))
+    return SurfaceFramesSolution(
+        surface=jax.tree.map(together, *surfaces),
+        camera=jax.tree.map(together, *cameras),
+        thin=jax.tree.map(together, *lenses),
+        points=none,
+        blur=none.weight,
+        error=none.weight,
+        cost=nothing,
+        roughness=nothing,
+        result=Result.solved,
+    )
+
+
+class _Rows(eqx.Module):
+    """Everything that is squared and summed, as functions of the change of all control values in px.
+
+    Attributes:
+        frames: residuals of each frame.
+        start: control values in px [t, k].
+        bend: roots of the weights of second differences [t].
+        pace: roots of the weights of first differences [t].
+    """
+
+    frames: LinearSurface
+    start: Float[Array, "t k"]
+    bend: Float[Array, "t"]
+    pace: Float[Array, "t"]
+
+    def differences(self, values: Float[Array, "t k"]) -> tuple[Float[Array, "t k"], Float[Array, "t k"]]:
+        """Weighed second and first differences over time."""
+        before = jnp.concatenate([jnp.zeros((2, values.shape[1]), values.dtype), values])
+        around = before[:-2], before[1:-1], before[2:]
+        second = sum(c * each for c, each in zip(SECOND, around, strict=True))
+        first = sum(c * each for c, each in zip(FIRST, around, strict=True))
+        return self.bend[:, None] * second, self.pace[:, None] * first
+
+    def over_time(self, change: Float[Array, "t k"]) -> Float[Array, ""]:
+        """Sum of the squares of all differences over time after a change."""
+        second, first = self.differences(self.start + change)
+        return jnp.sum(second**2) + jnp.sum(first**2)
+
+    def change(self, side: Float[Array, "t n"]) -> Float[Array, "t k"]:
+        """The best change, when unsigned wishes have chosen their sides."""
+        bent, paced = self.differences(self.start)
+        wide = jnp.ones_like(self.start)
+        return banded_least_squares(
+            self.frames.matrix,
+            -jax.vmap(LinearSurface.right)(self.frames, side),
+            self.bend[:, None] * wide,
+            bent,
+            self.pace[:, None] * wide,
+            paced,
+            jnp.asarray(_DAMPING, self.start.dtype),
+            wide,
+        )
+
+    def miss(self, change: Float[Array, "t k"], side: Float[Array, "t n"]) -> Float[Array, "t r"]:
+        """Residuals of the frames themselves."""
+        right = jax.vmap(LinearSurface.right)(self.frames, side)
+        return jnp.einsum("trk,tk->tr", self.frames.matrix, change) - right
+
+
+@eqx.filter_jit
+def _solve(asked: SurfaceFramesAsked) -> SurfaceFramesSolution:
+    """The compiled part."""
+    slope = 2.0 * jax.vmap(lambda lens, camera: lens.parallax(camera))(asked.lens, asked.camera)
+    frames = jax.vmap(linear_surface, in_axes=(0, 0, 0, 0, None))(
+        asked.points, asked.camera, asked.surface, slope, asked.roughness
+    )
+    number = jnp.arange(slope.size)
+
+    def root(weight: Float[Array, ""], there: Bool[Array, "t"]) -> Float[Array, "t"]:
+        positive = there & (weight > 0)
+        return jnp.where(positive, jnp.sqrt(jnp.where(weight > 0, weight, 1.0)), 0.0)
+
+    rows = _Rows(
+        frames,
+        slope[:, None] * asked.surface.focus_disparity,
+        root(asked.smoothness, number >= 2),
+        root(asked.steadiness, number >= 1),
+    )
+    side = jax.lax.stop_gradient(_sides(jax.lax.stop_gradient(rows), asked.points))
+    change = rows.change(side)
+    solved = eqx.tree_at(
+        lambda s: s.focus_disparity, asked.surface, asked.surface.focus_disparity + change / slope[:, None]
+    )
+
+    def seen(frame: tuple[FocalSurface, Camera, ThinLens, ImagePoints]) -> tuple[Array, Array]:
+        surface, camera, thin, points = frame
+        lens = focal_surface_lens(surface, camera, thin)
+        return blurs(points, camera, lens), errors(points, camera, lens)
+
+    # One frame after the other: a lens is as large as a picture.
+    blur, error = jax.lax.map(seen, (solved, asked.camera, asked.lens, asked.points))
+    miss = rows.miss(change, side)
+    over_time = rows.over_time(change)
+    finite = jnp.all(jnp.isfinite(error)) & jnp.all(jnp.isfinite(change))
+    return SurfaceFramesSolution(
+        surface=solved,
+        camera=asked.camera,
+        thin=asked.lens,
+        points=asked.points,
+        blur=blur,
+        error=error,
+        cost=0.5 * (jnp.sum(miss**2) + over_time),
+        roughness=0.5 * over_time,
+        result=Result.where(finite, Result.solved, Result.not_finite),
+    )
+
+
+def _sides(rows: _Rows, points: ImagePoints) -> Float[Array, "t n"]:
+    """Factors 1 or -1 that make the wished blurs signed ones, chosen for all frames together."""
+    starts = jax.vmap(starting_sides, out_axes=1)(rows.frames, points)
+
+    def clear(side: Float[Array, "t n"]) -> Float[Array, "t n"]:
+        return jnp.where(points.signed | (side >= 0), 1.0, -1.0).astype(rows.start.dtype)
+
+    def settle(side: Float[Array, "t n"]) -> tuple[Float[Array, "t n"], Float[Array, ""]]:
+        def turn(_, side):
+            change = rows.change(side)
+            count = side.shape[1]
+            blur = jnp.einsum("trk,tk->tr", rows.frames.matrix, change) + rows.frames.behind
+            # A point of no weight says nothing, and one on the focus keeps its side.
+            return jnp.where(blur[:, :count] == 0, side, clear(blur[:, :count]))
+
+        side = jax.lax.fori_loop(0, _ROUNDS, turn, clear(side))
+        change = rows.change(side)
+        return side, jnp.sum(rows.miss(change, side) ** 2) + rows.over_time(change)
+
+    sides, costs = jax.lax.map(lambda side: settle(side), starts)
+    return sides[jnp.argmin(costs)]
+
+
+@eqx.filter_jit
+def _in_the_middle(surface: FocalSurface, camera: Camera) -> tuple[Float[Array, "t"], Float[Array, "t"]]:
+    return jax.vmap(lambda surface, camera: surface.at(camera.principal_point))(surface, camera)

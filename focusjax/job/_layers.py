@@ -1,0 +1,81 @@
+"""Layers as a config's render table has them."""
+
+from typing import Protocol, runtime_checkable
+
+from focusjax.geometry import Camera
+from focusjax.layers import Extent, Layers, decompose, peel
+from focusjax.lens import AbstractLens
+from focusjax.scene import Scene
+
+
+@runtime_checkable
+class LayerSettings(Protocol):
+    """How layers are made; names and meanings as in `peel` and `decompose`."""
+
+    @property
+    def supersampling(self) -> int: ...
+    @property
+    def max_layers(self) -> int: ...
+    @property
+    def slabs(self) -> int | None: ...
+    @property
+    def slab_blur_px(self) -> float | None: ...
+    @property
+    def view_dependent(self) -> bool: ...
+    @property
+    def pixel_filter(self) -> str: ...
+
+
+def room_for_more(table: LayerSettings) -> str:
+    """What to change so that more surfaces find a place in the layers."""
+    if table.slab_blur_px is not None:
+        return "lower render.slab_blur_px"
+    return "raise render.max_layers" if table.slabs is None else "raise render.slabs"
+
+
+def left_out_sentence(left_out: int, kept: int, layers: int, remedy: str) -> str:
+    """How much of what the lens sees found no layer, and what to do.
+
+    Args:
+        left_out: samples of surface that found none.
+        kept: those that did.
+        layers: how many there are.
+        remedy: see `room_for_more`.
+    """
+    share = 100.0 * left_out / max(left_out + kept, 1)
+    return (
+        f"{left_out:,} samples of surface ({share:.2g} % of those that the lens may see) found no place in"
+        f" {layers} layer{'s' * (layers != 1)}, so that light from them is missing; {remedy}."
+    )
+
+
+def make_layers(
+    table: LayerSettings,
+    scene: Scene,
+    camera: Camera,
+    lens: AbstractLens,
+    like: Layers | Extent | None = None,
+) -> Layers:
+    """Peeled, or in slabs when `table` says how many or how thick."""
+    if table.slabs is not None or table.slab_blur_px is not None:
+        return decompose(
+            scene,
+            camera,
+            lens,
+            count=table.slabs,
+            blur_step=table.slab_blur_px,
+            supersampling=table.supersampling,
+            view_dependent=table.view_dependent,
+            pixel_filter=table.pixel_filter,
+            like=like,
+        )
+    return peel(
+        scene,
+        camera,
+        lens,
+        supersampling=table.supersampling,
+        max_layers=table.max_layers,
+        view_dependent=table.view_dependent,
+        pixel_filter=table.pixel_filter,
+        like=like,
+    )

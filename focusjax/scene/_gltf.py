@@ -1,0 +1,102 @@
+"""Nodes of glTF 2.0: the hierarchy, and where each node stands. Source: the specification, 3.5."""
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+_CHUNK = 8
+_HEADER = 12
+
+
+def gltf_parents(nodes: list[dict[str, Any]]) -> dict[int, int]:
+    """The parent of every node that has one.
+
+    Raises:
+        ValueError: a node with two parents, or one that is its own ancestor.
+    """
+    above: dict[int, int] = {}
+    for parent, node in enumerate(nodes):
+        for child in node.get("children", ()):
+            if not (isinstance(child, int) and 0 <= child < len(nodes)):
+                raise ValueError(f"node {parent} has a child {child!r}, which is no node")
+            if child in above:
+                raise ValueError(f"node {child} has two parents, {above[child]} and {parent}")
+            above[child] = parent
+    settled: set[int] = set()
+    for first in above:
+        number, seen = first, set()
+        while number in above and number not in settled:
+            if number in seen:
+                raise ValueError(f"node {number} is its own ancestor")
+            seen.add(number)
+            number = above[number]
+        settled |= seen
+    return above
+
+
+def gltf_world(nodes: list[dict[str, Any]], number: int) -> Float[np.ndarray, "4 4"]:
+    """World_from_node [4, 4] of one node, in metres.
+
+    Raises:
+        ValueError: as `gltf_parents`; or numbers that are no transform.
+    """
+    above = gltf_parents(nodes)
+    matrix = _local(nodes[number])
+    while number in above:
+        number = above[number]
+        matrix = _local(nodes[number]) @ matrix
+    return matrix
+
+
+def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=float).reshape(4, 4).T
+    from scipy.spatial.transform import Rotation
+
+    matrix = np.eye(4)
+    turn = Rotation.from_quat(node.get("rotation", (0.0, 0.0, 0.0, 1.0))).as_matrix()
+    matrix[:3, :3] = turn * np.array(node.get("scale", (1.0, 1.0, 1.0)), dtype=float)
+    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    return matrix
+
+
+def gltf_node_names(content: dict[str, Any]) -> list[str]:
+    """A name for every node: its own or its mesh's, with a number where others have it too."""
+    meshes = content.get("meshes", [])
+    taken: set[str] = set()
+    found = []
+    for number, node in enumerate(content.get("nodes", [])):
+        mesh = node.get("mesh")
+        called = node.get("name") or (meshes[mesh].get("name") if mesh is not None else None)
+        name = base = str(called or f"node {number}")
+        count = 1
+        while name in taken:
+            count += 1
+            name = f"{base} {count}"
+        taken.add(name)
+        found.append(name)
+    return found
+
+
+def gltf_for_trimesh(path: Path, content: dict[str, Any]) -> bytes:
+    """The file as trimesh reads all of its meshes: nodes are named by their numbers, and have no cameras.
+
+    trimesh leaves out a node with a camera, and so loses the place of what is below.
+    """
+    nodes = [
+        {**{key: value for key, value in node.items() if key != "camera"}, "name": str(number)}
+        for number, node in enumerate(content.get("nodes", []))
+    ]
+    text = json.dumps({**content, "nodes": nodes} if nodes else content).encode()
+    if path.suffix.lower() == ".gltf":
+        return text
+    data = path.read_bytes()
+    rest = data[_HEADER + _CHUNK + struct.unpack_from("<I", data, _HEADER)[0] :]
+    text += b" " * (-len(text) % 4)
+    version = struct.unpack_from("<I", data, 4)[0]
+    whole = struct.pack("<4sII", data[:4], version, _HEADER + _CHUNK + len(text) + len(rest))
+    return whole + struct.pack("<I4s", len(text), data[_HEADER + 4 : _HEADER + 8]) + text + rest

@@ -1,0 +1,33 @@
+"""From a file to all that can be seen in it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from focusjax.scene_files._gltf_scene import gltf_scene
+from focusjax.scene_files._read_camera import GLTF, checked
+from focusjax.scene_files._stored_scene import StoredScene
+from focusjax.scene_files._usd_scene import usd_scene
+
+
+def read_scene(path: str | Path, *, within: Sequence[Path] | None = None) -> StoredScene:
+    """Meshes and lights of a USD stage (extra `usd`) or of a glTF file.
+
+    Units and up axis of USD are converted to metres and +y up; lights become what a white surface shows.
+
+    Args:
+        path: a .usd, .usda, .usdc, .usdz, .gltf or .glb file.
+        within: folders from which files may be read that it names; from anywhere by default.
+
+    Raises:
+        SceneFileError: (a `ValueError`) a file that cannot be read, has no meshes, or has instanced or
+            animated points; nodes that are their own ancestors; files outside `within`.
+
+    Warns:
+        UserWarning: what is left out: other shapes than meshes, lights with an extent, subdivision.
+
+    Example:
+        >>> stored = read_scene("shot.usdz")  # doctest: +SKIP
+        >>> scene = make_scene(stored.objects, lights=stored.lights)  # doctest: +SKIP
+    """
+    path = checked(path)
+    return gltf_scene(path, within) if path.suffix.lower() in GLTF else usd_scene(path, within)

@@ -1,0 +1,92 @@
+"""From the camera's tables of a config with a shot to the camera at any frame."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from focusjax.config import Config, ShotTable, values_of
+from focusjax.geometry import Camera
+from focusjax.motion import Keyframes, MovingScene, Path, keyframes, moving_camera, pose_path
+from focusjax.shot._lens_track import LensTrack
+
+
+def build_path(
+    config: Config, table: ShotTable, camera: Camera, track: LensTrack, scene: MovingScene
+) -> Path:
+    """The camera of a shot's config at any frame.
+
+    Raises:
+        ValueError: keyframes that contradict the camera's, or each other.
+    """
+    view = config.camera
+    size: dict[str, Any] = {
+        "width": camera.width,
+        "height": camera.height,
+        "sensor_width": view.sensor_width_mm / 1000,
+        "shift": _metres(track.value("shift_mm")) or view.shift_mm / 1000,
+        "rise": _metres(track.value("rise_mm")) or view.rise_mm / 1000,
+    }
+    length: float | Keyframes = float(camera.focal_length)
+    lengths = table_keys(table, values_of(table.camera, "focal_length_mm")) or track.value("focal_length_mm")
+    if lengths is not None:
+        length = Keyframes(lengths.frames, lengths.values / 1000, lengths.between)
+        if table.keep_field_of_view:
+            wide = size["sensor_width"] / float(camera.focal_length)
+            size["sensor_width"] = Keyframes(length.frames, wide * length.values, length.between)
+            for name, value in (("shift", view.shift_mm), ("rise", view.rise_mm)):
+                if value or isinstance(size[name], Keyframes):
+                    raise ValueError(
+                        f"there is a {name} of the lens and keep_field_of_view, with which the sensor's size"
+                        " changes; leave one of them out"
+                    )
+    if table.keep_size_of is not None:
+        size["keep_size_at"] = _kept_point(table.keep_size_of, scene)
+    positions = table_keys(table, values_of(table.camera, "position"))
+    targets = table_keys(table, values_of(table.camera, "look_at"))
+    if positions is not None or targets is not None:
+        # What has no keyframes stays; a camera given by a matrix has no such point to look at.
+        if view.position is None or view.look_at is None:
+            raise ValueError(
+                "the camera has a matrix and keyframes of position or look_at; give one or the other"
+            )
+        return moving_camera(
+            focal_length=length,
+            position=positions or keyframes({1: view.position}),
+            target=targets or keyframes({1: view.look_at}),
+            up=view.up,
+            **size,
+        )
+    matrices = values_of(table.camera, "matrix") or {1: np.asarray(camera.world_from_camera, dtype=float)}
+    pose = pose_path({frame: np.asarray(matrix) for frame, matrix in matrices.items()}, between=table.between)
+    return moving_camera(focal_length=length, pose=pose, **size)
+
+
+def _metres(keys: Keyframes | None) -> Keyframes | None:
+    return None if keys is None else Keyframes(keys.frames, keys.values / 1000, keys.between)
+
+
+def _kept_point(
+    which: str | Sequence[float], scene: MovingScene
+) -> Callable[[float], Float[np.ndarray, "3"]]:
+    """A point, or the middle of an object wherever it goes, by frame."""
+    if not isinstance(which, str):
+        point = np.asarray(which, dtype=float)
+        return lambda _: point
+    still = scene.at(1)
+    try:
+        faces = still.face_range(which)
+    except ValueError as error:
+        raise ValueError(f"keep_size_of: {error}") from None
+    rows = np.unique(still.faces[faces.start : faces.stop])
+
+    def middle(frame: float) -> Float[np.ndarray, "3"]:
+        corners = scene.at(frame).vertices[rows]
+        return 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+
+    return middle
+
+
+def table_keys(table: ShotTable, values: Mapping[float, Any]) -> Keyframes | None:
+    return keyframes(values, between=table.between) if values else None

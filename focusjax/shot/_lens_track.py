@@ -1,0 +1,148 @@
+"""The lens of every frame before solving, from `[lens]` and the keyframes of `[[shot.lens]]`."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from focusjax.config import ABERRATIONS, SETTINGS, Config, ShotTable, Table, build_lens, values_of
+from focusjax.geometry import Camera
+from focusjax.lens import ThinLens, TiltShiftLens
+from focusjax.motion import Keyframes, keyframes
+
+
+class LensTrack:
+    """The config of each frame: that of the shot with the lens's keyframes put in.
+
+    Focus is interpolated in dioptres, which change evenly with blur; f-numbers in stops; all else as given.
+    """
+
+    def __init__(self, config: Config, table: ShotTable):
+        """Interpolate the keyframes.
+
+        Raises:
+            ValueError: keyframes that contradict `[lens]`, or do not fit each other.
+        """
+        self._config = config
+        self.keyed = {key: values for key in SETTINGS if (values := values_of(table.lens, key))}
+        _refuse_contradictions(config, self.keyed)
+        self._numbers = {key: _setting(key, values, table.between) for key, values in self.keyed.items()}
+        self._tables = {
+            key: _Interpolated(key, values, table.between)
+            for key in ABERRATIONS
+            if (values := values_of(table.lens, key))
+        }
+
+    def value(self, key: str) -> Keyframes | None:
+        """The keyframes of a setting, as they are interpolated; None without."""
+        return self._numbers.get(key)
+
+    def config_at(self, frame: float) -> Config:
+        """The config with the lens of a frame."""
+        changes: dict[str, Any] = {}
+        for key in ("f_number", "focus_distance_m", "tilt_deg", "swing_deg"):
+            if key in self._numbers:
+                changes[key] = _told(key, float(self._numbers[key](frame)))
+        changes |= {key: track(frame) for key, track in self._tables.items()}
+        if not changes:
+            return self._config
+        return self._config.model_copy(update={"lens": self._config.lens.model_copy(update=changes)})
+
+    def lenses(self, cameras: Sequence[Camera], *, solved: bool) -> tuple[ThinLens | TiltShiftLens, ...]:
+        """The lens of every frame before solving; zooming keeps its f-number and angles."""
+        known: dict[tuple[Any, ...], ThinLens | TiltShiftLens] = {}
+        found = []
+        for frame, camera in enumerate(cameras, start=1):
+            config = self.config_at(frame)
+            # A lens that stays is one lens: what is known of one frame serves the others.
+            key = (float(camera.focal_length), config.lens.model_dump_json())
+            if key not in known:
+                known[key] = build_lens(config, camera, solved=solved)
+            found.append(known[key])
+        return tuple(found)
+
+
+def _refuse_contradictions(config: Config, keyed: dict[str, dict[float, Any]]) -> None:
+    """Refuse keyframes of what `[lens]` has in another form."""
+    lens = config.lens
+    if "f_number" in keyed and lens.aperture_radius_mm is not None:
+        raise ValueError(
+            "the lens has aperture_radius_mm and keyframes of its f-number; give f_number instead"
+        )
+    if lens.sharp_from_m is not None:
+        for key in ("f_number", "focus_distance_m", "tilt_deg", "swing_deg"):
+            if key in keyed:
+                raise ValueError(
+                    f"the lens has sharp_from_m, which gives focus and f-number, and keyframes of {key};"
+                    " leave one of them out"
+                )
+    unmovable = {"lens.focal_surface": lens.focal_surface, "lens.prescription": lens.prescription}
+    for what, there in unmovable.items():
+        for key in ("tilt_deg", "swing_deg", *(("focus_distance_m",) if "surface" in what else ())):
+            if there is not None and key in keyed:
+                raise ValueError(
+                    f"there are keyframes of {key} and a {what}, which has no such setting; leave one out"
+                )
+
+
+def _setting(key: str, values: dict[float, float], between: str) -> Keyframes:
+    if key == "focus_distance_m":
+        return keyframes({frame: 1.0 / value for frame, value in values.items()}, between=between)
+    if key == "f_number":
+        return keyframes({frame: math.log2(value) for frame, value in values.items()}, between=between)
+    return keyframes(values, between=between)
+
+
+def _told(key: str, value: float) -> float:
+    """An interpolated setting in its own unit."""
+    if key == "focus_distance_m":
+        return 1.0 / value if value > 0 else math.inf
+    return 2.0**value if key == "f_number" else value
+
+
+class _Interpolated:
+    """A table of numbers between keyframes, number by number; numbers of rows and switches stay alike."""
+
+    def __init__(self, key: str, values: dict[float, Any], between: str):
+        first = next(iter(values.values()))
+        self._model = type(first) if isinstance(first, Table) else None
+        flat = {frame: _numbers(value) for frame, value in values.items()}
+        shape = flat[next(iter(flat))]
+        for frame, numbers in flat.items():
+            if numbers.keys() != shape.keys() or any(
+                isinstance(numbers[name], int | bool) and numbers[name] != shape[name] for name in shape
+            ):
+                raise ValueError(
+                    f"the lens's keyframe of {key} at frame {frame:g} has other rows than the first one, or"
+                    " another whole number; give all keyframes of it alike but for their numbers"
+                )
+        self._fixed = {name: value for name, value in shape.items() if isinstance(value, int | bool)}
+        self._names = [name for name in shape if name not in self._fixed]
+        rows = {frame: [numbers[name] for name in self._names] for frame, numbers in flat.items()}
+        self._keys = keyframes(rows, between=between)
+
+    def __call__(self, frame: float) -> Any:
+        """The table at a frame."""
+        values = dict(zip(self._names, np.asarray(self._keys(frame)).tolist(), strict=True)) | self._fixed
+        if self._model is None:
+            return tuple(values[name] for name in sorted(values))
+        rows: dict[Any, Any] = {}
+        for (name, place), value in sorted(values.items()):
+            if place < 0:
+                rows[name] = value
+            else:
+                rows[name] = (*rows.get(name, ()), value)
+        return self._model.model_validate(rows)
+
+
+def _numbers(value: Any) -> dict[tuple[str, int], Any]:
+    """The numbers of a table or row, by name and place in a row; -1 where it is no row."""
+    named = {"": value} if isinstance(value, tuple) else dict(value)
+    found: dict[tuple[str, int], Any] = {}
+    for name, item in named.items():
+        if isinstance(item, tuple):
+            found |= {(name, place): float(number) for place, number in enumerate(item)}
+        else:
+            found[name, -1] = item
+    return found

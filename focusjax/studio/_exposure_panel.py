@@ -1,0 +1,92 @@
+"""Exposure and film beside the picture, where the config has them."""
+
+from collections.abc import Callable
+from typing import Any
+
+from nicegui import ui
+
+from focusjax.film import film_names
+from focusjax.studio._session import Session
+from focusjax.studio._studio import Studio
+
+_FIELDS = (
+    ("light_ev", "light EV", "Exposure value of the light at ISO 100: sun 15, overcast 12, a room 7"),
+    ("time", "time s", "Shutter time, such as 1/60; empty to have it chosen"),
+    ("iso", "ISO", "Speed; empty to have it chosen"),
+    ("compensation", "± stops", "By how many stops a chosen exposure is to be brighter"),
+)
+
+
+class ExposurePanel:
+    """Fields for `[exposure]` and `[film]`, and what the camera was set to."""
+
+    def __init__(self, studio: Studio, attempt: Callable[[Callable[[Session], object]], object]):
+        """Build it where NiceGUI is at; `attempt` makes a change to the session."""
+        self._studio, self._attempt = studio, attempt
+        self._quiet = False
+        self._fields: dict[str, Any] = {}
+        with ui.column().classes("w-full at-exposure").style("gap: 2px").mark("exposure") as self._box:
+            ui.label("Exposure and film").classes("fj-head")
+            with ui.row().classes("fj-row") as self._exposure:
+                for key, label, help_ in _FIELDS:
+                    self._fields[key] = self._field(key, label, help_)
+            self._film = ui.select(["", *film_names()], label="film").props("dense options-dense")
+            self._film.classes("w-full at-film").mark("film").tooltip("The film that the light falls on")
+            self._film.on_value_change(lambda e: self._set("film", "preset", e.value or None))
+            self._told = ui.label().classes("fj-dim").mark("exposed").classes("at-exposed")
+
+    def show(self) -> None:
+        """Show what is new."""
+        config = self._studio.session.document.config
+        exposure, film = (None, None) if config is None else (config.exposure, config.film)
+        self._box.set_visibility(exposure is not None or film is not None)
+        if config is None or (exposure is None and film is None):
+            return
+        self._quiet = True
+        try:
+            self._exposure.set_visibility(exposure is not None)
+            for key, field in self._fields.items():
+                value = _written(key, getattr(exposure, key, None))
+                if field.value != value:
+                    field.value = value
+            self._film.set_visibility(film is not None and film.curve is None)
+            self._film.value = "" if film is None else film.preset or ""
+            taken = self._studio.painter.taken
+            settings = None if taken is None else taken.settings
+            told = "" if settings is None else f"{_seconds(settings.time)}, ISO {settings.iso:.0f}. "
+            self._told.text = told + ("" if taken is None else taken.sentence() or "")
+        finally:
+            self._quiet = False
+
+    def _field(self, key: str, label: str, help_: str) -> ui.input:
+        field = ui.input(label).props("dense hide-bottom-space").style("min-width: 0")
+        field.classes(f"col at-{key}").mark(key).tooltip(help_)
+        field.on("change", lambda: self._set("exposure", key, _read(field.value)))
+        return field
+
+    def _set(self, table: str, key: str, value: Any) -> None:
+        if not self._quiet:
+            self._attempt(lambda session: session.set_exposure(table, key, value))
+            self.show()
+
+
+def _written(key: str, value: Any) -> str:
+    if value is None:
+        return ""
+    return _seconds(value).removesuffix(" s") if key == "time" else f"{value:g}"
+
+
+def _read(text: str | None) -> Any:
+    """What was typed, for the config; text that is no number is left to the config to refuse."""
+    text = (text or "").strip()
+    if not text:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _seconds(value: Any) -> str:
+    value = float(value)
+    return f"1/{1 / value:.4g} s" if 0 < value < 0.4 else f"{value:.3g} s"

@@ -1,0 +1,42 @@
+"""The files that a config's text names, when it is to be saved in another folder."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+_NO_FILES = frozenset({"name", "object", "title", "same_blur_as", "free"})
+"""Keys whose texts never name files."""
+
+
+def name_files_from(tables: Any, old: Path, new: Path, root: Path) -> str:
+    """Change the relative paths in `tables` from the folder `old` to the folder `new`.
+
+    Args:
+        tables: of a config, changed in place.
+        old: the folder in which its paths start.
+        new: the folder in which they are to start.
+        root: the folder below which the config may name files.
+
+    Returns:
+        The first file that lies outside `root`; empty where all are within.
+    """
+    for table, key, name in _named(tables):
+        # Numbered files have # for their digits.
+        path = old / name
+        if not (path.is_file() or ("#" in path.name and path.parent.is_dir())):
+            continue
+        if not path.resolve().is_relative_to(root.resolve()):
+            return name
+        if not Path(name).is_absolute():
+            table[key] = Path(os.path.relpath(path.absolute(), new.absolute())).as_posix()
+    return ""
+
+
+def _named(value: Any) -> Iterator[tuple[Any, Any, str]]:
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, item in list(items):
+        if isinstance(item, str) and key not in _NO_FILES and item.strip():
+            yield value, key, item
+        else:
+            yield from _named(item)

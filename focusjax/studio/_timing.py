@@ -1,0 +1,165 @@
+"""Edits of a shot: from which frame to which a wish acts, and its keyframes."""
+
+from typing import Any
+
+import tomlkit
+
+from focusjax.config import Config, values_of
+from focusjax.shot import keyframes
+from focusjax.studio._document import Change, EditError, change_wish, together
+from focusjax.studio._wishes import called, kind_of
+
+KEYED = ("blur", "weight")
+"""What of a wish may have keyframes on the page."""
+
+
+def span_of(config: Config, number: int) -> tuple[float | None, float | None]:
+    """The first and the last frame in which a wish acts; None for those of the shot."""
+    track = _track(config, number)
+    return (None, None) if track is None else (track.from_frame, track.to_frame)
+
+
+def keys_of(config: Config, number: int, what: str) -> dict[float, float]:
+    """The keyframes of a wish's "blur" or "weight", by frame."""
+    track = _track(config, number)
+    return {} if track is None else values_of(track.keys, what)
+
+
+def value_at(config: Config, number: int, frame: float, what: str) -> float:
+    """A wish's "blur", in its own unit, or "weight" at a frame, between keyframes too."""
+    keys = keys_of(config, number, what)
+    if keys and config.shot is not None:
+        return float(f"{float(keyframes(keys, between=config.shot.between)(frame)):.4g}")
+    wish = config.focus[number]
+    return float(wish.weight if what == "weight" else getattr(wish, wish.wish_key or "weight"))
+
+
+def set_span(config: Config, number: int, end: str, frame: int | None) -> Change:
+    """Let a wish act from ("from") or to ("to") a frame; None for the shot's own.
+
+    Raises:
+        EditError: a frame that the shot does not have.
+    """
+    _check(config, frame)
+    return _of_track(config, number, lambda table: _put(table, f"{end}_frame", frame))
+
+
+def set_key(config: Config, number: int, frame: int, what: str, value: float) -> Change:
+    """Give a wish's "blur" or "weight" a keyframe, or change it.
+
+    Raises:
+        EditError: a frame that the shot does not have, or a wish that has no blur.
+    """
+    _check(config, frame)
+    if what == "blur" and kind_of(config, number) not in ("blur", "at_most", "at_least"):
+        raise EditError(
+            f"{called(config, number)!r} wishes for no blur in pixels; choose blur, at most or at least"
+        )
+
+    def change(table: Any) -> None:
+        keys = table.get("keys")
+        if keys is None:
+            keys = table["keys"] = tomlkit.array().multiline(True)
+        for key in keys:
+            if key["frame"] == frame:
+                key[what] = value
+                return
+        made = tomlkit.inline_table()
+        made.update({"frame": frame, what: value})
+        keys.insert(sum(key["frame"] < frame for key in keys), made)
+
+    return _of_track(config, number, change)
+
+
+def delete_key(config: Config, number: int, frame: int) -> Change:
+    """Take the keyframe of a wish at a frame away; nothing happens where there is none."""
+
+    def change(table: Any) -> None:
+        keys = table.get("keys", [])
+        for index, key in reversed(list(enumerate(keys))):
+            if key["frame"] == frame:
+                del keys[index]
+        if "keys" in table and not len(keys):
+            del table["keys"]
+
+    return _of_track(config, number, change)
+
+
+def rename_track(config: Config, number: int, name: str) -> Change:
+    """Let the track of a wish follow its new name."""
+
+    def change(tables: Any) -> None:
+        if _track(config, number) is not None:
+            _put(_table(tables, called(config, number)), "name", name)
+
+    return change
+
+
+def delete_track(config: Config, number: int) -> Change:
+    """Take a wish's track away with it."""
+
+    def change(tables: Any) -> None:
+        if _track(config, number) is None:
+            return
+        tracks = tables["shot"]["wishes"]
+        for index, table in reversed(list(enumerate(tracks))):
+            if table["name"] == called(config, number):
+                del tracks[index]
+        if not len(tracks):
+            del tables["shot"]["wishes"]
+
+    return change
+
+
+def _track(config: Config, number: int) -> Any:
+    """The `[[shot.wishes]]` of a wish; None without one."""
+    name = called(config, number)
+    tracks = () if config.shot is None else config.shot.wishes
+    return next((track for track in tracks if track.name == name), None)
+
+
+def _of_track(config: Config, number: int, change_table: Any) -> Change:
+    """A change of a wish's track, which is made where there is none, and goes when it says nothing more."""
+    name = called(config, number)
+
+    def change(tables: Any) -> None:
+        table = _table(tables, name)
+        change_table(table)
+        if set(table) <= {"name"}:
+            delete = [k for k, each in enumerate(tables["shot"]["wishes"]) if each["name"] == name]
+            for index in reversed(delete):
+                del tables["shot"]["wishes"][index]
+            if not len(tables["shot"]["wishes"]):
+                del tables["shot"]["wishes"]
+
+    named = [] if config.focus[number].name else [change_wish(number, {"name": name})]
+    return together(*named, change)
+
+
+def _table(tables: Any, name: str) -> Any:
+    shot = tables["shot"]
+    if "wishes" not in shot:
+        shot["wishes"] = tomlkit.aot()
+    for table in shot["wishes"]:
+        if table["name"] == name:
+            return table
+    made = tomlkit.table()
+    made["name"] = name
+    if len(shot["wishes"]) and not shot["wishes"][-1].as_string().endswith("\n\n"):
+        shot["wishes"][-1].add(tomlkit.nl())
+    shot["wishes"].append(made)
+    return shot["wishes"][-1]
+
+
+def _put(table: Any, key: str, value: Any) -> None:
+    if value is not None:
+        table[key] = value
+    elif key in table:
+        del table[key]
+
+
+def _check(config: Config, frame: int | None) -> None:
+    if config.shot is None:
+        raise EditError("there is no [shot], whose frames could be named; add one to the text")
+    if frame is not None and not 1 <= frame <= config.shot.frames:
+        raise EditError(f"frame {frame} is not in the shot; it has frames 1 to {config.shot.frames}")

@@ -1,0 +1,137 @@
+"""Tasks by this process, an executor, and processes of Dask of which some are killed."""
+
+import concurrent.futures
+import json
+import os
+import signal
+import sys
+
+import distributed
+import pytest
+
+from focusjax.many import JOURNAL, Journal, ManyError, Task, carry_out
+from focusjax.many._groups import Waiting
+from focusjax.many._worker import attempt
+
+sys.path.insert(0, os.path.dirname(__file__))
+from cluster_of_processes import ROOT, processes, until
+from tasks_for_workers import write
+
+
+def named(count, seconds=0.0):
+    return [Task(f"task{number}", seconds, group=str(number % 2)) for number in range(count)]
+
+
+def finishes(folder):
+    """How often each task was finished, by its own journal."""
+    lines = {path.parent.name: path.read_text().splitlines() for path in folder.glob(f"*/{JOURNAL}")}
+    return {
+        name: sum(json.loads(line)["event"] == "finished" for line in each) for name, each in lines.items()
+    }
+
+
+@pytest.mark.parametrize("executor", [False, True])
+def test_one_that_fails_stops_no_other(tmp_path, executor):
+    tasks = [*named(2), Task("bad", "wrong")]
+    with concurrent.futures.ThreadPoolExecutor(2) as pool:
+        workers = pool if executor else 1
+        ended = {each.task.name: each for each in carry_out(write, tasks, tmp_path, workers=workers)}
+    assert ended["bad"].error == "the task is wrong; mend it"
+    assert "Traceback" in ended["bad"].log
+    assert {name: each.error for name, each in ended.items() if name != "bad"} == {"task0": "", "task1": ""}
+    assert finishes(tmp_path) == {"task0": 1, "task1": 1}
+    # No journals of tasks under way are left.
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_workers_keep_to_a_group_while_they_can():
+    waiting = Waiting(Task(f"{group}{number}", group=group) for group in "ab" for number in range(3))
+    taken = [
+        waiting.take(own, others).name
+        for own, others in [(None, []), (None, "a"), ("a", "b"), ("b", "a"), ("a", "b")]
+    ]
+    assert taken == ["a0", "b0", "a1", "b1", "a2"]
+    # Nothing is left of the first: it helps with the second.
+    assert waiting.take("a", "b").name == "b2"
+    assert not waiting
+
+
+def test_processes_that_are_killed_lose_nothing(tmp_path):
+    """A worker twice, then the scheduler; then the rest in this process. Each is done once."""
+    out, away = tmp_path / "out", tmp_path / "away"
+    out.mkdir()
+    away.mkdir()
+    tasks, ended, killed, complaint = named(40, 0.05), [], [], ""
+    with processes(away) as cluster:
+        try:
+            for each in carry_out(write, tasks, out, workers=str(cluster.file)):
+                ended.append(each)
+                if len(ended) in (1, 5):
+                    killed.append(each.value)
+                    os.kill(each.value, signal.SIGKILL)
+                if len(ended) == 12:
+                    cluster.scheduler.kill()
+        except ManyError as error:
+            complaint = str(error)
+    assert "is gone; start it again, and go on with --resume" in complaint
+    assert len(killed) == 2
+    assert {each.error for each in ended} == {""}
+    done = finishes(out)
+    assert set(done.values()) == {1}
+    assert 12 <= len(done) < 40
+    missing = [task for task in tasks if not (out / task.name).exists()]
+    assert [each.error for each in carry_out(write, missing, out)] == [""] * len(missing)
+    assert finishes(out) == {task.name: 1 for task in tasks}
+
+
+def test_a_task_at_which_three_processes_ended_is_begun_no_more(tmp_path):
+    """Starts without an end are what processes leave behind that are killed. Other runs do not count."""
+    journal = Journal(tmp_path, "this")
+    journal.open()
+    Journal(tmp_path, "other").started("poison")
+    for _ in range(2):
+        journal.started("poison")
+    assert len(journal.starts("poison")) == 2
+    journal.started("poison")
+    ended = attempt(write, Task("poison", 0.0), journal)
+    assert ended.error.startswith("its process ended 3 times before it was done (on ")
+    assert not (tmp_path / "poison").exists()
+    assert attempt(write, Task("poison", 0.0), journal).error == ""
+    assert finishes(tmp_path) == {"poison": 1}
+
+
+def test_workers_that_cannot_be_used_are_refused_before_work(tmp_path):
+    other, out = tmp_path / "other", tmp_path / "out"
+    # Another version, by what is installed there.
+    (other / "focusjax-9.9.dist-info").mkdir(parents=True)
+    (other / "focusjax-9.9.dist-info" / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: focusjax\nVersion: 9.9\n"
+    )
+    out.mkdir()
+    with processes(tmp_path, 0, path=f"{other}:{ROOT}") as cluster:
+        address = json.loads(until(lambda: cluster.file.read_text()))["address"]
+        with pytest.raises(ManyError, match=r"the scheduler at tcp.* has no workers; start some"):
+            list(carry_out(write, named(1), out, workers=address))
+        cluster.start_workers(1)
+        with distributed.Client(address, set_as_default=False) as client:
+            client.wait_for_workers(1)
+            with pytest.raises(ManyError, match=r"the worker at tcp.* has focusjax 9.9, and this process 0"):
+                list(carry_out(write, named(1), out, workers=client))
+    assert list(out.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("workers", "sentence"),
+    [
+        (0, "jobs is 0; expected at least 1 process"),
+        ("nowhere.json", "--scheduler nowhere.json: expected the address of a scheduler, such as tcp://"),
+        (
+            "tcp://127.0.0.1:9",
+            "there is no scheduler at tcp://127.0.0.1:9 .*; start one",
+        ),
+    ],
+)
+def test_workers_that_are_not_there_are_refused(tmp_path, workers, sentence):
+    with pytest.raises(ManyError, match=sentence):
+        list(carry_out(write, named(2), tmp_path, workers=workers))
+    assert list(tmp_path.iterdir()) == []

@@ -4,6 +4,7 @@ from focusjax._arguments import ArgumentError as ArgumentError
 from focusjax.focus._bounds import F_NUMBERS as F_NUMBERS
 from focusjax.focus._by_rays import RayFocus as RayFocus
 from focusjax.focus._by_rays import focus_by_rays as focus_by_rays
+from focusjax.focus._by_rays import sharp_weights as sharp_weights
 from focusjax.focus._by_rays import spots as spots
 from focusjax.focus._diagnose import diagnose as diagnose
 from focusjax.focus._diagnose_frames import FramesDiagnosis as FramesDiagnosis

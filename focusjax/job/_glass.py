@@ -38,12 +38,14 @@ class ThroughGlass:
             otherwise.
         decibels: expected PSNR of the picture by polynomials against that through the glass, where they were
             chosen for a quality; None otherwise.
+        solution: what wishes set the focus; None where none did.
     """
 
     exact: PrescriptionLens | SpectralLens
     traced: AbstractLens
     poor_fit: str
     decibels: float | None = None
+    solution: Solution | None = None
 
     @property
     def middle(self) -> PrescriptionLens:
@@ -139,7 +141,7 @@ def through_glass(
             traced = fitted_lens(exact, camera, error_px=error_px, **distances)
         except PoorFitError as error:
             poor_fit = str(error)
-    return ThroughGlass(exact, traced, poor_fit)
+    return ThroughGlass(exact, traced, poor_fit, solution=solution)
 
 
 def left_to_quality(config: Config) -> bool:

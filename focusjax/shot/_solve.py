@@ -144,9 +144,9 @@ class SolvedShot:
     def glass(self) -> FramesThroughGlass | None:
         """The focus of a real lens in every frame; None without one.
 
-        Where a wish for sharpness counts in full, it sets the focus through the glass, as in a still. How far that is
-        from the thin lens's, in dioptres, holds for other frames, too, on straight lines in between: a focus
-        that changes smoothly over the shot changes so through the glass.
+        Where a wish for sharpness counts in full, it sets the focus through the glass, as in a still. How far
+        that is from the thin lens's, in dioptres, holds for other frames, too, on straight lines in between:
+        a focus that changes smoothly over the shot changes so through the glass.
         """
         glass, solution = self.shot.glass, self.solution
         if glass is None or not isinstance(solution, FramesSolution):

@@ -12,8 +12,11 @@ _MANY = 3 << 20
 _BLOCK = 4 << 20
 """Bytes."""
 _M_MMAP_THRESHOLD = -3
-_MOST_MAPPINGS = 24000
-"""Of memory, well below the 65530 that Linux allows a process: each compiled program takes some."""
+_MOST_MAPPINGS = 48000
+"""Of memory, below the 65530 that Linux allows a process: each compiled program takes some."""
+_MORE_MAPPINGS = 24000
+"""Than were left when programs were last let go: some are held elsewhere, and stay."""
+_left = 0
 
 
 def keep_blocks_apart(numbers: int) -> None:
@@ -48,10 +51,17 @@ def return_programs() -> None:
 
     The next one beyond would end the process. Call it between things that compile programs of their own.
     """
-    mappings = Path("/proc/self/maps")
-    if mappings.exists() and mappings.read_bytes().count(b"\n") > _MOST_MAPPINGS:
+    global _left
+    if _mappings() > min(_left + _MORE_MAPPINGS, _MOST_MAPPINGS):
         jax.clear_caches()
         gc.collect()
+        _left = _mappings()
+
+
+def _mappings() -> int:
+    """How many parts of memory this process has mapped; 0 where the system does not say."""
+    maps = Path("/proc/self/maps")
+    return maps.read_bytes().count(b"\n") if maps.exists() else 0
 
 
 @functools.cache

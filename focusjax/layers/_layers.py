@@ -1,5 +1,7 @@
 """The layered picture that lens rays are traced through."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -40,12 +42,11 @@ class Samples(eqx.Module):
     gloss: GlossSamples | None
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
 class LeftOut:
-    """A number that equals all others, so that it compiles nothing anew."""
+    """A number of samples that equals all others, so that it compiles nothing anew."""
 
-    def __init__(self, count: int):
-        """Of samples."""
-        self.count = count
+    count: int
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, LeftOut)

@@ -13,6 +13,7 @@ import jax
 import numpy as np
 
 from focusjax.layers._grid import Grid
+from focusjax.layers._layers import LeftOut
 
 _ALIGNED = 8
 
@@ -100,7 +101,7 @@ def _made(name: str, fields: dict[str, Any], data: bytes) -> Any:
 
 def _classes() -> dict[str, Any]:
     """All concrete modules of focusjax by name."""
-    found: dict[str, Any] = {"Grid": Grid}
+    found: dict[str, Any] = {"Grid": Grid, "LeftOut": LeftOut}
     waiting = list(eqx.Module.__subclasses__())
     while waiting:
         kind = waiting.pop()

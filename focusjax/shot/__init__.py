@@ -12,6 +12,7 @@ from focusjax.motion import load_vertex_sequence as load_vertex_sequence
 from focusjax.motion import moving_camera as moving_camera
 from focusjax.motion import pose_path as pose_path
 from focusjax.motion import transforms as transforms
+from focusjax.motion import transforms_of as transforms_of
 from focusjax.motion import turns as turns
 from focusjax.shot._build import build_settings as build_settings
 from focusjax.shot._build import build_shot as build_shot

@@ -1,7 +1,7 @@
 """The lens of every frame before solving, from `[lens]` and the keyframes of `[[shot.lens]]`."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -107,17 +107,21 @@ class _Interpolated:
     def __init__(self, key: str, values: dict[float, Any], between: str):
         first = next(iter(values.values()))
         self._model = type(first) if isinstance(first, Table) else None
-        flat = {frame: _numbers(value) for frame, value in values.items()}
+        tables = [value for value in values.values() if isinstance(value, Table)]
+        given = {name for table in tables for name in table.model_fields_set}
+        flat = {frame: _numbers(value, given) for frame, value in values.items()}
         shape = flat[next(iter(flat))]
         for frame, numbers in flat.items():
             if numbers.keys() != shape.keys() or any(
-                isinstance(numbers[name], int | bool) and numbers[name] != shape[name] for name in shape
+                (numbers[name] != shape[name] and None in (numbers[name], shape[name]))
+                or (isinstance(numbers[name], int | bool) and numbers[name] != shape[name])
+                for name in shape
             ):
                 raise ValueError(
                     f"the lens's keyframe of {key} at frame {frame:g} has other rows than the first one, or"
                     " another whole number; give all keyframes of it alike but for their numbers"
                 )
-        self._fixed = {name: value for name, value in shape.items() if isinstance(value, int | bool)}
+        self._fixed = {name: value for name, value in shape.items() if isinstance(value, int | bool | None)}
         self._names = [name for name in shape if name not in self._fixed]
         rows = {frame: [numbers[name] for name in self._names] for frame, numbers in flat.items()}
         self._keys = keyframes(rows, between=between)
@@ -136,9 +140,9 @@ class _Interpolated:
         return self._model.model_validate(rows)
 
 
-def _numbers(value: Any) -> dict[tuple[str, int], Any]:
-    """The numbers of a table or row, by name and place in a row; -1 where it is no row."""
-    named = {"": value} if isinstance(value, tuple) else dict(value)
+def _numbers(value: Any, given: Collection[str]) -> dict[tuple[str, int], Any]:
+    """The numbers of a row, or of what is `given` in tables, by name and place in a row; -1 outside rows."""
+    named = {"": value} if isinstance(value, tuple) else {name: getattr(value, name) for name in given}
     found: dict[tuple[str, int], Any] = {}
     for name, item in named.items():
         if isinstance(item, tuple):

@@ -165,7 +165,7 @@ def test_bad_overrides(path, override, expected):
 
 def test_unreadable_files(tmp_path):
     assert "there is no such config file" in message(tmp_path / "missing.toml")
-    assert "the config cannot be read" in message(tmp_path)
+    assert "is a folder; name a config file in it" in message(tmp_path)
     (tmp_path / "broken.toml").write_text("[scene\n")
     assert "this is not valid TOML" in message(tmp_path / "broken.toml")
     (tmp_path / "wide.toml").write_text('title = "boxes"\n', encoding="utf-16")

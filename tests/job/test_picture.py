@@ -45,7 +45,7 @@ def test_one_slab_leaves_surfaces_out_and_says_so(boxes, tmp_path):
     options = [*BEHIND, "--set", "render.slabs=1", "--out", str(tmp_path)]
     result = CliRunner().invoke(app, ["render", str(boxes), *options])
     assert result.exit_code == 0, result.output
-    assert "did not fit into the layers; raise render.slabs." in " ".join(result.output.split())
+    assert "so that light from them is missing; raise render.slabs." in " ".join(result.output.split())
 
 
 def test_layers_are_made_in_one_way(boxes):

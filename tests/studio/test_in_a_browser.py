@@ -159,6 +159,9 @@ def test_the_start_page_opens_a_config_and_unsaved_changes_outlive_the_command(t
         tab.settle()
         tab.press("\ue007")  # Enter: a point in the middle
         tab.wait(lambda: len(load_wishes(tab)) == 3, 60, "a third wish")
+        assert tab.complaints() == []
+        # A page whose server has ended would say so.
+        browser.get("about:blank")
     with server(file, programs=programs) as address:
         tab.open(address)
         tab.wait(lambda: "not saved last time" in tab.body(), 60, "the word that changes are here again")

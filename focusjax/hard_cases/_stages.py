@@ -59,13 +59,6 @@ class Stage:
         return make_scene(moved, background=constant_background(self.background), unlit=True)
 
 
-def has_common_shape(stage: Stage, settings: Sequence[float]) -> bool:
-    """Whether it is peeled for the widest common opening, so that compiled programs of others serve it."""
-    _, radius, tilt = settings
-    common = stage.size == (WIDTH, HEIGHT) and stage.max_layers == Stage.max_layers
-    return common and 1.0 <= radius <= PARALLAX and not tilt
-
-
 def layers_of(stage: Stage, settings: Sequence[float]) -> Layers:
     """Peeled for the lens that `settings` are of and for the same lens a little changed.
 
@@ -73,7 +66,7 @@ def layers_of(stage: Stage, settings: Sequence[float]) -> Layers:
     """
     focus, radius, tilt = settings
     camera = stage.camera()
-    widest = _WIDEST if has_common_shape(stage, settings) else None
+    widest = _WIDEST if stage.size == (WIDTH, HEIGHT) and 1.0 <= radius <= PARALLAX and not tilt else None
     lens = lens_of(jnp.array(widest or (focus, 1.05 * radius + 1e-6, tilt)), camera)
     return peel(stage.scene(), camera, lens, max_layers=stage.max_layers)
 

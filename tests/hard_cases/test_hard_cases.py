@@ -1,4 +1,4 @@
-"""Hard cases keep their bounds: all wishes and glass, and the pictures whose layers have the common shape."""
+"""Hard cases keep their bounds: all wishes and glass, and three of the pictures."""
 
 import csv
 import dataclasses
@@ -11,10 +11,10 @@ from focusjax.hard_cases import NAMES, Check, hard_cases
 from focusjax.hard_cases._command import save_checks
 from focusjax.hard_cases._glass import HEIGHTS
 from focusjax.hard_cases._pictures import CASES
-from focusjax.hard_cases._stages import has_common_shape
 from focusjax.hard_cases._wishes import CASES as WISHES
 
-PICTURES = [case.name for case in CASES if has_common_shape(case.stage, case.settings)]
+# Of the pictures a few: each takes a minute here, where annotations are checked.
+PICTURES = ("focus at infinity", "coincident triangles", "all behind the camera")
 CHECK = Check("wishes", "a <b>", "solution, float64", "closed form", 0.5, 1.0)
 
 

@@ -56,7 +56,10 @@ def package_page(package: str, used: dict[str, list[tuple[str, str]]]) -> str:
     module = importlib.import_module(package)
     lines = [f"``{package}``", "=" * (len(package) + 4), "", inspect.getdoc(module) or "", ""]
     lines += [f".. py:module:: {package}", "   :no-index-entry:", ""]
-    for name in sorted(public_names(package), key=lambda each: (each.lower(), each)):
+    # What comes from another public package is on the page of that.
+    others = set(public_packages()) - {package}
+    own = [name for name, home in public_names(package).items() if home not in others]
+    for name in sorted(own, key=lambda each: (each.lower(), each)):
         value = getattr(module, name)
         if (kind := _kind(value)) == "data":
             lines += [f".. py:data:: {package}.{name}", "", *_indented(_comment(package, name)), ""]

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from focusjax._console import fail, say, warnings_told
+from focusjax._console import BAD_INPUT, FAILED, fail, say, warnings_told
 from focusjax._templates import template
 from focusjax.hard_cases._check import Check
 from focusjax.hard_cases._run import NAMES, hard_cases
@@ -19,8 +19,6 @@ from focusjax.io import staged_folder
 
 FILES = ("hard_cases.html", "hard_cases.csv")
 """Every file that the command leaves in its folder."""
-
-_FAILED, _BAD_INPUT = 1, 2
 
 
 def command(
@@ -39,22 +37,22 @@ def command(
     unknown = [name for name in only or () if name not in NAMES]
     if unknown:
         error = ValueError(f"--only is {unknown[0]!r}; expected one of {', '.join(NAMES)}")
-        fail(errors, error, _BAD_INPUT)
+        fail(errors, error, BAD_INPUT)
     try:
         with staged_folder(out, owned=FILES) as stage, warnings_told(errors):
             with errors.status("Starting") as status:
                 checks = hard_cases(only or NAMES, lambda name, share: status.update(Text(name)))
             save_checks(stage, checks)
     except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        fail(errors, error, _FAILED, out)
+        fail(errors, error, FAILED, out)
     except Exception as error:
-        fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), _FAILED)
+        fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
     console.print(_table(checks))
     say(console, f"Page: {out / 'hard_cases.html'}")
     broken = [check for check in checks if not check.kept]
     if broken:
         told = "; ".join(f"{each.case}: {each.quantity}, {each.error:.2g}" for each in broken)
-        fail(errors, ValueError(f"{len(broken)} of {len(checks)} bounds are broken: {told}"), _FAILED)
+        fail(errors, ValueError(f"{len(broken)} of {len(checks)} bounds are broken: {told}"), FAILED)
 
 
 def save_checks(folder: Path, checks: list[Check]) -> None:

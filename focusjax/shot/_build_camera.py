@@ -89,4 +89,5 @@ def _kept_point(
 
 
 def table_keys(table: ShotTable, values: Mapping[float, Any]) -> Keyframes | None:
+    """The keyframes of `values` by frame, interpolated as `[shot]` says; None where there are none."""
     return keyframes(values, between=table.between) if values else None

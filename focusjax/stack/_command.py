@@ -7,14 +7,14 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from focusjax._console import fail, say, warnings_told
+from focusjax._console import BAD_INPUT, FAILED, fail, say, warnings_told
 from focusjax.config import ConfigError, load_config
 from focusjax.many import JobsOption, ManyError, SchedulerOption, chosen_workers, sentence
 from focusjax.report import metres
 from focusjax.stack._plan import StackPlan
 from focusjax.stack._run import take_stack
 
-_FAILED, _BAD_INPUT, _INTERRUPTED = 1, 2, 130
+_INTERRUPTED = 130
 
 
 def command(
@@ -52,11 +52,11 @@ def command(
                 on_note=lambda text: say(errors, f"Note: {text}"),
             )
     except (ConfigError, ManyError) as error:
-        fail(errors, error, _BAD_INPUT)
+        fail(errors, error, BAD_INPUT)
     except KeyboardInterrupt:
         fail(errors, RuntimeError("interrupted; the same command begins anew"), _INTERRUPTED)
     except Exception as error:
-        fail(errors, RuntimeError(sentence(error)), _FAILED)
+        fail(errors, RuntimeError(sentence(error)), FAILED)
     _tell(console, plan)
     say(console, f"Table: {folder / 'stack.csv'}")
     if not plan_only:

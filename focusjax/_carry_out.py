@@ -1,6 +1,7 @@
 """What `run`, `solve`, `render`, `refocus` and `shot` do, from a config to an exit status."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import typer
@@ -16,12 +17,25 @@ from focusjax.report import FILES, save_outcome
 from focusjax.shot import film
 
 
+@contextmanager
+def _failures(errors: Console, folder: Path, talk: Talk) -> Iterator[None]:
+    """Whatever is raised within becomes a sentence and an exit status."""
+    try:
+        yield
+    except ConfigError as error:
+        fail(errors, error, BAD_INPUT)
+    except (ValueError, RuntimeError, OSError, MemoryError) as error:
+        fail(errors, error, FAILED, folder)
+    except Exception as error:
+        fail_inside(errors, error, talk)
+
+
 def carry_out(
     read: Callable[[], Config], folder: Path, *, solving: bool, rendering: bool, talk: Talk
 ) -> None:
     """What a config asks for, into `folder`, to exit status."""
     console, errors = Console(), Console(stderr=True)
-    try:
+    with _failures(errors, folder, talk):
         config = read()
         with (
             staged_folder(folder, owned=FILES) as stage,
@@ -31,12 +45,6 @@ def carry_out(
             outcome = job.run(config, solving=solving, rendering=rendering, progress=tell)
             tell("save", None)
             save_outcome(stage, outcome)
-    except ConfigError as error:
-        fail(errors, error, BAD_INPUT)
-    except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        fail(errors, error, FAILED, folder)
-    except Exception as error:
-        fail_inside(errors, error, talk)
     if talk is not Talk.QUIET:
         tell_outcome(console, outcome, folder)
     if outcome.solution is not None and not all(
@@ -58,17 +66,11 @@ def carry_out_shot(
         talk: how much to say.
     """
     console, errors = Console(), Console(stderr=True)
-    try:
+    with _failures(errors, folder, talk):
         config = read()
         chosen = None if frames is None else _frames(frames)
         with progress(errors, talk) as tell, warnings_told(errors):
             solved, _ = film(config, folder, rendering=rendering, frames=chosen, progress=tell)
-    except ConfigError as error:
-        fail(errors, error, BAD_INPUT)
-    except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        fail(errors, error, FAILED, folder)
-    except Exception as error:
-        fail_inside(errors, error, talk)
     if talk is not Talk.QUIET:
         tell_shot(console, solved)
         say(console, f"Report: {folder / 'report.html'}")

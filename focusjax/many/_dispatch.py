@@ -139,8 +139,9 @@ def _result(future: distributed.Future, task: Task, waiting: Waiting) -> Iterato
     """What came of a task; nothing where it has to be done again."""
     try:
         yield future.result(timeout=_ANSWER)
-    except (concurrent.futures.CancelledError, distributed.KilledWorker, TimeoutError):
-        # The scheduler is gone, or the worker with what it found out; what is finished is not done again.
+    except (concurrent.futures.CancelledError, distributed.KilledWorker, OSError):
+        # What a task raises comes back as a value. So the scheduler is gone, or the worker, or the connection
+        # to it, with what it found out; what is finished is not done again.
         future.cancel()
         waiting.put_back([task])
     except Exception as error:

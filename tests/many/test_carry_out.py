@@ -9,8 +9,10 @@ import sys
 
 import distributed
 import pytest
+from distributed.comm import CommClosedError
 
 from focusjax.many import JOURNAL, Journal, ManyError, Task, carry_out
+from focusjax.many._dispatch import _result
 from focusjax.many._groups import Waiting
 from focusjax.many._worker import attempt
 
@@ -83,6 +85,27 @@ def test_processes_that_are_killed_lose_nothing(tmp_path):
     missing = [task for task in tasks if not (out / task.name).exists()]
     assert [each.error for each in carry_out(write, missing, out)] == [""] * len(missing)
     assert finishes(out) == {task.name: 1 for task in tasks}
+
+
+def test_a_task_whose_answer_is_lost_on_its_way_is_done_again():
+    """A worker that is killed between the end of a task and its answer closes a connection."""
+
+    class Lost(distributed.Future):
+        def __init__(self):
+            pass
+
+        def __del__(self):
+            pass
+
+        def result(self, timeout):
+            raise CommClosedError(f"reset, after less than {timeout} s")
+
+        def cancel(self):
+            return None
+
+    waiting = Waiting([])
+    assert list(_result(Lost(), Task("task0"), waiting)) == []
+    assert waiting.take(None, []).name == "task0"
 
 
 def test_a_task_at_which_three_processes_ended_is_begun_no_more(tmp_path):

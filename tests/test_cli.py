@@ -152,6 +152,7 @@ BAD_MESHES = {
     [
         (["scene.objects.0.file=gone.ply"], 2, r"mesh file .*gone\.ply does not exist; check the path"),
         (["scene.objects.0.file=gone.ply"], 2, r"boxes\.toml: scene\.objects\.0: mesh file"),
+        (["scene.objects.0.scale=1e-30"], 2, r"scene\.objects\.0\.scale: mesh file .* give a larger scale"),
         (["scene.objects.1.file=''"], 2, r"scene\.objects\.1: mesh file .* is a folder; name a file in it"),
         (
             ["camera.resolution=[1, 2000]"],

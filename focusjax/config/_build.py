@@ -19,6 +19,7 @@ from focusjax.config._scene import (
     ObjectTable,
     PointTable,
 )
+from focusjax.focus import ArgumentError
 from focusjax.geometry import Camera, look_at, make_camera
 from focusjax.lens import (
     ThinLens,
@@ -205,7 +206,8 @@ def _object(table: ObjectTable, number: int, config: Config) -> SceneObject:
             **{key: value for key, value in overrides.items() if value is not None},
         )
     except ValueError as error:
-        raise ValueError(f"scene.objects.{number}: {error}") from error
+        key = ".scale" if isinstance(error, ArgumentError) and error.argument == "scale" else ""
+        raise ValueError(f"scene.objects.{number}{key}: {error}") from error
 
 
 def _light(table: DirectionalTable | PointTable) -> AbstractLight:

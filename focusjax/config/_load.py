@@ -24,6 +24,7 @@ from focusjax.config._solve import SolveTable
 from focusjax.config._values import Table
 from focusjax.config._view import CameraTable, LensTable
 from focusjax.config._wishes import FocusTable
+from focusjax.scene import MOST_PIXELS
 
 _LARGEST = 16 << 20
 """Bytes of the largest config that is read."""
@@ -89,6 +90,19 @@ class Config(Table):
             raise ValueError(
                 f"has lens.prescription, but solve.free has {turned[0]!r}; a real lens is not turned, so"
                 " leave one of them out"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _layers_of_a_size(self) -> "Config":
+        width, height = self.camera.resolution
+        fine = self.render.supersampling
+        samples = width * height * fine**2
+        if samples > MOST_PIXELS:
+            raise ValueError(
+                f"has camera.resolution = [{width}, {height}] and render.supersampling = {fine}, which is"
+                f" {samples / 1e6:.0f} million samples a layer; expected at most {MOST_PIXELS / 1e6:.0f}"
+                " million, so lower one of them"
             )
         return self
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, Strict, model_validator
 
 from focusjax.config._photo import PhotoTable
-from focusjax.config._values import Light, NotNegative, Number, Share, Table, Vector
+from focusjax.config._values import Light, Number, Radiance, Share, Table, Vector
 
 
 class ObjectTable(Table):
@@ -79,7 +79,7 @@ class ImageTable(Table):
 
     kind: Literal["image"]
     file: str = Field(description="an equirectangular picture's path, relative to the config")
-    gain: NotNegative = Field(default=1.0, description="a factor on the panorama's brightness")
+    gain: Radiance = Field(default=1.0, description="a factor on the panorama's brightness")
     turn_deg: Number = Field(default=0.0, description="degrees by which the panorama is turned to the right")
 
 

@@ -10,8 +10,10 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
 # TOML arrays arrive as lists; only the numbers inside them are checked strictly.
 Vector = Annotated[tuple[Number, Number, Number], Strict(False)]
-Colour = Annotated[tuple[NotNegative, NotNegative, NotNegative], Strict(False)]
-Light = NotNegative | Colour
+Radiance = Annotated[float, Field(ge=0, le=1e15)]
+"""Linear light, of which squares and sums of squares fit single precision."""
+Colour = Annotated[tuple[Radiance, Radiance, Radiance], Strict(False)]
+Light = Radiance | Colour
 """Linear light: one number for a grey, or three for red, green and blue."""
 Millimetres = Annotated[float, Field(ge=0.1, allow_inf_nan=False)]
 """A lens or sensor length: anything below 0.1 mm is a length in metres under the wrong key."""

@@ -3,12 +3,13 @@
 import math
 from typing import Annotated
 
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, Strict, field_validator, model_validator
 
 from focusjax.config._focal_surface import FocalSurfaceTable
 from focusjax.config._look import Look
 from focusjax.config._opening import DiskTable, ImageTable, PolygonTable
 from focusjax.config._values import Millimetres, NotNegative, Number, Positive, Table, Vector
+from focusjax.scene import MOST_PIXELS
 
 Row = Annotated[tuple[Number, Number, Number, Number], Strict(False)]
 Movement = Annotated[float, Field(ge=-45, le=45, allow_inf_nan=False)]
@@ -48,6 +49,16 @@ class CameraTable(Table):
     resolution: Annotated[tuple[Pixels, Pixels], Strict(False)] = Field(
         description="the picture's [width, height] in pixels, for example [640, 480]"
     )
+
+    @field_validator("resolution", mode="after")
+    @classmethod
+    def _fits_in_memory(cls, value: tuple[int, int]) -> tuple[int, int]:
+        if value[0] * value[1] > MOST_PIXELS:
+            raise ValueError(
+                f"is [{value[0]}, {value[1]}], which is {value[0] * value[1] / 1e6:.0f} million pixels;"
+                f" expected at most {MOST_PIXELS / 1e6:.0f} million, so give a smaller picture"
+            )
+        return value
 
     @model_validator(mode="after")
     def _one_pose_one_focal_length(self) -> "CameraTable":

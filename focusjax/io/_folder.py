@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import itertools
+import json
 import os
 import shutil
 import tempfile
@@ -13,16 +14,26 @@ from focusjax.io._sole_use import sole_use
 
 UNFINISHED = ".unfinished-"
 """How the names of temporary folders start."""
+_STAGE = f"{UNFINISHED}run-"
+"""Of those that `staged_folder` makes inside a folder that it has for itself."""
+_ARRIVING = ".arriving"
+"""In an output folder: files that are finished, and are being moved to their places."""
+_OLD = ".old"
+"""Among these: the names, as JSON, of files of an older run that go."""
 
 
 @contextlib.contextmanager
 def staged_folder(path: Path | str, *, owned: Sequence[str] = ()) -> Iterator[Path]:
     """A temporary folder whose files move into the folder `path` when the block ends well.
 
-    The temporary folder lies inside `path`, so that each move is one atomic rename; files of the same
-    name from an earlier run are replaced. When the block raises, nothing in `path` changes, and the
-    folders that were made for it are removed again. Nobody else may write to `path` meanwhile: of two runs
-    into one folder the second is refused, so that it holds all of one and nothing of the other.
+    Files of the same name from an earlier run are replaced. When the block raises, nothing in `path` changes,
+    and the folders that were made for it are removed again. Nobody else may write to `path` meanwhile: of two
+    runs into one folder the second is refused, so that it holds all of one and nothing of the other.
+
+    The temporary folder lies inside `path`. When all is written, one rename to `.arriving` makes that final;
+    then its files are moved, one rename each. A process that is killed before leaves the old files as they
+    were, and a `.unfinished-run-...`, which the next run removes. One that is killed later leaves
+    `.arriving`, with the files that are still to be moved: the next run moves them before it begins.
 
     Args:
         path: the output folder.
@@ -38,8 +49,11 @@ def staged_folder(path: Path | str, *, owned: Sequence[str] = ()) -> Iterator[Pa
     with contextlib.ExitStack() as held:
         try:
             path.mkdir(parents=True, exist_ok=True)
-            held.enter_context(sole_use(path))
-            stage = Path(tempfile.mkdtemp(prefix=UNFINISHED, dir=path))
+            if held.enter_context(sole_use(path)):
+                for abandoned in path.glob(f"{_STAGE}*"):
+                    shutil.rmtree(abandoned, ignore_errors=True)
+            _arrive(path)
+            stage = Path(tempfile.mkdtemp(prefix=_STAGE, dir=path))
         except OSError as error:
             _remove_empty(made)
             raise ValueError(
@@ -49,17 +63,37 @@ def staged_folder(path: Path | str, *, owned: Sequence[str] = ()) -> Iterator[Pa
 
 
 def _moved_when_done(path: Path, stage: Path, owned: Sequence[str], made: list[Path]) -> Iterator[Path]:
-    made_now: list[str] = []
     try:
         yield stage
-        for file in sorted(stage.iterdir()):
-            os.replace(file, path / file.name)
-            made_now.append(file.name)
-        for name in set(owned).difference(made_now):
-            (path / name).unlink(missing_ok=True)
+        new = {file.name for file in stage.iterdir()}
+        for name in new:
+            if (path / name).is_dir():
+                raise IsADirectoryError(errno.EISDIR, "a folder is where a file goes; move it", path / name)
+        (stage / _OLD).write_text(json.dumps(sorted(set(owned) - new)))
+        os.replace(stage, path / _ARRIVING)
+        _arrive(path)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
         _remove_empty(made)
+
+
+def _arrive(path: Path) -> None:
+    """Move what has been finished to its place in `path`, and remove what it leaves of an older run.
+
+    It may be done once more wherever it was cut short: the list of the old files goes last.
+    """
+    arriving = path / _ARRIVING
+    if not arriving.is_dir():
+        return
+    old = arriving / _OLD
+    for file in sorted(arriving.iterdir()):
+        if file != old:
+            os.replace(file, path / file.name)
+    if old.exists():
+        for name in json.loads(old.read_text()):
+            (path / name).unlink(missing_ok=True)
+        old.unlink()
+    arriving.rmdir()
 
 
 @contextlib.contextmanager
@@ -67,7 +101,8 @@ def whole_folder(path: Path) -> Iterator[Path]:
     """A temporary folder that becomes the folder `path`, all of it at once, when the block ends well.
 
     It lies beside `path`, in a folder named `.unfinished-...`; a process that is killed leaves at most that
-    behind. An older folder `path` is replaced. When the block raises, nothing changes.
+    behind. An older folder `path` is replaced: it is moved in there first, so that who is killed between the
+    two renames leaves no `path`, and the old one, whole, in there. When the block raises, nothing changes.
 
     Args:
         path: a folder whose parent exists.

@@ -16,18 +16,18 @@ class FolderInUseError(ValueError):
 
 
 @contextmanager
-def sole_use(folder: Path) -> Iterator[None]:
+def sole_use(folder: Path) -> Iterator[bool]:
     """Hold a lock on an existing folder, which the system lets go when this process ends, however it ends.
 
     The lock is on the folder itself, so that no file is left behind. It is advisory: those who do not ask for
-    it are not kept out.
+    it are not kept out. What is given is whether there is such a lock: Windows has none.
 
     Raises:
         FolderInUseError: somebody else holds it.
         OSError: the folder cannot be opened, or was removed meanwhile.
     """
     if fcntl is None:
-        yield
+        yield False
         return
     in_use = f"another run is writing to {folder}; wait for it, or choose another with --out"
     handle = os.open(folder, os.O_RDONLY)
@@ -39,6 +39,6 @@ def sole_use(folder: Path) -> Iterator[None]:
         # A run that failed may have removed the folder between the two calls, and a third have made it anew.
         if not os.path.samestat(os.fstat(handle), os.stat(folder)):
             raise FolderInUseError(in_use)
-        yield
+        yield True
     finally:
         os.close(handle)

@@ -16,9 +16,8 @@ from focusjax.layers._clip import ScreenTriangles, clip_to_near
 from focusjax.layers._grid import Grid, homogeneous_image
 from focusjax.layers._margin import leaving, needed_margin, reachable
 from focusjax.lens import AbstractLens, require_lens
-from focusjax.scene import ConstantBackground, Scene
+from focusjax.scene import MOST_PIXELS, ConstantBackground, Scene
 
-_MOST_SAMPLES = 1 << 27
 _BORDER = 2.0
 """Samples beyond the farthest ray: half a sample of rounding, one for bilinear, and some to spare."""
 _MARGIN_STEP = 32
@@ -51,10 +50,10 @@ def frame(
             "lens",
         )
     inner = Grid(camera.width, camera.height, supersampling, 0)
-    if inner.size > _MOST_SAMPLES:
+    if inner.size > MOST_PIXELS:
         raise ValueError(
             f"a frame of {camera.width} x {camera.height} pixels needs {inner.size / 1e6:.0f} million samples"
-            f" a layer at a supersampling of {supersampling}; the most is {_MOST_SAMPLES / 1e6:.0f} million,"
+            f" a layer at a supersampling of {supersampling}; the most is {MOST_PIXELS / 1e6:.0f} million,"
             " so lower one of them"
         )
     depth = 0.1 * float(camera.focal_length) if near is None else _near(near)
@@ -74,10 +73,10 @@ def frame(
         pixels = -(-needed // supersampling)
         exact = supersampling * pixels
         wide = supersampling * max(_LEAST_MARGIN, coarse_number(pixels, _MARGIN_STEP))
-        fits = Grid(camera.width, camera.height, supersampling, wide).size <= _MOST_SAMPLES
+        fits = Grid(camera.width, camera.height, supersampling, wide).size <= MOST_PIXELS
         margin = max(least_margin, wide if fits else exact)
     grid = Grid(camera.width, camera.height, supersampling, margin)
-    if grid.size > _MOST_SAMPLES:
+    if grid.size > MOST_PIXELS:
         raise ValueError(
             f"rays leave the {camera.width} x {camera.height} frame by {margin / supersampling:.0f} pixels,"
             " more than the layers can hold; move the nearest surface away from the lens, raise `near`, close"

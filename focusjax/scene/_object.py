@@ -10,7 +10,7 @@ from focusjax._arguments import real_number, real_numbers
 from focusjax.scene._images import decode_srgb, fill_hidden
 from focusjax.scene._material import Material, opacity_of, shininess_of, triple
 from focusjax.scene._normals import directed, smooth_normals, unit_rows
-from focusjax.scene._part import Part, check_part, check_placed
+from focusjax.scene._part import Part, check_part, check_placed, check_size
 from focusjax.scene._placement import placement
 
 DEFAULT_ALBEDO = 0.8
@@ -202,7 +202,7 @@ def assemble(
     """Place checked `parts` in the world, give them normals, and join them. `what` names them in errors.
 
     Raises:
-        ValueError: a `smooth_angle` outside 0 to 180 degrees, or nothing that has an area and is in reach.
+        ValueError: a `smooth_angle` outside 0 to 180 degrees; what has no area or size, or is out of reach.
     """
     expected = "0 (facets) to 180 (smooth)"
     if not 0.0 <= real_number(smooth_angle, "smooth angle in degrees", expected) <= 180.0:
@@ -221,6 +221,7 @@ def assemble(
         for key, values in piece.items():
             joined[key].append(values)
     arrays = {key: np.concatenate(values) for key, values in joined.items()}
+    check_size(parts, arrays["vertices"], world_from_object[:3, :3], what)
     check_placed(arrays["vertices"], arrays["faces"], what)
     return SceneObject(
         name=name,

@@ -1,14 +1,18 @@
 """A piece of a mesh as it comes, and what is refused of it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from focusjax._arguments import ArgumentError
 from focusjax.scene._material import Material
 
 _FARTHEST = 1e12
 """Metres from the origin within which single precision still tells directions apart after squaring."""
+_SMALLEST = 1e-12
+"""Metres from end to end, for the same reason."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,30 @@ def check_part(part: Part, what: str) -> None:
     if part.colours is not None and (part.colours < 0).any():
         raise ValueError(
             f"{what} has vertex colours below 0 (the least is {part.colours.min():g}); repair the mesh"
+        )
+
+
+def check_size(parts: Sequence[Part], placed: Float[np.ndarray, "v 3"], linear: object, what: str) -> None:
+    """Refuse parts that are points in the world, at `placed`, and are none by themselves.
+
+    Args:
+        parts: as they come.
+        placed: their vertices in world metres.
+        linear: how they are turned and scaled [3, 3].
+        what: names them.
+
+    Raises:
+        ArgumentError: they are less than a picometre from end to end; it is about `scale`.
+    """
+    if np.ptp(placed, axis=0).max() >= _SMALLEST:
+        return
+    own = max(float(np.ptp(part.vertices, axis=0).max()) for part in parts)
+    size = max(float(np.ptp(part.vertices @ np.asarray(linear).T, axis=0).max()) for part in parts)
+    if own > 0.0 and size < _SMALLEST:
+        raise ArgumentError(
+            f"{what} is {size:.3g} m from end to end; expected at least {_SMALLEST:g} m, so give a larger"
+            " scale",
+            "scale",
         )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 MOST_PIXELS = 1 << 27
-"""Of one picture: 16384 x 8192 of a panorama, whose colours take 1.5 GiB."""
+"""Of one picture: 16384 x 8192 of a panorama, whose colours take 1.5 GiB; and samples of one layer."""
 _MOST_ELEMENTS = 1 << 28
 """Vertices, indices and so on of one mesh file."""
 _MOST_BYTES = 4 << 30

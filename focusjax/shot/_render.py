@@ -178,6 +178,11 @@ def render_frames(
         if all(done.get(path.name) == mark and path.is_file() for path in files[-1]):
             kept += 1
             continue
+        # A picture that is replaced is of nothing known until the list says of what.
+        known = {name: old for name, old in done.items() if name not in names}
+        if len(known) < len(done):
+            done = known
+            write_done(folder, done)
         traced = settings.method == "trace"
         if traced and widest is None and (rays is None or settings.motion is None):
             widest, rays = _widest(solved, wanted, settings)

@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
+from jax.experimental.jet import JetTracer
 from jaxtyping import Array, Float, UInt
 
 from focusjax._arguments import ArgumentError, require_kind, require_switches
@@ -69,7 +70,7 @@ def render(
         ArgumentError: (a `ValueError`) no rays, or more than can be counted; no such filter; a seed out of
             range; what are no devices, or those of some other processes only; a lens of which a setting is
             out of range; a lens or filter whose rays leave what the layers were peeled for; a second
-            derivative by the lens.
+            derivative by the lens; series by `jax.experimental.jet`.
         EquinoxRuntimeError: (a `RuntimeError`) of a lens or seed that JAX traces, where the picture is
             computed: by `equinox.filter_jit`, `jax.vmap` or `jax.grad`. Under plain `jax.jit` JAX itself
             raises a `jax.errors.JaxRuntimeError`, whose text has the same sentence after a traceback.
@@ -80,6 +81,7 @@ def render(
         ...     return render(layers, lens).var()
         >>> jax.grad(contrast)(0.5)  # doctest: +SKIP
     """
+    _refuse_series(layers, lens)
     settings = render_settings(
         layers,
         lens,
@@ -98,6 +100,16 @@ def render(
         raise ArgumentError(message, "devices")
     shared = picture(*replicated(given, mesh), settings=dataclasses.replace(settings, mesh=mesh))
     return jnp.asarray(shared.addressable_data(0))
+
+
+def _refuse_series(layers: Layers, lens: AbstractLens) -> None:
+    """Taylor series are of higher derivatives, and do not ask for the first one as it is defined here."""
+    if any(isinstance(leaf, JetTracer) for leaf in jax.tree.leaves((layers, lens))):
+        raise ArgumentError(
+            "series of a picture by its lens or radiance (`jax.experimental.jet`) cannot be told from its"
+            " rays; first derivatives can, by `jax.jvp` and `jax.grad`",
+            "lens",
+        )
 
 
 def render_settings(

@@ -52,6 +52,15 @@ def test_the_message_starts_with_the_file(path):
     assert str(caught.value).startswith(f"{path}: unknown key foo")
 
 
+def test_a_layer_has_no_more_samples_than_a_picture(path):
+    size, fine = "camera.resolution=[8000, 6000]", "render.supersampling=2"
+    assert load_config(path, [size]).camera.resolution == (8000, 6000)
+    assert (
+        "has camera.resolution = [8000, 6000] and render.supersampling = 2, which is 192 million samples a"
+        " layer; expected at most 134 million, so lower one of them"
+    ) in message(path, size, fine)
+
+
 def test_overrides_reach_tables_lists_and_new_tables(path):
     config = load_config(
         path,
@@ -80,6 +89,14 @@ def test_overrides_reach_tables_lists_and_new_tables(path):
         ("camera.focal_length_mm=0", "camera.focal_length_mm is 0; expected a number of at least 0.1"),
         ("camera.focal_length_mm=0.05", "camera.focal_length_mm is 0.05; expected a number of at least 0.1"),
         ("camera.resolution=[0, 48]", "camera.resolution.0 is 0; expected a number of at least 1; give the"),
+        (
+            "camera.resolution=[30000, 30000]",
+            "camera.resolution is [30000, 30000], which is 900 million pixels; expected at most 134 million,"
+            " so give a smaller picture",
+        ),
+        ("scene.objects.0.emission=1e38", "scene.objects.0.emission is 1e+38; expected a number of at most"),
+        ("scene.objects.0.emission=[0, 1e20, 0]", "scene.objects.0.emission.1 is 1e+20; expected a number"),
+        ("scene.ambient=1e16", "scene.ambient is 1e+16; expected a number of at most 1e+15; give light"),
         ("camera.resolution=[64]", "camera.resolution.1 is missing; give the picture's [width, height]"),
         ("camera.resolution=64", "camera.resolution is 64; expected an array in brackets"),
         ("camera.resolution=[64.5, 48]", "camera.resolution.0 is 64.5; expected a whole number"),

@@ -1,5 +1,6 @@
 """A run's folder gets all of its files or none."""
 
+import signal
 import subprocess
 import sys
 
@@ -87,6 +88,69 @@ def test_a_failure_leaves_nothing(tmp_path):
     with pytest.raises(RuntimeError, match="stop"):
         fail_in(tmp_path / "deep" / "run")
     assert not list(tmp_path.iterdir())
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from focusjax.io import staged_folder
+
+out, left = Path(sys.argv[1]), int(sys.argv[2])
+
+def at_last(change):
+    def changed(*arguments, **options):
+        global left
+        if left == 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+        left -= 1
+        return change(*arguments, **options)
+    return changed
+
+with staged_folder(out, owned=["a", "b", "gone"]) as stage:
+    (stage / "a").write_text("new")
+    (stage / "b").write_text("new")
+    os.replace, os.unlink, os.rmdir = map(at_last, (os.replace, os.unlink, os.rmdir))
+"""
+OLD, NEW = dict.fromkeys(("a", "b", "gone"), "old"), dict.fromkeys(("a", "b"), "new")
+
+
+def test_a_run_that_is_killed_as_its_files_move_is_finished_by_the_next(tmp_path):
+    """Killed before each of its six changes to the folder: the first makes what is new final."""
+    outs = [tmp_path / str(step) for step in range(6)]
+    for out in outs:
+        out.mkdir()
+        for name, text in {**OLD, "notes": "mine"}.items():
+            (out / name).write_text(text)
+    runs = [subprocess.Popen([sys.executable, "-c", KILLED, out, str(step)]) for step, out in enumerate(outs)]
+    assert [run.wait() for run in runs] == [-signal.SIGKILL] * len(runs)
+    mixed = 0
+    for step, out in enumerate(outs):
+        held = {file.name: file.read_text() for file in out.iterdir() if file.is_file()}
+        mixed += held not in ({**OLD, "notes": "mine"}, {**NEW, "notes": "mine"})
+        left = [path.name for path in out.iterdir() if path.is_dir()]
+        assert len(left) == 1
+        assert left[0].startswith(".unfinished-run-") if step == 0 else left == [".arriving"]
+        # The next run fails: what is there is all of the old or all of the killed one.
+        with pytest.raises(RuntimeError, match="stop"):
+            fail_in(out)
+        held = {file.name: file.read_text() for file in out.iterdir()}
+        assert held == {**(NEW if step else OLD), "notes": "mine"}
+    assert mixed == 2
+
+
+def test_a_folder_where_a_file_goes_is_refused_before_anything_moves(tmp_path):
+    (tmp_path / "a.txt").write_text("old")
+    (tmp_path / "b.txt").mkdir()
+
+    def write():
+        with staged_folder(tmp_path) as stage:
+            (stage / "a.txt").write_text("new")
+            (stage / "b.txt").write_text("new")
+
+    with pytest.raises(IsADirectoryError, match="move it"):
+        write()
+    assert (tmp_path / "a.txt").read_text() == "old"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.txt", "b.txt"]
 
 
 def test_not_writable_is_said_before_any_work(tmp_path):

@@ -26,6 +26,8 @@ def test_textures_are_light(value):
     [
         ({"faces": []}, "object 'a' has no faces; expected a mesh of triangles"),
         ({"faces": [(0, 1, 1)]}, r"object 'a' has no area: its triangles \(1\) are lines or points"),
+        ({"scale": 1e-30}, r"object 'a' is \S+e-30 m from end to end; expected at least 1e-12 m, so give a"),
+        ({"scale": 1e-30, "translate": (0, 0, -2)}, "expected at least 1e-12 m, so give a larger scale"),
         ({"scale": 1e15}, r"object 'a' reaches 2e\+15 m from the origin; expected at most 1e\+12 m"),
         ({"translate": (0, 0, -1e13)}, r"reaches 1e\+13 m from the origin"),
         ({"vertex_colours": np.full((3, 3), -1.0)}, r"vertex colours below 0 \(the least is -1\)"),

@@ -1,5 +1,6 @@
 """From a config with a shot to frames, a film and a report; and what a config may get wrong."""
 
+import dataclasses
 import json
 import re
 import sys
@@ -17,6 +18,7 @@ from focusjax.cli import app
 from focusjax.config import ConfigError, load_config
 from focusjax.io import load_exr
 from focusjax.shot import build_settings, build_shot, render_frames, save_mp4, solve_shot
+from focusjax.shot._frame_files import write_done
 
 
 @pytest.fixture(scope="module")
@@ -86,6 +88,29 @@ def test_frames_that_are_there_are_kept(filmed, config_file):
         "layers_left_out": None,
     }  # fmt: skip
     assert iio.imread(first).mean() > iio.imread(lost).mean() + 20
+
+
+def test_a_frame_of_a_run_that_was_killed_is_made_again(config_file, tmp_path, monkeypatch):
+    """It was replaced, and the list did not say so yet: it does not pass for what was there before."""
+    config = load_config(config_file, ["shot.formats=['png']"])
+    solved, settings = solve_shot(build_shot(config)), build_settings(config)
+    render_frames(solved, tmp_path, settings, frames=[1])
+    frame = tmp_path / "frame_0001.png"
+    before = frame.read_bytes()
+
+    def killed(folder, done):
+        if done:
+            raise KeyboardInterrupt
+        write_done(folder, done)
+
+    brighter = dataclasses.replace(settings, exposure=1.0)
+    with monkeypatch.context() as patched:
+        patched.setattr("focusjax.shot._render.write_done", killed)
+        with pytest.raises(KeyboardInterrupt):
+            render_frames(solved, tmp_path, brighter, frames=[1])
+    assert frame.read_bytes() != before
+    assert render_frames(solved, tmp_path, settings, frames=[1]).kept == 0
+    assert frame.read_bytes() == before
 
 
 def test_files_of_a_kind_that_was_left_out_meanwhile_are_made_again(filmed, config_file, tmp_path):

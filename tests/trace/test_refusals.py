@@ -4,6 +4,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import pytest
+from jax.experimental import jet
 from small_scenes import varied_layers
 
 from focusjax._arguments import ArgumentError
@@ -60,6 +61,14 @@ def test_second_derivatives_by_the_lens_are_refused(compiled: bool):
     ):
         with pytest.raises(ArgumentError, match="second derivatives of a picture by its lens"):
             (jax.jit(twice) if compiled else twice)(*at)
+
+
+def test_series_by_the_lens_are_refused():
+    def mean(focus: jax.Array) -> jax.Array:
+        return picture(focus, jnp.asarray(1.0)).mean()
+
+    with pytest.raises(ArgumentError, match=r"series of a picture .* first derivatives can, by `jax.jvp`"):
+        jet.jet(mean, (jnp.asarray(0.4),), ((jnp.asarray(1.0), jnp.asarray(0.0)),))
 
 
 def test_what_the_gradient_is_multiplied_by_may_be_differentiated():

@@ -10,6 +10,9 @@ from jaxtyping import Array, ArrayLike, Float
 from focusjax._arguments import real_numbers
 from focusjax._monotone_cubic import monotone_cubic
 
+_LARGEST = 1e9
+"""Of a table's values, so that slopes and squares of them fit single precision."""
+
 
 class HeightCurve(eqx.Module):
     """A function of the distance from the axis on the film. `height_curve` makes one.
@@ -60,8 +63,8 @@ def height_curve(
         name: what to call it in messages.
 
     Raises:
-        ValueError: numbers that do not match, fewer than two, not finite ones, heights that do not rise from
-            0, or a value on the axis where there can be none.
+        ValueError: numbers that do not match, fewer than two, values that are no numbers within 1e9, heights
+            that do not rise from 0, or a value on the axis where there can be none.
 
     Example:
         >>> curve = height_curve([0.0, 0.01, 0.02], [0.0, -0.01, -0.04])
@@ -83,8 +86,8 @@ def checked_table(
     """Heights in metres and what a table has there, as arrays.
 
     Raises:
-        ValueError: numbers that do not match, fewer than two, not finite ones, or heights that do not rise
-            from 0.
+        ValueError: numbers that do not match, fewer than two, values that are no numbers within 1e9, or
+            heights that do not rise from 0.
     """
     places = real_numbers(heights, f"heights of {name}", "metres, rising from 0 on")
     found = real_numbers(values, f"values of {name}", "finite numbers, one for each height")
@@ -94,6 +97,6 @@ def checked_table(
         )
     if not np.isfinite(places).all() or places[0] != 0 or not (np.diff(places) > 0).all():
         raise ValueError(f"{name} has heights {places.tolist()} m; expected rising ones from 0 on")
-    if not np.isfinite(found).all():
-        raise ValueError(f"{name} has values {found.tolist()}; expected finite numbers")
+    if not (np.abs(found) <= _LARGEST).all():
+        raise ValueError(f"{name} has values {found.tolist()}; expected numbers within {_LARGEST:g}")
     return places, found

@@ -11,6 +11,9 @@ _POWER = 3.5
 _SAME = 1e-4
 """Distance between settings below which one is the other."""
 
+_LARGEST = 1e6
+"""Of all numbers, which are below ten but for distances in metres."""
+
 _TOO_FAR = 1.0
 """Distance between settings from which on lensfun knows no vignetting."""
 
@@ -125,15 +128,18 @@ def vignetting_near(
 
 
 def number(text: str, what: str, element: str = "") -> float:
-    """A finite number.
+    """A number that an ideal lens and a measured one may differ by, or be set to.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is none, or beyond a million either way.
     """
+    where = f", in {element}" if element else ""
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueError(f"{what} is {text!r}{f', in {element}' if element else ''}; expected a number")
+        raise ValueError(f"{what} is {text!r}{where}; expected a number")
+    if abs(value) > _LARGEST:
+        raise ValueError(f"{what} is {text!r}{where}; expected a number from {-_LARGEST:g} to {_LARGEST:g}")
     return value

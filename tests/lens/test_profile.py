@@ -257,6 +257,7 @@ def test_lensfun_vignettings_are_those_that_lensfun_finds(tmp_path, aperture, di
             "vignetting near f/2 that leaves -0.3 of the light, below 0; its k1, k2, k3 are",
         ),
         ('vr="1.0002"', 'vr="red"', "tca vr is 'red', in <tca .*expected a number"),
+        ('br="0.0001"', 'br="1e39"', r"tca br is '1e39', in <tca .*a number from -1e\+06 to 1e\+06"),
     ],
 )
 def test_lensfun_elements_that_make_no_sense_are_named(tmp_path, old, new, message):

@@ -78,7 +78,7 @@ def test_tables_of_different_heights_make_terms_that_add_up():
     [
         (lambda: height_curve([0.0, 1.0], [1.0]), "2 heights and 1 values; expected two or more"),
         (lambda: height_curve([0.1, 1.0], [1.0, 2.0]), "expected rising ones from 0 on"),
-        (lambda: height_curve([0.0, 1.0], [1.0, np.nan]), "expected finite numbers"),
+        (lambda: height_curve([0.0, 1.0], [1.0, np.nan]), "expected numbers within 1e\\+09"),
         (lambda: height_curve([0.0, 1.0], [1.0, 2.0], even=False), "starts with 1 on the axis"),
         (
             lambda: tabulated_aberrations({"coma": height_curve([0.0, 1.0], [0.0, 1.0])}, 1.0),

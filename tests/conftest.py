@@ -1,5 +1,6 @@
 """Settings every test runs under: float64, no silent rank promotion, annotations checked."""
 
+import gc
 import os
 import shutil
 import tempfile
@@ -25,6 +26,9 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 from jaxtyping import install_import_hook
 
 install_import_hook("focusjax", "annotation_checks.check")
+
+# Tracing makes millions of objects that stay: looking through them as often as usual is a fifth of its time.
+gc.set_threshold(50_000, 20, 50)
 
 _PROGRAMS = "FOCUSJAX_TESTS_PROGRAMS"
 """The variable that tells the processes of one run the folder of the programs that they share."""

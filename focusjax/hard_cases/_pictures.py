@@ -120,7 +120,7 @@ CASES = (
     ),
     PictureCase(
         "opening of 1e-6 m",
-        _MIXED,
+        Stage(stages.mixed, common=False),
         (0.5, 2e-5, 0.0),
         picture=0.05,
         modes=2e-3,
@@ -161,12 +161,16 @@ CASES = (
     ),
     PictureCase("a floor through the lens plane", Stage(stages.floor), (0.5, 2.0, 0.0)),
     PictureCase(
-        "a wall that touches the lens", Stage(stages.touching), (0.5, 2.0, 0.0), picture=0.06, why=_STEEP
+        "a wall that touches the lens",
+        Stage(stages.touching, common=False),
+        (0.5, 2.0, 0.0),
+        picture=0.06,
+        why=_STEEP,
     ),
-    PictureCase("blur of 400 px", Stage(stages.close), (0.5, 10.0, 0.0), picture=0.03),
+    PictureCase("blur of 400 px", Stage(stages.close, common=False), (0.5, 10.0, 0.0), picture=0.03),
     PictureCase(
         "119 layers",
-        Stage(stages.panes, max_layers=128, solid=False),
+        Stage(stages.panes, max_layers=128, solid=False, common=False),
         _COMMON,
         picture=0.08,
         flat={0: 0.06, 1: 0.02, 2: 0.015},
@@ -180,9 +184,9 @@ CASES = (
         slopes=0.05,
         why=_ONE_SIDED,
     ),
-    PictureCase("frame of one column", Stage(stages.mixed, size=(1, 12)), _COMMON),
-    PictureCase("frame of one row", Stage(stages.mixed, size=(16, 1)), _COMMON),
-    PictureCase("panorama of 100:1", Stage(stages.mixed, size=(200, 2)), _COMMON),
+    PictureCase("frame of one column", Stage(stages.mixed, size=(1, 12), common=False), _COMMON),
+    PictureCase("frame of one row", Stage(stages.mixed, size=(16, 1), common=False), _COMMON),
+    PictureCase("panorama of 100:1", Stage(stages.mixed, size=(200, 2), common=False), _COMMON),
 )
 
 

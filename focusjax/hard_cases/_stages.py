@@ -1,7 +1,7 @@
 """Small scenes that are hard to picture, and what a camera and a lens make of them.
 
 All are looked at along -z from the origin by a frame of 16x12 pixels with 20 pixels of focal length, unless a
-case has another frame. Most layers have one shape, so that one compiled program serves them.
+case has another frame. Most layers are made of one extent, so that the same compiled programs serve them.
 """
 
 import dataclasses
@@ -11,14 +11,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from focusjax.geometry import Camera, look_at
-from focusjax.layers import Layers, peel
+from focusjax.layers import Extent, Grid, Layers, peel
 from focusjax.lens import TiltShiftLens
 from focusjax.scene import Scene, SceneObject, constant_background, make_object, make_scene
 
 WIDTH, HEIGHT, FOCAL_PX = 16, 12, 20.0
 PARALLAX = 11.0
 """Pixels that the rim of the widest common opening moves a ray for every dioptre: a radius of 0.55 m."""
-_WIDEST = (0.0, 1.05 * PARALLAX, 0.0)
+_EXTENT = Extent(Grid(WIDTH, HEIGHT, supersampling=1, margin=32), count=4, room=8192)
 _SQUARE = np.array([(0, 1, 2), (0, 2, 3)])
 _BACKGROUND = 0.2
 
@@ -34,6 +34,8 @@ class Stage:
         background: radiance where nothing is.
         max_layers: of the layers.
         solid: whether nothing may be seen through, so that casting rays at its triangles tells the truth.
+        common: whether its layers have room for those of other stages; they are larger where they need to be.
+            Not where the wider margin, by which positions are rounded, is as much as what is looked at.
     """
 
     objects: Callable[[], Sequence[SceneObject]]
@@ -42,6 +44,7 @@ class Stage:
     background: float = _BACKGROUND
     max_layers: int = 8
     solid: bool = True
+    common: bool = True
 
     def camera(self) -> Camera:
         """Along -z, with 20 pixels of focal length."""
@@ -60,15 +63,12 @@ class Stage:
 
 
 def layers_of(stage: Stage, settings: Sequence[float]) -> Layers:
-    """Peeled for the lens that `settings` are of and for the same lens a little changed.
-
-    Where the widest common opening is little wider, it is peeled for that, so that shapes are the same.
-    """
+    """Peeled for the lens that `settings` are of and for the same lens a little changed."""
     focus, radius, tilt = settings
     camera = stage.camera()
-    widest = _WIDEST if stage.size == (WIDTH, HEIGHT) and 1.0 <= radius <= PARALLAX and not tilt else None
-    lens = lens_of(jnp.array(widest or (focus, 1.05 * radius + 1e-6, tilt)), camera)
-    return peel(stage.scene(), camera, lens, max_layers=stage.max_layers)
+    lens = lens_of(jnp.array((focus, 1.05 * radius + 1e-6, tilt)), camera)
+    like = _EXTENT if stage.common else None
+    return peel(stage.scene(), camera, lens, max_layers=stage.max_layers, like=like)
 
 
 def lens_of(settings: object, camera: Camera) -> TiltShiftLens:

@@ -1,8 +1,11 @@
-"""Hard cases keep their bounds: all wishes and glass, and three of the pictures."""
+"""Hard cases keep their bounds. Pictures of other extents than most are looked at in float32 alone."""
 
 import csv
 import dataclasses
 
+import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -10,11 +13,10 @@ from focusjax.cli import app
 from focusjax.hard_cases import NAMES, Check, hard_cases
 from focusjax.hard_cases._command import save_checks
 from focusjax.hard_cases._glass import HEIGHTS
-from focusjax.hard_cases._pictures import CASES
+from focusjax.hard_cases._pictures import CASES, PictureCase, _off, _reverse, _shape, _truth, _weights
+from focusjax.hard_cases._stages import layers_of
 from focusjax.hard_cases._wishes import CASES as WISHES
 
-# Of the pictures a few: each takes a minute here, where annotations are checked.
-PICTURES = ("focus at infinity", "coincident triangles", "all behind the camera")
 CHECK = Check("wishes", "a <b>", "solution, float64", "closed form", 0.5, 1.0)
 
 
@@ -36,11 +38,30 @@ def test_slopes_and_glass_keep_their_bounds(name: str):
     assert not told([each for each in checks if not each.kept])
 
 
-@pytest.mark.parametrize("name", PICTURES)
+@pytest.mark.parametrize("name", [case.name for case in CASES if case.stage.common])
 def test_pictures_keep_their_bounds(name: str):
     checks = hard_cases([name])
-    assert len(checks) == 8
+    assert len(checks) in (7, 8)
     assert not told([each for each in checks if not each.kept])
+
+
+@pytest.mark.parametrize(
+    "case", [case for case in CASES if not case.stage.common], ids=lambda case: case.name
+)
+def test_pictures_of_other_extents_in_float32(case: PictureCase):
+    """A program is compiled for each, and so just one: the picture and its reverse derivative."""
+    with jax.enable_x64(False):
+        layers = layers_of(case.stage, case.settings)
+        weights = _weights(_shape(case.stage))
+        found, gradient = _reverse(layers, jnp.array(case.settings), jnp.asarray(weights))
+    truth, slopes = _truth(case)
+    assert _off(np.asarray(found, dtype=float), truth) <= case.picture
+    assert np.isfinite(gradient).all()
+    if slopes is not None:
+        light = np.linalg.norm(truth) * np.array([case.settings[1], 1.0, case.settings[1]])
+        apart = np.asarray(gradient) - np.einsum("hwc,hwck->k", weights, slopes)
+        # Observed: 0.51 of the light at an opening of 1e-6 m, where 0.65 are allowed; 0.03 elsewhere.
+        assert (np.abs(apart) <= (case.differences + case.slopes) * light).all()
 
 
 def test_every_case_has_a_name_of_its_own_and_wide_bounds_say_why():

@@ -20,6 +20,9 @@ def command(
     spec: Annotated[Path, typer.Argument(help="A TOML file that says what is drawn.", metavar="SPEC")],
     count: Annotated[int, typer.Option("--count", help="Number of pictures.")],
     out: Annotated[Path, typer.Option("--out", help="Folder for the data set.")],
+    root: Annotated[
+        Path | None, typer.Option("--root", metavar="DIR", help="Folder below which the meshes may lie.")
+    ] = None,
     jobs: JobsOption = 1,
     scheduler: SchedulerOption = None,
     resume: Annotated[
@@ -33,7 +36,7 @@ def command(
     """
     console, errors = Console(), Console(stderr=True)
     try:
-        read = load_spec(spec)
+        read = load_spec(spec, root=root)
         workers = chosen_workers(errors, jobs, scheduler)
         with progress_bar(console) as bar, warnings_told(errors):
             task = bar.add_task("Making pictures", total=count)

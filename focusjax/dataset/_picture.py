@@ -45,7 +45,8 @@ def make_picture(spec: Spec, number: int, files: tuple[Path, ...] = ()) -> Made:
         ValueError: a mesh that cannot be read.
     """
     random = np.random.default_rng([spec.seed, number])
-    camera = draw_camera(spec, random)
+    focal_length = spec.camera.focal_length(spec.camera.length.draw(random))
+    camera = draw_camera(spec, focal_length, random)
     f_number = spec.lens.f_number.draw(random)
     ray_seed = int(random.integers(2**31))
     share, distance = random.uniform(size=2), None
@@ -55,7 +56,7 @@ def make_picture(spec: Spec, number: int, files: tuple[Path, ...] = ()) -> Made:
     disparity, face = first_surfaces(scene, camera)
     if distance is None:
         distance = 1.0 / _focused(scene, disparity, face, share)
-    lens = thin_lens(focus_distance=distance, focal_length=float(camera.focal_length), f_number=f_number)
+    lens = thin_lens(focus_distance=distance, focal_length=focal_length, f_number=f_number)
     layers = peel(
         scene,
         camera,
@@ -72,8 +73,8 @@ def make_picture(spec: Spec, number: int, files: tuple[Path, ...] = ()) -> Made:
             **_truth(camera, lens, disparity),
             "focus_distance_m": np.array(distance),
             "f_number": np.array(f_number),
-            "focal_length_m": np.array(float(camera.focal_length)),
-            "sensor_width_m": np.array(float(camera.sensor_width)),
+            "focal_length_m": np.array(focal_length),
+            "sensor_width_m": np.array(1e-3 * spec.camera.sensor_width_mm),
             "seed": np.array(spec.seed),
             "number": np.array(number),
         },

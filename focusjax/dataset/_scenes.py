@@ -39,10 +39,9 @@ _BEHIND = 10.0
 """Metres."""
 
 
-def draw_camera(spec: Spec, random: np.random.Generator) -> Camera:
-    """Above the ground, looking along -z, up or down, and turned about its axis."""
+def draw_camera(spec: Spec, focal_length: float, random: np.random.Generator) -> Camera:
+    """Above the ground, looking along -z, up or down, and turned about its axis; `focal_length` in metres."""
     table = spec.camera
-    focal_length = table.focal_length(table.length.draw(random))
     height, pitch = table.height_m.draw(random), math.radians(table.pitch_deg.draw(random))
     roll = math.radians(table.roll_deg.draw(random))
     forward = np.array([0.0, math.sin(pitch), -math.cos(pitch)])
@@ -146,7 +145,7 @@ def _mesh(
     name: str, file: Path, size: float, spec: Spec, camera: Camera, random: np.random.Generator
 ) -> SceneObject:
     """A mesh file as it is, scaled and turned about the upright axis, or any if it floats."""
-    raw = mesh(file)
+    raw = mesh(file, spec.mesh_folder or file.parent)
     turn = _turn(random, upright=False)
     radius = size * float(np.linalg.norm(raw.vertices, axis=1).max())
     stands, place = _place(spec, camera, radius, random)

@@ -79,13 +79,15 @@ def light() -> Shape:
 
 
 @functools.lru_cache(maxsize=_MESHES_KEPT)
-def mesh(path: Path) -> SceneObject:
+def mesh(path: Path, folder: Path) -> SceneObject:
     """A mesh file with its middle in the origin, and one metre in its largest extent.
+
+    What it names in its turn is read from below `folder` only.
 
     Raises:
         ValueError: as `load_mesh`.
     """
-    raw = load_mesh(path)
+    raw = load_mesh(path, within=(folder,))
     low, high = raw.vertices.min(axis=0), raw.vertices.max(axis=0)
     scale = 1.0 / float((high - low).max())
-    return load_mesh(path, translate=tuple(-0.5 * scale * (low + high)), scale=scale)
+    return load_mesh(path, translate=tuple(-0.5 * scale * (low + high)), scale=scale, within=(folder,))

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, Strict, ValidationError, model_validator
 
-from focusjax.config import ConfigError, Table, read_toml, sentence_for
+from focusjax.config import ConfigError, Reach, Table, read_toml, sentence_for
 from focusjax.dataset._distributions import (
     Distribution,
     always,
@@ -229,11 +229,16 @@ class Spec(Table):
         return min(found, self.camera.height_m.ends[0] / (self.camera.corner + math.sin(down)))
 
     @property
+    def mesh_folder(self) -> Path | None:
+        """The folder of meshes."""
+        return None if self.scene.meshes is None else self._folder / self.scene.meshes
+
+    @property
     def mesh_files(self) -> tuple[Path, ...]:
         """All mesh files of the folder, sorted; they lie in it or in folders below."""
-        if self.scene.meshes is None:
+        folder = self.mesh_folder
+        if folder is None:
             return ()
-        folder = self._folder / self.scene.meshes
         found = [path for path in folder.rglob("*") if path.suffix.lower() in MESH_ENDINGS and path.is_file()]
         return tuple(sorted(found, key=lambda path: path.relative_to(folder).as_posix()))
 
@@ -241,19 +246,23 @@ class Spec(Table):
     def identity(self) -> dict[str, Any]:
         """All that pictures depend on, for JSON: the keys, and names and sizes of the mesh files."""
         said = self.model_dump(mode="json", exclude_none=True)
-        files = self.mesh_files
-        if files:
-            folder = self._folder / (self.scene.meshes or "")
-            said["mesh_bytes"] = {path.relative_to(folder).as_posix(): path.stat().st_size for path in files}
+        folder = self.mesh_folder
+        if folder is not None:
+            sizes = {path.relative_to(folder).as_posix(): path.stat().st_size for path in self.mesh_files}
+            said["mesh_bytes"] = sizes
         return said
 
 
-def spec_of(data: dict[str, Any], source: Path | str = "the spec") -> Spec:
+def spec_of(
+    data: dict[str, Any], source: Path | str | None = None, *, root: Path | str | None = None
+) -> Spec:
     """The spec that `data` says.
 
     Args:
         data: as TOML has it.
-        source: the file that it is from, at whose folder relative paths start.
+        source: the file that it is from, at whose folder relative paths start. Without one they start at the
+            working directory, and meshes may lie anywhere.
+        root: the folder below which the meshes of a file must lie; the file's own by default.
 
     Raises:
         ConfigError: an unknown key, an impossible distribution, or a folder without meshes. The message is
@@ -263,31 +272,36 @@ def spec_of(data: dict[str, Any], source: Path | str = "the spec") -> Spec:
         >>> spec_of({"lens": {"f_number": {"log_uniform": [1.4, 8]}}}).lens.f_number.ends
         (1.4, 8.0)
     """
-    source = Path(source)
+    said = Path("the spec" if source is None else source)
     try:
         spec = Spec.model_validate(data)
     except ValidationError as error:
-        raise ConfigError(sentence_for(error, Spec, source)) from None
-    spec._folder = source.parent.absolute()
-    if spec.scene.meshes is not None:
-        folder = spec._folder / spec.scene.meshes
-        if not folder.is_dir():
-            raise ConfigError(
-                f"{source}: scene.meshes is {spec.scene.meshes!r}, but there is no such folder; check"
-                " the path"
-            )
-        if not spec.mesh_files:
-            raise ConfigError(
-                f"{source}: scene.meshes is {spec.scene.meshes!r}, a folder without mesh files; expected some"
-                f" that end in {', '.join(MESH_ENDINGS)}"
-            )
+        raise ConfigError(sentence_for(error, Spec, said)) from None
+    spec._folder = said.parent.absolute()
+    name, folder = spec.scene.meshes, spec.mesh_folder
+    if name is None or folder is None:
+        return spec
+    if source is not None:
+        try:
+            Reach(said, None if root is None else Path(root)).file(name, "scene.meshes")
+        except ValueError as error:
+            raise ConfigError(f"{said}: {error}") from None
+    if not folder.is_dir():
+        raise ConfigError(f"{said}: scene.meshes is {name!r}, but there is no such folder; check the path")
+    if not spec.mesh_files:
+        raise ConfigError(
+            f"{said}: scene.meshes is {name!r}, a folder without mesh files; expected some that end in"
+            f" {', '.join(MESH_ENDINGS)}"
+        )
     return spec
 
 
-def load_spec(path: Path | str) -> Spec:
-    """The spec in a TOML file.
+def load_spec(path: Path | str, *, root: Path | str | None = None) -> Spec:
+    """The spec in a TOML file; `root` is that of `spec_of`.
 
     Raises:
         ConfigError: a file that cannot be read, or as `spec_of`.
     """
-    return spec_of(read_toml(Path(path)), path)
+    if root is not None and not Path(root).is_dir():
+        raise ConfigError(f"root {root} is not a folder; name the one below which the meshes lie")
+    return spec_of(read_toml(Path(path)), path, root=root)

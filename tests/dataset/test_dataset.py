@@ -175,7 +175,7 @@ def test_a_mesh_of_the_folder_is_as_large_as_is_drawn(tmp_path):
     )
     spec = load_spec(tmp_path / "spec.toml")
     random = np.random.default_rng(0)
-    scene = draw_scene(spec, draw_camera(spec, random), spec.mesh_files, random)
+    scene = draw_scene(spec, draw_camera(spec, 0.05, random), spec.mesh_files, random)
     for name in ("object 1", "object 2"):
         vertices = scene.vertices[scene.faces[scene.face_range(name)]].reshape(-1, 3)
         # It stands, so that its height is the largest extent.
@@ -237,7 +237,7 @@ def test_programs_have_room_for_the_worst_blur():
     """The margin is enough for the widest lens that is focused as near or as far as may be."""
     spec = spec_of({"camera": {"resolution": [32, 24]}, "lens": {"f_number": 0.7, "focus_distance_m": 0.5}})
     random = np.random.default_rng(0)
-    camera = draw_camera(spec, random)
+    camera = draw_camera(spec, 0.05, random)
     lens = thin_lens(focus_distance=0.5, f_number=0.7, focal_length=float(camera.focal_length))
     needed = float(lens.reach(camera, jnp.asarray(1.0 / spec.scene.wall_m.ends[1])))
     assert _picture.extent(spec).grid.margin >= needed + 2

@@ -99,6 +99,10 @@ def test_a_folder_without_meshes_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="meshes is 'meshes', a folder without mesh files; expected some"):
         load_spec(tmp_path / "spec.toml")
 
+    (tmp_path / "spec.toml").write_text("[scene]\nmeshes = '..'\n")
+    with pytest.raises(ConfigError, match=r"scene\.meshes is '\.\.', outside the folder .* --root DIR"):
+        load_spec(tmp_path / "spec.toml")
+
 
 def test_angles_of_view_are_focal_lengths():
     camera = spec_of({"camera": {"field_of_view_deg": {"uniform": [20, 40]}}}).camera

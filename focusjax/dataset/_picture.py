@@ -108,7 +108,7 @@ def extent(spec: Spec) -> Extent:
 
 
 def _focused(scene: Scene, disparity: np.ndarray, face: np.ndarray, share: np.ndarray) -> float:
-    """Disparity in 1/m of a pixel of an object that is seen; of the wall's nearest where none is.
+    """Disparity in 1/m of a pixel of an object that is seen; of the farthest of all where none is.
 
     Args:
         scene: what is seen.
@@ -122,7 +122,7 @@ def _focused(scene: Scene, disparity: np.ndarray, face: np.ndarray, share: np.nd
         if name not in (WALL, GROUND) and not name.startswith("light") and len(own) >= _SEEN:
             seen.append(own)
     if not seen:
-        return float(disparity.max())
+        return float(disparity[disparity > 0].min())
     own = seen[int(share[0] * len(seen))]
     return float(own[int(share[1] * len(own))])
 

@@ -31,7 +31,7 @@ def command(
 ) -> None:
     """Make random pictures with depth, blur and their sharp twins, to learn from.
 
-    Exits with 0 when all pictures are there, 1 when some failed, and 2 when something about the spec is wrong.
+    Exits with 0 when all pictures are there, 1 when some failed, and 2 when something is wrong before.
     """
     console, errors = Console(), Console(stderr=True)
     try:

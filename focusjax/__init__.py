@@ -258,6 +258,7 @@ _ROOMS = (
     "baselines",
     "bench",
     "config",
+    "dataset",
     "exchange",
     "film",
     "focus",

@@ -21,6 +21,10 @@ LATER = {
         r"Solve, and write the camera for another program; without [\[focus]] wishes, as the config has it.",
     ),
     "batch": Later("focusjax.batch", "Solve and render many configs, or one with many settings."),
+    "dataset": Later(
+        "focusjax.dataset._command",
+        "Make random pictures with depth, blur and their sharp twins, to learn from.",
+    ),
     "lens": Later(
         "focusjax.charts",
         "Draw a real lens: cross-section, spots, highlights, focus and distortion; list its first-order "

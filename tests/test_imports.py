@@ -113,6 +113,7 @@ ALLOWED = {
     "starter": {"config", "io"},
     "many": {"io", "_console", "_freed", "_parallel"},
     "stack": {"geometry", "focus", "io", "config", "job", "report", "many", "_console"},
+    "dataset": {"geometry", "lens", "scene", "layers", "trace", "io", "config", "many", "_console"},
     "batch": {"io", "config", "job", "report", "many", "_console"},
     "shot": {
         "geometry",

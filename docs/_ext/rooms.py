@@ -61,7 +61,7 @@ def drawing() -> str:
         # Each above the mean of what it imports, in that order, so that few arrows cross.
         def mean(room: str) -> float:
             below = [places[each][0] for each in arrows[room]]
-            return sum(below) / len(below) if below else 0.0
+            return sum(sorted(below)) / len(below) if below else 0.0
 
         row = sorted(rows[height], key=lambda room: (mean(room), room))
         start = (most - len(row)) / 2
@@ -74,7 +74,7 @@ def drawing() -> str:
         '<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7"'
         ' orient="auto"><path d="M0 0 L8 4 L0 8 z" fill="#7a8794"/></marker></defs>',
     ]
-    for room, below in arrows.items():
+    for room, below in sorted(arrows.items()):
         x, y = places[room]
         for each in sorted(below):
             u, v = places[each]

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from focusjax._console import fail, say
+from focusjax._console import FAILED, say
 from focusjax.batch._description import is_batch_file, items_from_file
 from focusjax.batch._errors import BatchError
 from focusjax.batch._folder import Existing
@@ -17,16 +17,14 @@ from focusjax.batch._run import run_batch
 from focusjax.config import ConfigError
 from focusjax.many import (
     JobsOption,
-    ManyError,
     SchedulerOption,
     Workers,
     chosen_workers,
+    failures,
     progress_bar,
-    sentence,
 )
 from focusjax.report import f_number, metres
 
-_FAILED, _BAD_INPUT, _INTERRUPTED = 1, 2, 130
 _MANY = list[str] | None
 
 
@@ -74,16 +72,10 @@ def command(
     something about the batch is wrong.
     """
     console, errors = Console(), Console(stderr=True)
-    try:
+    with failures(errors, ConfigError, BatchError, go_on="--resume goes on with what is not done"):
         items = _items(configs, grid or [], table, set_ or [], root)
         workers = chosen_workers(errors, jobs, scheduler)
         results = _run(console, errors, items, out, workers, _existing(resume, overwrite), solve_only)
-    except (ConfigError, BatchError, ManyError) as error:
-        fail(errors, error, _BAD_INPUT)
-    except KeyboardInterrupt:
-        fail(errors, RuntimeError("interrupted; --resume goes on with what is not done"), _INTERRUPTED)
-    except Exception as error:
-        fail(errors, RuntimeError(sentence(error)), _FAILED)
     _conclude(console, errors, results)
 
 
@@ -167,4 +159,4 @@ def _conclude(console: Console, errors: Console, results: BatchResults) -> None:
     for result in results.failed:
         say(errors, f"focusjax: {result.item.name} failed: {result.message}")
     if results.failed:
-        raise typer.Exit(_FAILED)
+        raise typer.Exit(FAILED)

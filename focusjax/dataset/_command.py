@@ -6,13 +6,12 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from focusjax._console import BAD_INPUT, FAILED, fail, say, warnings_told
+from focusjax._console import FAILED, say, warnings_told
 from focusjax.config import ConfigError
 from focusjax.dataset._run import DatasetResults, make_dataset
 from focusjax.dataset._spec import load_spec
-from focusjax.many import JobsOption, ManyError, SchedulerOption, chosen_workers, progress_bar, sentence
+from focusjax.many import JobsOption, SchedulerOption, chosen_workers, failures, progress_bar
 
-_INTERRUPTED = 130
 _SHOWN = 10
 
 
@@ -34,7 +33,7 @@ def command(
     Exits with 0 when all pictures are there, 1 when some failed, and 2 when something is wrong before.
     """
     console, errors = Console(), Console(stderr=True)
-    try:
+    with failures(errors, ConfigError, go_on="--resume goes on with what is not done"):
         read = load_spec(spec, root=root)
         workers = chosen_workers(errors, jobs, scheduler)
         with progress_bar(console) as bar, warnings_told(errors):
@@ -48,12 +47,6 @@ def command(
                 on_done=lambda number: bar.advance(task, number),
                 on_note=lambda text: say(errors, f"Note: {text}"),
             )
-    except (ConfigError, ManyError) as error:
-        fail(errors, error, BAD_INPUT)
-    except KeyboardInterrupt:
-        fail(errors, RuntimeError("interrupted; --resume goes on with what is not done"), _INTERRUPTED)
-    except Exception as error:
-        fail(errors, RuntimeError(sentence(error)), FAILED)
     _conclude(console, errors, results)
 
 

@@ -126,7 +126,7 @@ def _solid(
     table = spec.scene
     painted = texture(table.textures[int(random.integers(len(table.textures)))], random)
     edges = [1.0, *random.uniform(0.4, 1.0, 2)]
-    turn = _turn(random, upright=False)
+    turn = _turn(random)
     if kind == "sphere":
         shape = sphere()
     elif kind == "box":
@@ -146,7 +146,7 @@ def _mesh(
 ) -> SceneObject:
     """A mesh file as it is, scaled and turned about the upright axis, or any if it floats."""
     raw = mesh(file, spec.mesh_folder or file.parent)
-    turn = _turn(random, upright=False)
+    turn = _turn(random)
     radius = size * float(np.linalg.norm(raw.vertices, axis=1).max())
     stands, place = _place(spec, camera, radius, random)
     if stands:
@@ -182,9 +182,9 @@ def _light(name: str, spec: Spec, camera: Camera, wall: float, random: np.random
     )
 
 
-def _turn(random: np.random.Generator, *, upright: bool) -> tuple[float, float, float]:
+def _turn(random: np.random.Generator) -> tuple[float, float, float]:
     x, y, z = (float(angle) for angle in random.uniform(0.0, 360.0, 3))
-    return (0.0, y, 0.0) if upright else (x, y, z)
+    return x, y, z
 
 
 def _place(

@@ -5,6 +5,7 @@ from focusjax.many._carry_out import carry_out as carry_out
 from focusjax.many._console import JobsOption as JobsOption
 from focusjax.many._console import SchedulerOption as SchedulerOption
 from focusjax.many._console import chosen_workers as chosen_workers
+from focusjax.many._console import failures as failures
 from focusjax.many._console import progress_bar as progress_bar
 from focusjax.many._journal import JOURNAL as JOURNAL
 from focusjax.many._journal import Journal as Journal

@@ -1,5 +1,7 @@
 """What commands that do many things have in common: their options, and how far they are."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated
 
 import typer
@@ -16,9 +18,11 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from focusjax._console import say
+from focusjax._console import BAD_INPUT, FAILED, fail, say
 from focusjax._parallel import CORES
-from focusjax.many._task import ManyError
+from focusjax.many._task import ManyError, sentence
+
+_INTERRUPTED = 130
 
 JobsOption = Annotated[int, typer.Option("--jobs", help="Processes that share the work.")]
 SchedulerOption = Annotated[
@@ -42,6 +46,25 @@ def chosen_workers(errors: Console, jobs: int, scheduler: str | None) -> int | s
     if jobs > CORES:
         say(errors, f"Note: {jobs} jobs on {CORES} cores only take memory; {CORES} or fewer are as fast")
     return jobs if scheduler is None else scheduler
+
+
+@contextmanager
+def failures(errors: Console, *refusals: type[Exception], go_on: str) -> Iterator[None]:
+    """Whatever is raised within becomes a sentence and an exit status.
+
+    Args:
+        errors: where the sentence goes.
+        refusals: what is raised before anything is started, beside `ManyError`.
+        go_on: how to go on after an interrupt.
+    """
+    try:
+        yield
+    except (ManyError, *refusals) as error:
+        fail(errors, error, BAD_INPUT)
+    except KeyboardInterrupt:
+        fail(errors, RuntimeError(f"interrupted; {go_on}"), _INTERRUPTED)
+    except Exception as error:
+        fail(errors, RuntimeError(sentence(error)), FAILED)
 
 
 class _Rate(ProgressColumn):

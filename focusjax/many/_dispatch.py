@@ -78,7 +78,12 @@ def dispatch(
                     " keeps what is done"
                 )
             if time.monotonic() - looked > _LOOK:
-                before, workers, looked = workers, _workers(client), time.monotonic()
+                before, looked = workers, time.monotonic()
+                try:
+                    workers = _workers(client)
+                except OSError:
+                    # The scheduler is about to be found gone, or answers the next time.
+                    continue
                 waiting.put_back(now.lost(client, workers))
                 if before and not workers and client.status == "running":
                     note("no workers are left; waiting for others")

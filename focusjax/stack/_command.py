@@ -7,14 +7,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from focusjax._console import BAD_INPUT, FAILED, fail, say, warnings_told
+from focusjax._console import say, warnings_told
 from focusjax.config import ConfigError, load_config
-from focusjax.many import JobsOption, ManyError, SchedulerOption, chosen_workers, sentence
+from focusjax.many import JobsOption, SchedulerOption, chosen_workers, failures
 from focusjax.report import metres
 from focusjax.stack._plan import StackPlan
 from focusjax.stack._run import take_stack
-
-_INTERRUPTED = 130
 
 
 def command(
@@ -39,7 +37,7 @@ def command(
     """Plan the fewest shots that make every sharp wish sharp in one of them, take them, and merge them."""
     console, errors = Console(), Console(stderr=True)
     folder = out if out is not None else Path("out") / config.stem
-    try:
+    with failures(errors, ConfigError, go_on="the same command begins anew"):
         read = load_config(config, set_ or (), root=root)
         workers = chosen_workers(errors, jobs, scheduler)
         with warnings_told(errors):
@@ -51,12 +49,6 @@ def command(
                 workers=workers,
                 on_note=lambda text: say(errors, f"Note: {text}"),
             )
-    except (ConfigError, ManyError) as error:
-        fail(errors, error, BAD_INPUT)
-    except KeyboardInterrupt:
-        fail(errors, RuntimeError("interrupted; the same command begins anew"), _INTERRUPTED)
-    except Exception as error:
-        fail(errors, RuntimeError(sentence(error)), FAILED)
     _tell(console, plan)
     say(console, f"Table: {folder / 'stack.csv'}")
     if not plan_only:

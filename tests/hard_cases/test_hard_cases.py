@@ -41,7 +41,7 @@ def test_slopes_and_glass_keep_their_bounds(name: str):
 @pytest.mark.parametrize("name", [case.name for case in CASES if case.stage.common])
 def test_pictures_keep_their_bounds(name: str):
     checks = hard_cases([name])
-    assert len(checks) in (7, 8)
+    assert len(checks) == 8
     assert not told([each for each in checks if not each.kept])
 
 

@@ -8,22 +8,35 @@ import typer
 from rich.console import Console
 
 from focusjax import job
-from focusjax._console import BAD_INPUT, FAILED, MISSED, Talk, fail, fail_inside, say, warnings_told
+from focusjax._console import (
+    BAD_INPUT,
+    FAILED,
+    INTERRUPTED,
+    MISSED,
+    Talk,
+    fail,
+    fail_inside,
+    say,
+    warnings_told,
+)
 from focusjax._progress import progress
 from focusjax._tell import tell_outcome, tell_shot
 from focusjax.config import Config, ConfigError
 from focusjax.io import staged_folder
+from focusjax.many import ManyError, chosen_workers
 from focusjax.report import FILES, save_outcome
 from focusjax.shot import film
 
 
 @contextmanager
-def _failures(errors: Console, folder: Path, talk: Talk) -> Iterator[None]:
-    """Whatever is raised within becomes a sentence and an exit status."""
+def _failures(errors: Console, folder: Path, talk: Talk, *, go_on: str = "begins anew") -> Iterator[None]:
+    """What is raised within becomes a sentence and an exit status; `go_on`: what the command does next."""
     try:
         yield
-    except ConfigError as error:
+    except (ConfigError, ManyError) as error:
         fail(errors, error, BAD_INPUT)
+    except KeyboardInterrupt:
+        fail(errors, RuntimeError(f"interrupted; the same command {go_on}"), INTERRUPTED)
     except (ValueError, RuntimeError, OSError, MemoryError) as error:
         fail(errors, error, FAILED, folder)
     except Exception as error:
@@ -54,7 +67,14 @@ def carry_out(
 
 
 def carry_out_shot(
-    read: Callable[[], Config], folder: Path, *, rendering: bool, frames: str | None, talk: Talk
+    read: Callable[[], Config],
+    folder: Path,
+    *,
+    rendering: bool,
+    frames: str | None,
+    jobs: int,
+    scheduler: str | None,
+    talk: Talk,
 ) -> None:
     """All frames of a config's shot, into `folder`, to exit status.
 
@@ -63,14 +83,25 @@ def carry_out_shot(
         folder: for the results.
         rendering: make the pictures.
         frames: numbers such as "1,24" of the pictures to make; all when None.
+        jobs: processes that make them.
+        scheduler: of Dask, whose workers make them.
         talk: how much to say.
     """
     console, errors = Console(), Console(stderr=True)
-    with _failures(errors, folder, talk):
+    with _failures(errors, folder, talk, go_on="goes on with the frames that are left"):
+        workers = chosen_workers(errors, jobs, scheduler)
         config = read()
         chosen = None if frames is None else _frames(frames)
         with progress(errors, talk) as tell, warnings_told(errors):
-            solved, _ = film(config, folder, rendering=rendering, frames=chosen, progress=tell)
+            solved, _ = film(
+                config,
+                folder,
+                rendering=rendering,
+                frames=chosen,
+                workers=workers,
+                progress=tell,
+                on_note=lambda text: say(errors, f"Note: {text}"),
+            )
     if talk is not Talk.QUIET:
         tell_shot(console, solved)
         say(console, f"Report: {folder / 'report.html'}")

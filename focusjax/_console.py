@@ -15,8 +15,8 @@ from rich.console import Console
 
 from focusjax._words import printable
 
-FAILED, BAD_INPUT, MISSED = 1, 2, 3
-"""Exit statuses beside 0: failed; bad usage or config; solved, but a wish is missed."""
+FAILED, BAD_INPUT, MISSED, INTERRUPTED = 1, 2, 3, 130
+"""Exit statuses beside 0: failed; bad usage or config; solved, but a wish is missed; interrupted."""
 
 
 class Talk(enum.Enum):

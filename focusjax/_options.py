@@ -23,3 +23,12 @@ QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="Say warnings a
 VerboseOption = Annotated[
     bool, typer.Option("--verbose", "-v", help="Say how long each stage took, and where an error arose.")
 ]
+JobsOption = Annotated[int, typer.Option("--jobs", help="Processes that share the work.")]
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="A Dask scheduler whose workers share the work: tcp://HOST:PORT, or its scheduler file.",
+    ),
+]

@@ -13,7 +13,16 @@ from rich.console import Console
 
 from focusjax._console import BAD_INPUT, FAILED, Talk, caches, fail, say, talk_of
 from focusjax._later import Later, group_of
-from focusjax._options import ConfigArgument, OutOption, QuietOption, RootOption, SetOption, VerboseOption
+from focusjax._options import (
+    ConfigArgument,
+    JobsOption,
+    OutOption,
+    QuietOption,
+    RootOption,
+    SchedulerOption,
+    SetOption,
+    VerboseOption,
+)
 
 LATER = {
     "export": Later(
@@ -228,6 +237,8 @@ def shot(
     frames: Annotated[
         str | None, typer.Option("--frames", metavar="N,N,...", help="Make pictures of these frames only.")
     ] = None,
+    jobs: JobsOption = 1,
+    scheduler: SchedulerOption = None,
     quiet: QuietOption = False,
     verbose: VerboseOption = False,
 ) -> None:
@@ -241,6 +252,8 @@ def shot(
         folder,
         rendering=not solve_only,
         frames=frames,
+        jobs=jobs,
+        scheduler=scheduler,
         talk=talk_of(quiet, verbose),
     )
 

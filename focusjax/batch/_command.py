@@ -7,6 +7,7 @@ import typer
 from rich.console import Console
 
 from focusjax._console import FAILED, say
+from focusjax._options import JobsOption, SchedulerOption
 from focusjax.batch._description import is_batch_file, items_from_file
 from focusjax.batch._errors import BatchError
 from focusjax.batch._folder import Existing
@@ -15,14 +16,7 @@ from focusjax.batch._items import Item, make_items
 from focusjax.batch._results import BatchResults, ItemResult
 from focusjax.batch._run import run_batch
 from focusjax.config import ConfigError
-from focusjax.many import (
-    JobsOption,
-    SchedulerOption,
-    Workers,
-    chosen_workers,
-    failures,
-    progress_bar,
-)
+from focusjax.many import Workers, chosen_workers, failures, progress_bar
 from focusjax.report import f_number, metres
 
 _MANY = list[str] | None

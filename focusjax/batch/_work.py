@@ -1,9 +1,6 @@
 """Doing one item: what one run does, into a folder that is there whole or not at all."""
 
 import time
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -16,7 +13,7 @@ from focusjax.batch._folder import ITEM_FILE, done_before
 from focusjax.batch._items import Item
 from focusjax.config import build_scene
 from focusjax.io import json_text
-from focusjax.many import Journal, Task, finished_folder
+from focusjax.many import Journal, Task, finished_folder, warnings_kept
 from focusjax.report import save_outcome
 
 THUMBNAIL = "thumbnail.jpg"
@@ -59,7 +56,7 @@ class DoItem:
         if before is not None and not changed_since(before.get("fingerprint", {}), fingerprint):
             return
         start = time.perf_counter()
-        with finished_folder(journal, item.name, self.folder) as stage, _warnings_kept() as told:
+        with finished_folder(journal, item.name, self.folder) as stage, warnings_kept() as told:
             scene = self._scene_of(item, fingerprint)
             like = self._kept.get("extent")
             outcome = job.run(item.config, rendering=not self.solve_only, scene=scene, like=like)
@@ -99,19 +96,3 @@ def _save_thumbnail(folder: Path) -> None:
         picture = opened.convert("RGB")
     picture.thumbnail((_THUMBNAIL_WIDTH, _THUMBNAIL_WIDTH))
     picture.save(folder / THUMBNAIL, quality=88)
-
-
-@contextmanager
-def _warnings_kept() -> Iterator[list[str]]:
-    """Our own warnings as texts; those of other libraries say nothing to a user."""
-    told: list[str] = []
-
-    def keep(message: Warning | str, category: type[Warning], *rest: object, **more: object) -> None:
-        if category is UserWarning and str(message) not in told:
-            told.append(str(message))
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        warnings.filterwarnings("always", category=UserWarning, module="focusjax|__main__")
-        warnings.showwarning = keep
-        yield told

@@ -7,10 +7,11 @@ import typer
 from rich.console import Console
 
 from focusjax._console import FAILED, say, warnings_told
+from focusjax._options import JobsOption, SchedulerOption
 from focusjax.config import ConfigError
 from focusjax.dataset._run import DatasetResults, make_dataset
 from focusjax.dataset._spec import load_spec
-from focusjax.many import JobsOption, SchedulerOption, chosen_workers, failures, progress_bar
+from focusjax.many import chosen_workers, failures, progress_bar
 
 _SHOWN = 10
 

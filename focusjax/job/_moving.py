@@ -249,7 +249,7 @@ def blurred_view(
     frame: float,
     fps: float,
     taps: int,
-    like: Layers | None,
+    like: Layers | Extent | None,
 ) -> tuple[np.ndarray, Layers, float]:
     """A picture blurred from one sharp view, that view's layers, and the farthest way in it, in pixels.
 
@@ -264,7 +264,7 @@ def blurred_view(
         frame: that instant, in frames.
         fps: frames per second.
         taps: places to look at per pixel.
-        like: layers of another picture.
+        like: layers of another picture, or their extent.
     """
     time, velocity = float(frame), None
     if shutter is not None:

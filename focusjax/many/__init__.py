@@ -2,8 +2,7 @@
 
 from focusjax.many._carry_out import Workers as Workers
 from focusjax.many._carry_out import carry_out as carry_out
-from focusjax.many._console import JobsOption as JobsOption
-from focusjax.many._console import SchedulerOption as SchedulerOption
+from focusjax.many._carry_out import check_workers as check_workers
 from focusjax.many._console import chosen_workers as chosen_workers
 from focusjax.many._console import failures as failures
 from focusjax.many._console import progress_bar as progress_bar
@@ -14,3 +13,4 @@ from focusjax.many._task import Ended as Ended
 from focusjax.many._task import ManyError as ManyError
 from focusjax.many._task import Task as Task
 from focusjax.many._task import sentence as sentence
+from focusjax.many._worker import warnings_kept as warnings_kept

@@ -61,8 +61,7 @@ def carry_out(
         ...     print([ended.value for ended in carry_out(double, tasks, Path(folder))])
         [0, 2, 4]
     """
-    if isinstance(workers, int) and workers < 1:
-        raise ManyError(f"jobs is {workers}; expected at least 1 process")
+    _check_count(workers)
     note = on_note or _silent
     if not tasks:
         return
@@ -75,6 +74,29 @@ def carry_out(
             journal.close()
     if stop():
         raise KeyboardInterrupt
+
+
+def check_workers(workers: Workers, folder: Path) -> None:
+    """Refuse workers that `carry_out` would refuse, before other work is done.
+
+    Args:
+        workers: see `carry_out`.
+        folder: of the run; it exists.
+
+    Raises:
+        ManyError: see `carry_out`.
+    """
+    _check_count(workers)
+    if isinstance(workers, str | Path):
+        from focusjax.many._cluster import connected
+
+        with connected(workers, 1, folder.resolve()):
+            pass
+
+
+def _check_count(workers: Workers) -> None:
+    if isinstance(workers, int) and workers < 1:
+        raise ManyError(f"jobs is {workers}; expected at least 1 process")
 
 
 def _ended(

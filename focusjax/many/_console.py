@@ -2,9 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated
 
-import typer
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -18,21 +16,9 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from focusjax._console import BAD_INPUT, FAILED, fail, say
+from focusjax._console import BAD_INPUT, FAILED, INTERRUPTED, fail, say
 from focusjax._parallel import CORES
 from focusjax.many._task import ManyError, sentence
-
-_INTERRUPTED = 130
-
-JobsOption = Annotated[int, typer.Option("--jobs", help="Processes that share the work.")]
-SchedulerOption = Annotated[
-    str | None,
-    typer.Option(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="A Dask scheduler whose workers share the work: tcp://HOST:PORT, or its scheduler file.",
-    ),
-]
 
 
 def chosen_workers(errors: Console, jobs: int, scheduler: str | None) -> int | str:
@@ -62,7 +48,7 @@ def failures(errors: Console, *refusals: type[Exception], go_on: str) -> Iterato
     except (ManyError, *refusals) as error:
         fail(errors, error, BAD_INPUT)
     except KeyboardInterrupt:
-        fail(errors, RuntimeError(f"interrupted; {go_on}"), _INTERRUPTED)
+        fail(errors, RuntimeError(f"interrupted; {go_on}"), INTERRUPTED)
     except Exception as error:
         fail(errors, RuntimeError(sentence(error)), FAILED)
 

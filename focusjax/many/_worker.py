@@ -6,7 +6,9 @@ import platform
 import signal
 import threading
 import traceback
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -86,6 +88,22 @@ def attempt(work: Work, task: Task, journal: Journal) -> Ended:
         finally:
             return_programs()
     return Ended(task, value)
+
+
+@contextmanager
+def warnings_kept() -> Iterator[list[str]]:
+    """Our own warnings as texts; those of other libraries say nothing to a user."""
+    told: list[str] = []
+
+    def keep(message: Warning | str, category: type[Warning], *rest: object, **more: object) -> None:
+        if category is UserWarning and str(message) not in told:
+            told.append(str(message))
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        warnings.filterwarnings("always", category=UserWarning, module="focusjax|__main__")
+        warnings.showwarning = keep
+        yield told
 
 
 def versions() -> dict[str, str]:

@@ -2,13 +2,14 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from focusjax.geometry import Camera, look_at, make_camera
-from focusjax.motion._keyframes import Keyframes, keyframes, turns
+from focusjax.motion._keyframes import Keyframes, Turns, keyframes, turns
 
 Pose = Callable[[float], Float[np.ndarray, "4 4"]]
 """The matrix world_from_camera at a frame."""
@@ -38,12 +39,20 @@ def pose_path(keys: Mapping[float, np.ndarray], *, between: str = "smooth") -> P
     place = keyframes({frame: matrix[:3, 3] for frame, matrix in matrices.items()}, between=between)
     turn = turns({frame: matrix[:3, :3] for frame, matrix in matrices.items()}, between=between)
 
-    def pose(frame: float) -> Float[np.ndarray, "4 4"]:
-        matrix = np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = turn(frame), place(frame)
-        return matrix
+    return _PosePath(place, turn)
 
-    return pose
+
+@dataclasses.dataclass(frozen=True)
+class _PosePath:
+    """Goes to other processes by pickle, as functions within functions do not."""
+
+    place: Keyframes
+    turn: Turns
+
+    def __call__(self, frame: float) -> Float[np.ndarray, "4 4"]:
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = self.turn(frame), self.place(frame)
+        return matrix
 
 
 Path = Callable[[float], Camera]
@@ -69,61 +78,77 @@ def moving_camera(
         ValueError: not one full pose; and, when a frame is asked for, as `make_camera` or `look_at`, or where
             the point that is to keep its size is behind the camera.
     """
-    if (pose is None) == (position is None and target is None) or (position is None) != (target is None):
+    if pose is not None and position is None and target is None:
+        placed = pose
+    elif pose is None and position is not None and target is not None:
+        placed = _Looking(position, target)
+    else:
         raise ValueError("give either a pose, or both position and target")
-    known: dict[tuple[Any, ...], Camera] = {}
-    sizes = {"focal_length": focal_length, **size}
+    return _MovingCamera({"focal_length": focal_length, **size}, placed, tuple(up), keep_size_at)
 
-    def placed(frame: float) -> Float[np.ndarray, "*rows"]:
-        if pose is not None:
-            return pose(frame)
-        assert position is not None
-        assert target is not None
-        return np.stack([position(frame), target(frame)])
 
-    def depth(frame: float) -> float:
+@dataclasses.dataclass(frozen=True)
+class _Looking:
+    """Where a camera is and what it looks at: two points by frame."""
+
+    position: Keyframes
+    target: Keyframes
+
+    def __call__(self, frame: float) -> Float[np.ndarray, "2 3"]:
+        return np.stack([self.position(frame), self.target(frame)])
+
+
+@dataclasses.dataclass(frozen=True)
+class _MovingCamera:
+    """See `moving_camera`."""
+
+    sizes: Mapping[str, Any]
+    placed: Pose | _Looking
+    up: tuple[float, ...]
+    keep_size_at: Callable[[float], Float[np.ndarray, "3"]] | None
+    _known: dict[tuple[Any, ...], Camera] = dataclasses.field(default_factory=dict, repr=False)
+
+    def __call__(self, frame: float) -> Camera:
+        values: dict[str, Any] = {
+            name: float(value(frame)) if isinstance(value, Keyframes) else value
+            for name, value in self.sizes.items()
+        }
+        if self.keep_size_at is not None:
+            values["focal_length"] *= self._depth(frame) / self._first_depth
+        here = self.placed(frame)
+        # A camera that stands still is one camera: what is known of one frame serves the others.
+        key = (*values.values(), here.tobytes())
+        if key not in self._known:
+            try:
+                self._known[key] = (
+                    look_at(here[0], here[1], self.up, **values)
+                    if isinstance(self.placed, _Looking)
+                    else make_camera(here, **values)
+                )
+            except ValueError as error:
+                raise ValueError(f"frame {frame:g}: {error}") from None
+        return self._known[key]
+
+    @cached_property
+    def _first_depth(self) -> float:
+        return self._depth(1.0)
+
+    def _depth(self, frame: float) -> float:
         """How far ahead the point is whose size is kept, in metres."""
-        assert keep_size_at is not None
-        point, here = np.asarray(keep_size_at(frame), dtype=float), placed(frame)
-        if pose is not None:
-            ahead = float((point - here[:3, 3]) @ -here[:3, 2])
-        else:
+        assert self.keep_size_at is not None
+        point, here = np.asarray(self.keep_size_at(frame), dtype=float), self.placed(frame)
+        if isinstance(self.placed, _Looking):
             axis = here[1] - here[0]
             length = np.linalg.norm(axis)
             ahead = float((point - here[0]) @ axis / length) if length > 0 else 0.0
+        else:
+            ahead = float((point - here[:3, 3]) @ -here[:3, 2])
         if not ahead > 0:
             raise ValueError(
                 f"frame {frame:g}: the point [{', '.join(f'{x:g}' for x in point)}] is behind the camera, so"
                 " that it has no size to keep; move the camera, or give another point"
             )
         return ahead
-
-    first: list[float] = []
-
-    def at(frame: float) -> Camera:
-        values: dict[str, Any] = {
-            name: float(value(frame)) if isinstance(value, Keyframes) else value
-            for name, value in sizes.items()
-        }
-        if keep_size_at is not None:
-            if not first:
-                first.append(depth(1.0))
-            values["focal_length"] *= depth(frame) / first[0]
-        here = placed(frame)
-        # A camera that stands still is one camera: what is known of one frame serves the others.
-        key = (*values.values(), here.tobytes())
-        if key not in known:
-            try:
-                known[key] = (
-                    make_camera(here, **values)
-                    if pose is not None
-                    else look_at(here[0], here[1], up, **values)
-                )
-            except ValueError as error:
-                raise ValueError(f"frame {frame:g}: {error}") from None
-        return known[key]
-
-    return at
 
 
 def solved_path(path: Path, frame: float, camera: Camera) -> Path:

@@ -17,11 +17,11 @@ from focusjax.motion import turns as turns
 from focusjax.shot._build import build_settings as build_settings
 from focusjax.shot._build import build_shot as build_shot
 from focusjax.shot._film import film as film
-from focusjax.shot._render import FrameSettings as FrameSettings
-from focusjax.shot._render import MotionSettings as MotionSettings
 from focusjax.shot._render import RenderedFrames as RenderedFrames
 from focusjax.shot._render import render_frames as render_frames
 from focusjax.shot._report import SETTING_NAMES as SETTING_NAMES
+from focusjax.shot._settings import FrameSettings as FrameSettings
+from focusjax.shot._settings import MotionSettings as MotionSettings
 from focusjax.shot._solve import Shot as Shot
 from focusjax.shot._solve import SolvedShot as SolvedShot
 from focusjax.shot._solve import solve_shot as solve_shot

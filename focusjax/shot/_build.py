@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -45,7 +45,7 @@ from focusjax.scene import Scene, SceneObject, placement
 from focusjax.shot._build_camera import build_path, table_keys
 from focusjax.shot._held import held_frames
 from focusjax.shot._lens_track import LensTrack
-from focusjax.shot._render import FrameSettings, MotionSettings
+from focusjax.shot._settings import FrameSettings, MotionSettings
 from focusjax.shot._solve import Shot
 from focusjax.shot._surfaces import CONTROL_SAMPLES, TimedSurface
 from focusjax.shot._wishes import TimedWish
@@ -145,6 +145,7 @@ def build_settings(config: Config) -> FrameSettings:
         own_rays=config.shot is not None and config.shot.long_exposure,
         exposure=table.exposure,
         bits=table.png_bits,
+        fit_px=config.lens.fit_px,
         development=_development(config),
         motion=motion,
     )
@@ -247,12 +248,23 @@ def _surface(config: Config, table: ShotTable, scene: Scene) -> TimedSurface | N
         if (scale := table_keys(table, values_of(each.keys, "aperture_scale"))) is not None:
             scales[number] = scale
 
-    def build(frame: int, found: ImagePoints, camera: Camera, lens: ThinLens) -> FocalSurface:
-        own = [point.aperture_scale for point in described.points]
-        now = [float(scales[k](frame)) if k in scales else scale for k, scale in enumerate(own)]
-        return build_focal_surface(config, found, camera, lens, aperture_scale=np.array(now))
-
+    own = tuple(point.aperture_scale for point in described.points)
+    build = partial(_focal_surface, config, own, scales)
     return TimedSurface(tuple(timed.values()), build, described.smoothness, described.favour_near)
+
+
+def _focal_surface(
+    config: Config,
+    own: Sequence[float],
+    scales: Mapping[int, Keyframes],
+    frame: int,
+    found: ImagePoints,
+    camera: Camera,
+    lens: ThinLens,
+) -> FocalSurface:
+    """The focal surface of a frame before solving; control points have their own scales, or keyed ones."""
+    now = [float(scales[k](frame)) if k in scales else scale for k, scale in enumerate(own)]
+    return build_focal_surface(config, found, camera, lens, aperture_scale=np.array(now))
 
 
 def _timed(

@@ -1,10 +1,11 @@
 """From the camera's tables of a config with a shot to the camera at any frame."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from focusjax.config import Config, ShotTable, values_of
 from focusjax.geometry import Camera
@@ -72,20 +73,35 @@ def _kept_point(
 ) -> Callable[[float], Float[np.ndarray, "3"]]:
     """A point, or the middle of an object wherever it goes, by frame."""
     if not isinstance(which, str):
-        point = np.asarray(which, dtype=float)
-        return lambda _: point
+        return _Fixed(np.asarray(which, dtype=float))
     still = scene.at(1)
     try:
         faces = still.face_range(which)
     except ValueError as error:
         raise ValueError(f"keep_size_of: {error}") from None
-    rows = np.unique(still.faces[faces.start : faces.stop])
+    return _Middle(scene, np.unique(still.faces[faces.start : faces.stop]))
 
-    def middle(frame: float) -> Float[np.ndarray, "3"]:
-        corners = scene.at(frame).vertices[rows]
+
+@dataclasses.dataclass(frozen=True)
+class _Fixed:
+    """A point that stays where it is."""
+
+    point: Float[np.ndarray, "3"]
+
+    def __call__(self, frame: float) -> Float[np.ndarray, "3"]:
+        return self.point
+
+
+@dataclasses.dataclass(frozen=True)
+class _Middle:
+    """The middle of what vertices of a scene span, by frame."""
+
+    scene: MovingScene
+    rows: Int[np.ndarray, " v"]
+
+    def __call__(self, frame: float) -> Float[np.ndarray, "3"]:
+        corners = self.scene.at(frame).vertices[self.rows]
         return 0.5 * (corners.min(axis=0) + corners.max(axis=0))
-
-    return middle
 
 
 def table_keys(table: ShotTable, values: Mapping[float, Any]) -> Keyframes | None:

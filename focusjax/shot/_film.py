@@ -1,7 +1,8 @@
 """One run from a config with a `[shot]` to a folder of frames, a film and a report."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,13 @@ import numpy as np
 from focusjax._stopwatch import Stopwatch
 from focusjax.config import Config, refusals_located
 from focusjax.io import save_exr, staged_folder
+from focusjax.many import ManyError, Workers, check_workers
 from focusjax.shot._build import build_settings, build_shot
+from focusjax.shot._frame import save_frame
 from focusjax.shot._frame_files import exposed_together
-from focusjax.shot._render import FrameSettings, RenderedFrames, render_frames, save_frame
+from focusjax.shot._render import RenderedFrames, render_frames
 from focusjax.shot._report import REPORT_FILES, left_out_of_frames, save_report
+from focusjax.shot._settings import FrameSettings
 from focusjax.shot._solve import Progress, SolvedShot, solve_shot
 from focusjax.shot._video import check_video, save_mp4
 
@@ -24,7 +28,9 @@ def film(
     *,
     rendering: bool = True,
     frames: Sequence[int] | None = None,
+    workers: Workers = 1,
     progress: Progress | None = None,
+    on_note: Callable[[str], None] | None = None,
 ) -> tuple[SolvedShot, dict[str, Any]]:
     """Solve a config's shot, and write its frames, film and report.
 
@@ -38,13 +44,17 @@ def film(
         rendering: make the pictures.
         frames: numbers of the frames to render, from 1; all when None. Always all are solved, and a film
             is made only of all.
+        workers: who makes the frames; see `focusjax.many.carry_out`. All see the folder.
         progress: told how far it is.
+        on_note: called with a sentence on what a user should know.
 
     Returns:
         The solved shot, and what report.json holds.
 
     Raises:
         ValueError: something in the config turns out impossible; one sentence says what and what to do.
+        ManyError: workers that cannot be used, or are lost.
+        RuntimeError: frames that failed; all others were made.
     """
     tell: Progress = progress if progress is not None else lambda stage, share: None
     watch = Stopwatch(on_stage=lambda stage: tell(stage, None))
@@ -56,18 +66,32 @@ def film(
         shot = build_shot(config)
     assert config.shot is not None
     with staged_folder(folder, owned=REPORT_FILES) as stage:
+        if rendering:
+            pictures = folder / "frames"
+            pictures.mkdir(exist_ok=True)
+            try:
+                check_workers(workers, pictures)
+            except ManyError:
+                with suppress(OSError):
+                    pictures.rmdir()
+                raise
         with watch.stage("solve"), refusals_located(config):
             solved = solve_shot(shot, progress=tell)
         rendered: RenderedFrames | None = None
         if rendering:
-            pictures = folder / "frames"
-            pictures.mkdir(exist_ok=True)
             settings = build_settings(config)
             if config.shot.long_exposure:
                 formats = (*formats, "exr")
             with watch.stage("render"):
                 rendered = render_frames(
-                    solved, pictures, settings, formats=formats, frames=frames, progress=tell
+                    solved,
+                    pictures,
+                    settings,
+                    formats=formats,
+                    frames=frames,
+                    workers=workers,
+                    progress=tell,
+                    on_note=on_note,
                 )
             if (missing := left_out_of_frames(config, rendered)) is not None:
                 warnings.warn(missing, stacklevel=2)

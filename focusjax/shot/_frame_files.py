@@ -1,8 +1,8 @@
-"""The files of a shot's frames, and the list of what each was made from."""
+"""The files of a shot's frames, and the record of what each was made from."""
 
+import dataclasses
 import json
-import os
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -10,13 +10,86 @@ import numpy as np
 
 from focusjax.film import LongExposure, start_exposure
 from focusjax.geometry import Camera
-from focusjax.io import load_exr, save_exr, save_png
+from focusjax.io import json_text, load_exr, replace_file, save_exr, save_png
 from focusjax.job import Development, blur_map
 from focusjax.layers import disparity_map
 from focusjax.lens import AbstractLens, FocalSurfaceLens, ThinLens, TiltShiftLens
 from focusjax.scene import Scene
 
-_DONE = "frames.json"
+_RECORDS = ".made"
+"""The folder of the records, within that of the frames."""
+
+
+@dataclasses.dataclass(frozen=True)
+class FrameFacts:
+    """What there is to know of a frame beside its files.
+
+    Attributes:
+        rays: per pixel on the average.
+        left_out: samples of surface for which there were too few layers.
+        motion_px: farthest way of anything that moves by itself while the shutter is open, in pixels.
+        step_px: see `render_moving`.
+        spans: of the shutter's time.
+        warnings: sentences that were said while it was made.
+    """
+
+    rays: int = 0
+    left_out: int = 0
+    motion_px: float = 0.0
+    step_px: float = 0.0
+    spans: int = 1
+    warnings: tuple[str, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class Record:
+    """What is known of a frame's files.
+
+    Attributes:
+        marks: what each file was made from (`fingerprint`), by its name.
+        facts: of the picture.
+        journal: when it was begun and finished, and by which process: lines of JSON.
+    """
+
+    marks: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    facts: FrameFacts = FrameFacts()
+    journal: str = ""
+
+    def holds(self, folder: Path, names: Collection[str], mark: str) -> bool:
+        """Whether all these files are there, made from that."""
+        return all(self.marks.get(name) == mark and (folder / name).is_file() for name in names)
+
+    def without(self, names: Collection[str]) -> "Record":
+        """What is known when these files are not."""
+        marks = {name: mark for name, mark in self.marks.items() if name not in names}
+        return dataclasses.replace(self, marks=marks)
+
+
+def record_file(folder: Path, name: str) -> Path:
+    """Where the record of a frame is, such as frame_0001."""
+    return folder / _RECORDS / f"{name}.json"
+
+
+def log_file(folder: Path, name: str) -> Path:
+    """Where a frame that failed says why."""
+    return folder / f"{name}.log"
+
+
+def read_record(folder: Path, name: str) -> Record:
+    """The record of a frame; an empty one where there is none that can be read."""
+    try:
+        read = json.loads(record_file(folder, name).read_text(encoding="utf-8"))
+        facts = read["facts"] | {"warnings": tuple(read["facts"]["warnings"])}
+        return Record(dict(read["marks"]), FrameFacts(**facts), str(read["journal"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        return Record()
+
+
+def write_record(folder: Path, name: str, record: Record) -> None:
+    """Replace the record of a frame."""
+    path = record_file(folder, name)
+    path.parent.mkdir(exist_ok=True)
+    replace_file(path, json_text(dataclasses.asdict(record)))
 
 
 def save_shown(
@@ -60,18 +133,3 @@ def exposed_together(frames: Sequence[Path]) -> LongExposure:
         exposure = exposure.add(frame)
     assert exposure is not None
     return exposure
-
-
-def read_done(folder: Path) -> dict[str, str]:
-    """What each file of a folder was made from, by its name; nothing where that is not known."""
-    try:
-        return json.loads((folder / _DONE).read_text())
-    except (OSError, ValueError):
-        return {}
-
-
-def write_done(folder: Path, done: dict[str, str]) -> None:
-    """Replace the list of a folder."""
-    unfinished = folder / f".{_DONE}"
-    unfinished.write_text(json.dumps(done, indent=1, sort_keys=True) + "\n")
-    os.replace(unfinished, folder / _DONE)

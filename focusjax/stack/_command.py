@@ -8,8 +8,9 @@ from rich.console import Console
 from rich.table import Table
 
 from focusjax._console import say, warnings_told
+from focusjax._options import JobsOption, SchedulerOption
 from focusjax.config import ConfigError, load_config
-from focusjax.many import JobsOption, SchedulerOption, chosen_workers, failures
+from focusjax.many import chosen_workers, failures
 from focusjax.report import metres
 from focusjax.stack._plan import StackPlan
 from focusjax.stack._run import take_stack

@@ -18,7 +18,7 @@ from focusjax.cli import app
 from focusjax.config import ConfigError, load_config
 from focusjax.io import load_exr
 from focusjax.shot import build_settings, build_shot, render_frames, save_mp4, solve_shot
-from focusjax.shot._frame_files import write_done
+from focusjax.shot._frame_files import write_record
 
 
 @pytest.fixture(scope="module")
@@ -91,21 +91,21 @@ def test_frames_that_are_there_are_kept(filmed, config_file):
 
 
 def test_a_frame_of_a_run_that_was_killed_is_made_again(config_file, tmp_path, monkeypatch):
-    """It was replaced, and the list did not say so yet: it does not pass for what was there before."""
+    """It was replaced, and its record did not say so yet: it does not pass for what was there before."""
     config = load_config(config_file, ["shot.formats=['png']"])
     solved, settings = solve_shot(build_shot(config)), build_settings(config)
     render_frames(solved, tmp_path, settings, frames=[1])
     frame = tmp_path / "frame_0001.png"
     before = frame.read_bytes()
 
-    def killed(folder, done):
-        if done:
+    def killed(folder, name, record):
+        if record.marks:
             raise KeyboardInterrupt
-        write_done(folder, done)
+        write_record(folder, name, record)
 
     brighter = dataclasses.replace(settings, exposure=1.0)
     with monkeypatch.context() as patched:
-        patched.setattr("focusjax.shot._render.write_done", killed)
+        patched.setattr("focusjax.shot._frame.write_record", killed)
         with pytest.raises(KeyboardInterrupt):
             render_frames(solved, tmp_path, brighter, frames=[1])
     assert frame.read_bytes() != before

@@ -1,0 +1,182 @@
+"""One frame of a shot: its picture, its files and the record of them, in whichever process."""
+
+import dataclasses
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import ClassVar
+
+import cloudpickle
+import numpy as np
+
+from focusjax.geometry import Camera
+from focusjax.job import blurred_view, make_layers
+from focusjax.layers import Extent, Layers
+from focusjax.lens import AbstractLens
+from focusjax.many import Journal, Task, warnings_kept
+from focusjax.motion import solved_path
+from focusjax.scene import Scene
+from focusjax.shot._frame_files import (
+    FrameFacts,
+    Record,
+    read_record,
+    save_shown,
+    save_with_depth,
+    write_record,
+)
+from focusjax.shot._settings import FrameSettings
+from focusjax.shot._solve import SolvedShot
+from focusjax.shutter import render_moving
+from focusjax.trace import render
+
+
+@dataclasses.dataclass(frozen=True)
+class MakeFrame:
+    """Makes frames; keeps sizes of layers, so that the next frame in the same process has the same programs.
+
+    Attributes:
+        solved: the shot with its lenses.
+        folder: where frames go; it exists.
+        settings: how carefully.
+        kinds: of files, "png" and "exr".
+        rays: per pixel.
+        widest: sizes of layers that serve every frame; None where those of each are made for it.
+    """
+
+    solved: SolvedShot
+    folder: Path
+    settings: FrameSettings
+    kinds: tuple[str, ...]
+    rays: int
+    widest: Extent | None
+    _extents: dict[str, Extent] = dataclasses.field(default_factory=dict)
+
+    def __call__(self, task: Task, journal: Journal) -> FrameFacts:
+        """Make a frame, a task's argument being its number and what it is made from, unless it is there."""
+        number, mark = task.argument
+        names = [f"{task.name}.{kind}" for kind in self.kinds]
+        record = read_record(self.folder, task.name)
+        if record.holds(self.folder, names, mark):
+            return record.facts
+        # A picture that is replaced is of nothing known until the record says of what.
+        if any(name in record.marks for name in names):
+            record = record.without(names)
+            write_record(self.folder, task.name, record)
+        with warnings_kept() as said:
+            image, facts = self._picture(number)
+        for kind, name in zip(self.kinds, names, strict=True):
+            unfinished = self.folder / f".{name}"
+            if kind == "png":
+                save_frame(unfinished, image, self.solved, number, self.settings)
+            else:
+                camera, lens = self.solved.seen_with(number)
+                save_with_depth(unfinished, image, self.solved.shot.scene.at(number), camera, lens)
+            os.replace(unfinished, self.folder / name)
+        facts = dataclasses.replace(facts, warnings=tuple(said))
+        history = journal.finish(task.name, record.journal)
+        made = Record(record.marks | dict.fromkeys(names, mark), facts, history)
+        write_record(self.folder, task.name, made)
+        return facts
+
+    def _picture(self, number: int) -> tuple[np.ndarray, FrameFacts]:
+        settings, facts = self.settings, FrameFacts(self.rays)
+        if settings.method == "post":
+            image, layers, way = self._post_processed(number)
+            self._keep({"": layers.extent})
+            return image, dataclasses.replace(facts, motion_px=way)
+        if settings.motion is None:
+            camera, lens = self.solved.seen_with(number)
+            layers = make_layers(settings, self.solved.shot.scene.at(number), camera, lens, self.widest)
+            seed = settings.seed_of(number)
+            image = render(layers, lens, rays=self.rays, smooth=settings.smooth, seed=seed)
+            return np.asarray(image), dataclasses.replace(facts, left_out=layers.left_out.count)
+        return self._exposed(number)
+
+    def _exposed(self, number: int) -> tuple[np.ndarray, FrameFacts]:
+        """A frame's picture while the shutter is open."""
+        settings, motion = self.settings, self.settings.motion
+        assert motion is not None
+
+        def layers(scene: Scene, camera: Camera, lens: AbstractLens, like: Extent | None) -> Layers:
+            return make_layers(settings, scene, camera, lens, like)
+
+        made = render_moving(
+            self.solved.shot.scene,
+            camera_while(self.solved, number),
+            self.solved.seen_with(number)[1],
+            motion.shutter,
+            frame=number,
+            fps=motion.fps,
+            rays=self.rays,
+            smooth=settings.smooth,
+            seed=settings.seed_of(number),
+            turn=motion.turn,
+            step_px=motion.step_px,
+            most_spans=motion.most_spans,
+            make=layers,
+            like=self._extents,
+        )
+        self._keep(made.extents)
+        facts = FrameFacts(self.rays, made.left_out, made.motion_px, made.step_px, made.spans)
+        return np.asarray(made.image), facts
+
+    def _post_processed(self, number: int) -> tuple[np.ndarray, Layers, float]:
+        """A frame blurred from one sharp view, that view's layers, and the farthest way in it, in pixels."""
+        motion = self.settings.motion
+        return blurred_view(
+            self.settings,
+            self.solved.shot.scene,
+            camera_while(self.solved, number),
+            self.solved.seen_with(number)[1],
+            None if motion is None else motion.shutter,
+            frame=number,
+            fps=1.0 if motion is None else motion.fps,
+            taps=self.rays,
+            like=self._extents.get(""),
+        )
+
+    def _keep(self, extents: Mapping[str, Extent]) -> None:
+        for name, extent in extents.items():
+            self._extents[name] = extent.for_others(self._extents.get(name))
+
+
+@dataclasses.dataclass(frozen=True)
+class MakeFrameOfFile:
+    """Makes frames in other processes, each of which reads the shot once, from a file that all of them see.
+
+    Attributes:
+        file: has a `MakeFrame`; of a name that no other has.
+    """
+
+    file: Path
+    # Of the process: the last file, and what it has.
+    _read: ClassVar[dict[Path, MakeFrame]] = {}
+
+    @classmethod
+    def written(cls, work: MakeFrame, file: Path) -> "MakeFrameOfFile":
+        """Write the file. It has functions in it, as of paths, which pickle does not take."""
+        file.write_bytes(cloudpickle.dumps(work))
+        return cls(file)
+
+    def __call__(self, task: Task, journal: Journal) -> FrameFacts:
+        """Make a frame; see `MakeFrame`."""
+        if self.file not in self._read:
+            self._read.clear()
+            self._read[self.file] = cloudpickle.loads(self.file.read_bytes())
+        return self._read[self.file](task, journal)
+
+
+def camera_while(solved: SolvedShot, number: int) -> Callable[[float], Camera]:
+    """The camera of a frame as it moves on from there."""
+    camera = solved.solution.at(number - 1)[0]
+    path = solved.shot.camera_at
+    return (lambda _: camera) if path is None else solved_path(path, number, camera)
+
+
+def save_frame(
+    path: Path, image: np.ndarray, solved: SolvedShot, number: int, settings: FrameSettings
+) -> None:
+    """A picture to look at, as the camera of a frame takes it."""
+    camera, lens = solved.solution.at(number - 1)
+    development, stops, bits = settings.development, settings.exposure, settings.bits
+    save_shown(path, image, camera, lens, development, exposure=stops, bits=bits)

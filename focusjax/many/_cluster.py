@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import dask.config
 import distributed
 from distributed.diagnostics.plugin import WorkerPlugin
 
@@ -14,6 +15,9 @@ from focusjax.many._carry_out import Workers
 from focusjax.many._task import ManyError
 from focusjax.many._worker import ENVIRONMENT, Settings, versions, write_probe
 
+_SPAWNED = "distributed.nanny.pre-spawn-environ"
+_RETURNED = "MALLOC_TRIM_THRESHOLD_"
+"""Dask has its processes return memory to the system at every chance: a solve then takes half as long again."""
 _PATIENCE = "5s"
 """For a scheduler to answer."""
 _CHECKED = ("focusjax", "jax", "jaxlib", "Python")
@@ -61,16 +65,18 @@ def connected(workers: Workers, tasks: int, folder: Path) -> Iterator[distribute
 def _local_cluster(count: int) -> Iterator[distributed.LocalCluster]:
     # What ends in the middle of its work is told by us.
     silent = {"silence_logs": logging.CRITICAL + 1, "dashboard_address": None}
+    spawned = {name: value for name, value in dask.config.get(_SPAWNED).items() if name != _RETURNED}
     try:
-        cluster = distributed.LocalCluster(
-            n_workers=count,
-            threads_per_worker=1,
-            processes=True,
-            host="127.0.0.1",
-            memory_limit=0,
-            env=ENVIRONMENT,
-            **silent,
-        )
+        with dask.config.set({_SPAWNED: spawned}):
+            cluster = distributed.LocalCluster(
+                n_workers=count,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                memory_limit=0,
+                env=ENVIRONMENT,
+                **silent,
+            )
     except (RuntimeError, OSError, TimeoutError) as error:
         raise ManyError(
             f"processes for the work could not be started ({' '.join(str(error).split())}); a script that"

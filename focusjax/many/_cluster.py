@@ -17,7 +17,7 @@ from focusjax.many._worker import ENVIRONMENT, Settings, versions, write_probe
 
 _SPAWNED = "distributed.nanny.pre-spawn-environ"
 _RETURNED = "MALLOC_TRIM_THRESHOLD_"
-"""Dask has its processes return memory to the system at every chance: a solve then takes half as long again."""
+"""By it Dask has processes return memory at every chance: a solve then takes half as long again."""
 _PATIENCE = "5s"
 """For a scheduler to answer."""
 _CHECKED = ("focusjax", "jax", "jaxlib", "Python")

@@ -74,7 +74,7 @@ class MakeFrame:
             os.replace(unfinished, self.folder / name)
         facts = dataclasses.replace(facts, warnings=tuple(said))
         history = journal.finish(task.name, record.journal)
-        made = Record(record.marks | dict.fromkeys(names, mark), facts, history)
+        made = Record({**record.marks, **{name: mark for name in names}}, facts, history)
         write_record(self.folder, task.name, made)
         return facts
 

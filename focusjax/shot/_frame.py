@@ -74,7 +74,8 @@ class MakeFrame:
             os.replace(unfinished, self.folder / name)
         facts = dataclasses.replace(facts, warnings=tuple(said))
         history = journal.finish(task.name, record.journal)
-        made = Record({**record.marks, **{name: mark for name in names}}, facts, history)
+        marks: dict[str, str] = dict.fromkeys(names, mark)
+        made = Record({**record.marks, **marks}, facts, history)
         write_record(self.folder, task.name, made)
         return facts
 

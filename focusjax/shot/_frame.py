@@ -53,7 +53,8 @@ class MakeFrame:
 
     def __call__(self, task: Task, journal: Journal) -> FrameFacts:
         """Make a frame, a task's argument being its number and what it is made from, unless it is there."""
-        number, mark = task.argument
+        number: int = task.argument[0]
+        mark: str = task.argument[1]
         names = [f"{task.name}.{kind}" for kind in self.kinds]
         record = read_record(self.folder, task.name)
         if record.holds(self.folder, names, mark):
@@ -74,8 +75,7 @@ class MakeFrame:
             os.replace(unfinished, self.folder / name)
         facts = dataclasses.replace(facts, warnings=tuple(said))
         history = journal.finish(task.name, record.journal)
-        marks: dict[str, str] = dict.fromkeys(names, mark)
-        made = Record({**record.marks, **marks}, facts, history)
+        made = Record({**record.marks, **dict.fromkeys(names, mark)}, facts, history)
         write_record(self.folder, task.name, made)
         return facts
 

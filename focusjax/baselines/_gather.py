@@ -59,8 +59,12 @@ def gather(
             fewer than one tap, or a number of levels that is none.
 
     Example:
-        >>> image, disparity = pinhole_view(scene, camera)  # doctest: +SKIP
-        >>> soft = gather(image, disparity, camera, lens, taps=64)  # doctest: +SKIP
+        >>> from focusjax.baselines import gather
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> picture, disparity = np.full((6, 8, 3), 0.5), np.full((6, 8), 0.25)
+        >>> gather(picture, disparity, camera, lens, taps=16).round(6)[3, 4].tolist()
+        [0.5, 0.5, 0.5]
     """
     require_counts(taps=taps)
     picture, depth = checked_view(np.asarray(image), np.asarray(disparity), camera)

@@ -40,8 +40,12 @@ def multilayer(
             fewer than two layers.
 
     Example:
-        >>> image, disparity = pinhole_view(scene, camera)  # doctest: +SKIP
-        >>> soft = multilayer(image, disparity, camera, lens, layers=16)  # doctest: +SKIP
+        >>> from focusjax.baselines import multilayer
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> picture, disparity = np.full((6, 8, 3), 0.5), np.full((6, 8), 0.25)
+        >>> multilayer(picture, disparity, camera, lens, layers=4).round(6)[3, 4].tolist()
+        [0.5, 0.5, 0.5]
     """
     if layers < 2:
         raise ValueError(f"layers is {layers}; expected at least 2")

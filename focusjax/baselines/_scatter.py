@@ -45,8 +45,12 @@ def scatter(
             step that is not positive.
 
     Example:
-        >>> image, disparity = pinhole_view(scene, camera)  # doctest: +SKIP
-        >>> soft = scatter(image, disparity, camera, lens)  # doctest: +SKIP
+        >>> from focusjax.baselines import scatter
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> picture, disparity = np.full((6, 8, 3), 0.5), np.full((6, 8), 0.25)
+        >>> scatter(picture, disparity, camera, lens).round(6)[3, 4].tolist()
+        [0.5, 0.5, 0.5]
     """
     if not 0 < radius_step < math.inf:
         raise ValueError(f"radius_step is {radius_step} pixels; expected a positive number such as 0.25")

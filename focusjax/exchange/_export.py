@@ -105,10 +105,10 @@ def export_camera(
         ArgumentError: another value that cannot be.
 
     Example:
-        >>> camera = look_at((0, 0, 1), (0, 0, 0), width=640, height=480, focal_length=0.05)
-        >>> lens = thin_lens(focus_distance=1.0, f_number=2.0, focal_length=0.05)
-        >>> export_camera(camera, lens, "camera.usda", to="usd").files  # doctest: +SKIP
-        (PosixPath('camera.usda'),)
+        >>> camera = fj.look_at((0, 0, 1), (0, 0, 0), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=1.0, f_number=2.0, focal_length=0.05)
+        >>> [file.name for file in fj.export_camera(camera, lens, "camera.usda", to="usd").files]
+        ['camera.usda']
     """
     require_switches(approximate=approximate)
     if not 0 < metres_per_unit < math.inf:

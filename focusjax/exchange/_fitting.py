@@ -19,7 +19,15 @@ _EXACT_PX = 1e-3
 
 
 class ExportError(ValueError):
-    """A camera that a target cannot have; the message says what could be exported instead."""
+    """A camera that a target cannot have; the message says what could be exported instead.
+
+    Example:
+        >>> camera = fj.look_at((0, 0, 1), (0, 0, 0), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.tilt_shift_lens(focus_distance=2, tilt=0.1, f_number=2, focal_length=0.05)
+        >>> fj.export_camera(camera, lens, "camera.usda", to="usd")
+        Traceback (most recent call last):
+        focusjax.exchange._fitting.ExportError: ...
+    """
 
 
 @dataclasses.dataclass(frozen=True)

@@ -102,7 +102,7 @@ def choose_settings(
             compensation by more than 50 stops.
 
     Example:
-        >>> settings = camera_settings(f_number=2.0, time=1, iso=100)
+        >>> settings = fj.camera_settings(f_number=2.0, time=1, iso=100)
         >>> chosen = choose_settings(0.18, settings, luminance=100.0).settings
         >>> round(1 / float(chosen.time), 3), round(float(chosen.iso), 1)
         (60.0, 169.8)

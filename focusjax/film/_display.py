@@ -6,7 +6,12 @@ from jaxtyping import Array, Float, UInt8, UInt16
 
 
 def expose(image: Float[Array, "*shape"], stops: float) -> Float[Array, "*shape"]:
-    """Linear `image` times 2 ** `stops`: one stop more doubles the light."""
+    """Linear `image` times 2 ** `stops`: one stop more doubles the light.
+
+    Example:
+        >>> fj.expose(jnp.array([0.25, 0.5]), 1.0).tolist()
+        [0.5, 1.0]
+    """
     return image * jnp.asarray(2.0**stops, dtype=image.dtype)
 
 

@@ -73,6 +73,15 @@ def fit_settings(
     Raises:
         ValueError: other names, more than one or none of the three, pictures of two sizes, or a target that
             is black or full everywhere, so that it tells nothing.
+
+    Example:
+        >>> settings = fj.camera_settings(f_number=8, time=1 / 60, iso=100)
+        >>> ramp = jnp.broadcast_to(jnp.linspace(0.05, 0.4, 8)[:, None], (6, 8, 3))
+        >>> taken = fj.photograph(ramp, settings, fj.film_preset("reversal"), luminance=2000)
+        >>> start = fj.camera_settings(f_number=8, time=1 / 15, iso=100)
+        >>> fit = fj.fit_settings(taken, ramp, start, fj.film_preset("reversal"), luminance=2000)
+        >>> round(1 / float(fit.settings.time), 2)
+        60.0
     """
     names = tuple(free)
     exposing = [name for name in names if name in EXPOSING]

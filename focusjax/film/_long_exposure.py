@@ -26,6 +26,12 @@ class LongExposure(eqx.Module):
     Attributes:
         picture: linear radiance [h, w, 3].
         time: seconds so far, or frames where no durations are given.
+
+    Example:
+        >>> dark, bright = jnp.zeros((4, 6, 3)), jnp.ones((4, 6, 3))
+        >>> exposure = fj.start_exposure(6, 4).add(dark, 3.0).add(bright, 1.0)
+        >>> float(exposure.picture[0, 0, 0]), float(exposure.time)
+        (0.25, 4.0)
     """
 
     picture: Float[Array, "h w 3"]
@@ -71,6 +77,11 @@ def expose_frames(
 
     Raises:
         ValueError: another number of durations than of frames, or one that is negative or not finite.
+
+    Example:
+        >>> frames = jnp.stack([jnp.zeros((4, 6, 3)), jnp.ones((4, 6, 3))])
+        >>> float(fj.expose_frames(frames, jnp.array([3.0, 1.0])).picture[0, 0, 0])
+        0.25
     """
     _refuse_unless_times(durations)
     spent = jnp.asarray(durations, dtype=frames.dtype)

@@ -26,6 +26,12 @@ class Zone:
         region: a mask [h, w], a box (left, top, width, height) in pixels, or "average" or "centre".
         stops: how far above grey its mean is to be exposed; below 0 darker.
         weight: how much an error of a stop counts, squared, against those of other zones.
+
+    Example:
+        >>> picture = jnp.full((4, 6, 3), 0.5)
+        >>> box = fj.Zone((0, 0, 3, 4), stops=1.0)
+        >>> round(float(fj.meter(picture, box)), 6)
+        0.25
     """
 
     region: Pattern | ArrayLike | Sequence[int]
@@ -53,7 +59,7 @@ def meter(image: Float[Array, "h w 3"], *zones: Zone | Pattern) -> Float[Array, 
             weight that is not positive.
 
     Example:
-        >>> float(meter(jnp.full((4, 6, 3), 0.5), "centre"))
+        >>> round(float(meter(jnp.full((4, 6, 3), 0.5), "centre")), 6)
         0.5
     """
     height, width = image.shape[:2]

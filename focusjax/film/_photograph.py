@@ -93,6 +93,12 @@ def develop(
 
     Raises:
         ValueError: gains that are not positive.
+
+    Example:
+        >>> grey = jnp.full((4, 6, 3), 0.18)
+        >>> shown = fj.develop(grey, fj.film_preset("reversal"))
+        >>> shown.shape
+        (4, 6, 3)
     """
     if balance is not None:
         _refuse_unless_positive(balance, "white balance", "a gain above 0 for red, green and blue")

@@ -123,7 +123,7 @@ def exposure_value(f_number: ArrayLike, time: ArrayLike, iso: ArrayLike = 100.0)
     """EV = log2(N^2 / t) - log2(S / 100): the light value, at ISO 100, that the settings are right for.
 
     Example:
-        >>> float(exposure_value(8.0, 1 / 64))
+        >>> round(float(exposure_value(8.0, 1 / 64)), 6)
         12.0
     """
     return 2.0 * jnp.log2(f_number) - jnp.log2(time) - jnp.log2(jnp.asarray(iso) / 100.0)
@@ -133,7 +133,7 @@ def light_value(luminance: ArrayLike) -> Array:
     """The exposure value at ISO 100 that a reflected-light meter reads off `luminance` in cd/m^2.
 
     Example:
-        >>> float(light_value(4096.0))
+        >>> round(float(light_value(4096.0)), 6)
         15.0
     """
     return jnp.log2(jnp.asarray(luminance) * (100.0 / METER_CONSTANT))
@@ -143,6 +143,10 @@ def luminance_of_light_value(value: ArrayLike) -> Array:
     """The luminance of radiance 1, in cd/m^2, where a meter reads `value` off a grey of radiance 0.18.
 
     Sunlight is about 15, an overcast day 12, a lit room 7, a street at night 3.
+
+    Example:
+        >>> round(0.18 * float(fj.luminance_of_light_value(12.0)), 3)  # a grey: 2**12 / 8
+        512.0
     """
     return 2.0 ** jnp.asarray(value) * (METER_CONSTANT / 100.0 / GREY)
 

@@ -36,6 +36,11 @@ class CameraSettings(eqx.Module):
         transmittance: share of the light that the glass lets through.
         magnification: size of the image over size of the subject, of what is in focus.
         pupil_magnification: diameter of the exit pupil over that of the entrance pupil.
+
+    Example:
+        >>> settings = fj.camera_settings(f_number=2, time=1 / 4, iso=100)
+        >>> round(float(settings.exposure_value()), 6)
+        4.0
     """
 
     f_number: Float[Array, ""]
@@ -135,6 +140,13 @@ def settings_through(
 
     Raises:
         ValueError: as `camera_settings`; a lens focused within its focal length; a pinhole.
+
+    Example:
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2.8, focal_length=0.05)
+        >>> settings = fj.settings_through(lens, camera, time=1 / 60)
+        >>> round(float(settings.f_number), 3), round(float(settings.magnification), 4)
+        (2.8, 0.0256)
     """
     pupils = lens.pupil_magnification() if isinstance(lens, PrescriptionLens) else 1.0
     length, disparity = float(camera.focal_length), float(lens.focus_disparity)

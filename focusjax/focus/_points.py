@@ -34,6 +34,13 @@ class AtPixel:
     Attributes:
         x: pixels to the right of the frame's left edge (pixel centres at half-integers).
         y: pixels below the frame's top edge.
+
+    Example:
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> wish = fj.FocusPoint(fj.AtPixel(4.5, 2.5), fj.Sharp())
+        >>> round(float(fj.find_points([wish], fj.make_scene([wall]), camera).disparity[0]), 6)
+        0.5
     """
 
     x: SupportsFloat
@@ -45,14 +52,28 @@ class AtPixel:
 
 @dataclasses.dataclass(frozen=True)
 class AtPoint:
-    """A fixed world position [3] in metres, whether or not something is there to be seen."""
+    """A fixed world position [3] in metres, whether or not something is there to be seen.
+
+    Example:
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> found = fj.locate([fj.FocusPoint(fj.AtPoint((0, 0, -2)), fj.Sharp())], camera)
+        >>> found.xy.round(6).tolist(), found.disparity.round(6).tolist()
+        ([[4.0, 3.0]], [0.5])
+    """
 
     position: Vector
 
 
 @dataclasses.dataclass(frozen=True)
 class AtInfinity:
-    """A world direction [3] of any length from the camera: a star, the far end of a street."""
+    """A world direction [3] of any length from the camera: a star, the far end of a street.
+
+    Example:
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> found = fj.locate([fj.FocusPoint(fj.AtInfinity((0, 0, -1)), fj.Sharp())], camera)
+        >>> found.xy.round(6).tolist(), abs(found.disparity).tolist()
+        ([[4.0, 3.0]], [0.0])
+    """
 
     direction: Vector
 
@@ -64,6 +85,14 @@ class OnTriangle:
     Attributes:
         face: row of the scene's faces.
         barycentric: weights [3] of that face's corners; not negative, their sum is 1.
+
+    Example:
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> wish = fj.FocusPoint(fj.OnTriangle(0, (0.25, 0.25, 0.5)), fj.Sharp())
+        >>> found = fj.find_points([wish], fj.make_scene([wall]), camera)
+        >>> found.xy.round(6).tolist(), found.disparity.round(6).tolist()
+        ([[4.0, 3.0]], [0.5])
     """
 
     face: SupportsIndex
@@ -81,6 +110,14 @@ class OnObject:
     Attributes:
         name: the object's name in the scene.
         samples: at most this many visible points carry the wish, and share its weight.
+
+    Example:
+        >>> card = fj.make_object("card", [(-0.5, -0.4, -2), (0.5, -0.4, -2), (0, 0.4, -2)], [(0, 1, 2)])
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> wish = fj.FocusPoint(fj.OnObject("card", samples=4), fj.Sharp())
+        >>> found = fj.find_points([wish], fj.make_scene([card]), camera)
+        >>> found.disparity.round(6).tolist(), found.weight.tolist()
+        ([0.5, 0.5, 0.5, 0.5], [0.25, 0.25, 0.25, 0.25])
     """
 
     name: str
@@ -101,6 +138,15 @@ class OnMask:
     Attributes:
         mask: which pixels [h, w] are meant.
         samples: at most this many pixels carry the wish, and share its weight.
+
+    Example:
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> left_half = np.arange(8) < np.full((6, 1), 4)
+        >>> wish = fj.FocusPoint(fj.OnMask(left_half, samples=4), fj.Sharp())
+        >>> found = fj.find_points([wish], fj.make_scene([wall]), camera)
+        >>> found.disparity.round(6).tolist(), bool((found.xy[:, 0] < 4).all())
+        ([0.5, 0.5, 0.5, 0.5], True)
     """
 
     mask: Bool[np.ndarray, "h w"]
@@ -124,6 +170,12 @@ class InDepthRange:
         far: metres, more than `near`; may be infinite.
         samples: number of points that carry the wish and share its weight, evenly spaced in disparity,
             as blur is; `near` and `far` are the first and the last.
+
+    Example:
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> found = fj.locate([fj.FocusPoint(fj.InDepthRange(1, 2, samples=3), fj.Sharp())], camera)
+        >>> found.disparity.round(6).tolist()
+        [1.0, 0.75, 0.5]
     """
 
     near: SupportsFloat
@@ -148,7 +200,15 @@ Attachment: TypeAlias = AtPixel | AtPoint | AtInfinity | OnTriangle | OnObject |
 
 @dataclasses.dataclass(frozen=True)
 class Sharp:
-    """The point is in focus: its blur diameter is 0."""
+    """The point is in focus: its blur diameter is 0.
+
+    Example:
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=360, height=240, focal_length=0.05)
+        >>> start = fj.thin_lens(focus_distance=5, f_number=2, focal_length=0.05)
+        >>> points = fj.locate([fj.FocusPoint(fj.AtPoint((0, 0, -2)), fj.Sharp())], camera)
+        >>> round(float(fj.solve(points, camera, start).lens.focus_distance()), 4)
+        2.0
+    """
 
 
 @dataclasses.dataclass(frozen=True)
@@ -159,6 +219,16 @@ class Blur:
         diameter: output pixels, or a length of another kind (`OnSensor`, `OfHeight`).
         signed: when true the sign of `diameter` says on which side: positive for a point behind
             the focus, negative for one in front of it. Otherwise either side will do.
+
+    Example:
+        A lens of 50 mm at f/2, focused on 2 m, blurs what is 4 m away by 3.125 of these pixels.
+
+        >>> from focusjax.focus import errors
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=360, height=240, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> points = fj.locate([fj.FocusPoint(fj.AtPoint((0, 0, -4)), fj.Blur(3))], camera)
+        >>> errors(points, camera, lens).round(4).tolist()
+        [0.125]
     """
 
     diameter: Diameter
@@ -175,6 +245,16 @@ class AtMost:
 
     Attributes:
         diameter: output pixels, or a length of another kind (`OnSensor`, `OfHeight`).
+
+    Example:
+        A lens of 50 mm at f/2, focused on 2 m, blurs what is 4 m away by 3.125 of these pixels.
+
+        >>> from focusjax.focus import errors
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=360, height=240, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> wishes = [fj.FocusPoint(fj.AtPoint((0, 0, -4)), fj.AtMost(most)) for most in (3, 4)]
+        >>> errors(fj.locate(wishes, camera), camera, lens).round(4).tolist()
+        [0.125, 0.0]
     """
 
     diameter: Diameter
@@ -189,6 +269,16 @@ class AtLeast:
 
     Attributes:
         diameter: output pixels, or a length of another kind (`OnSensor`, `OfHeight`).
+
+    Example:
+        A lens of 50 mm at f/2, focused on 2 m, blurs what is 4 m away by 3.125 of these pixels.
+
+        >>> from focusjax.focus import errors
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=360, height=240, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> wishes = [fj.FocusPoint(fj.AtPoint((0, 0, -4)), fj.AtLeast(least)) for least in (3, 4)]
+        >>> errors(fj.locate(wishes, camera), camera, lens).round(4).tolist()
+        [0.0, -0.875]
     """
 
     diameter: Diameter
@@ -204,6 +294,17 @@ class SameBlur:
     Attributes:
         other: name of the other focus point; of an object or a mask, its mean blur counts.
         same_side: whether both are to be on the same side of the focus; otherwise either will do.
+
+    Example:
+        Points at 1 m and 3 m, or 1 and 1/3 dioptres, are equally blurred with the focus on 2/3 dioptres.
+
+        >>> from focusjax.focus import errors
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=360, height=240, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=1.5, f_number=2, focal_length=0.05)
+        >>> near = fj.FocusPoint(fj.AtPoint((0, 0, -1)), fj.AtMost(5), name="near")
+        >>> far = fj.FocusPoint(fj.AtPoint((0, 0, -3)), fj.SameBlur("near"), name="far")
+        >>> abs(errors(fj.locate([near, far], camera), camera, lens)[1].round(4)).tolist()
+        0.0
     """
 
     other: str
@@ -223,6 +324,16 @@ class ShownAt:
     Attributes:
         x: pixels to the right of the frame's left edge.
         y: pixels below the frame's top edge.
+
+    Example:
+        The place is seen 25 pixels to the right of the middle; it is wished in the middle, 20 pixels up.
+
+        >>> from focusjax.focus import errors
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=360, height=240, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> points = fj.locate([fj.FocusPoint(fj.AtPoint((0.1, 0, -2)), fj.ShownAt(180, 100))], camera)
+        >>> errors(points, camera, lens).round(4).tolist()
+        [25.0, 20.0]
     """
 
     x: SupportsFloat
@@ -241,6 +352,16 @@ class InFrame:
 
     Attributes:
         margin: least distance to the frame's edges in output pixels, or a length of another kind.
+
+    Example:
+        The place is seen at x = 355, so that it is 5 pixels from the right edge.
+
+        >>> from focusjax.focus import errors
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=360, height=240, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> points = fj.locate([fj.FocusPoint(fj.AtPoint((0.7, 0, -2)), fj.InFrame(margin=10))], camera)
+        >>> round(float(errors(points, camera, lens).max()), 4)
+        5.0
     """
 
     margin: Diameter = 0.0

@@ -142,6 +142,14 @@ class Solution(eqx.Module):
             that it stayed as near to the start as it could.
         free: what was solved for, in the order of `PARAMETERS` (static).
         asked: the problem.
+
+    Example:
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=360, height=240, focal_length=0.05)
+        >>> start = fj.thin_lens(focus_distance=5, f_number=2, focal_length=0.05)
+        >>> wishes = [fj.FocusPoint(fj.AtPoint((0, 0, -z)), fj.Sharp()) for z in (2, 4)]
+        >>> solution = fj.solve(fj.locate(wishes, camera), camera, start)
+        >>> solution.blur.round(4).tolist()
+        [-1.5625, 1.5625]
     """
 
     lens: ThinLens | TiltShiftLens

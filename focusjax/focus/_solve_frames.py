@@ -95,7 +95,7 @@ def solve_frames(
         >>> camera = make_camera(jnp.eye(4), width=64, height=48, focal_length=0.05)
         >>> start = thin_lens(focus_distance=5.0, f_number=2.0, focal_length=0.05)
         >>> walker = [locate([FocusPoint(AtPoint((0, 0, -z)), Sharp())], camera) for z in (4.0, 3.9, 3.8)]
-        >>> solution = solve_frames(walker, camera, start)
+        >>> solution = solve_frames(walker, camera, start, steadiness=0.0)
         >>> [round(1 / w, 2) for w in solution.settings()["focus_per_m"].tolist()]
         [4.0, 3.9, 3.8]
     """

@@ -13,6 +13,12 @@ class OnSensor:
 
     Attributes:
         millimetres: of the sensor whose width the camera has.
+
+    Example:
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=360, height=240, focal_length=0.05)
+        >>> wish = fj.FocusPoint(fj.AtPoint((0, 0, -2)), fj.Blur(fj.OnSensor(0.2)))
+        >>> fj.locate([wish], camera).target.round(6).tolist()
+        [2.0]
     """
 
     millimetres: SupportsFloat
@@ -24,6 +30,12 @@ class OfHeight:
 
     Attributes:
         fraction: 1 is the whole height.
+
+    Example:
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=360, height=240, focal_length=0.05)
+        >>> wish = fj.FocusPoint(fj.AtPoint((0, 0, -2)), fj.Blur(fj.OfHeight(0.01)))
+        >>> fj.locate([wish], camera).target.round(6).tolist()
+        [2.4]
     """
 
     fraction: SupportsFloat

@@ -185,6 +185,12 @@ def look_at(
 
     Raises:
         ValueError: `target` is at `position`, or `up` is along the line between them.
+
+    Example:
+        >>> camera = fj.look_at((0, 0, 5), (0, 0, 0), width=8, height=6, focal_length=0.05)
+        >>> xy, disparity = camera.project(jnp.array([0.0, 0.0, 0.0]))
+        >>> xy.round(6).tolist(), round(float(disparity), 6)
+        ([4.0, 3.0], 0.2)
     """
     eye, aim, upwards = (np.asarray(v, dtype=np.float64) for v in (position, target, up))
     backward = eye - aim

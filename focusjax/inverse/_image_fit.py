@@ -51,6 +51,11 @@ class ImageFit:
         levels: how each level went, the last that of single pixels.
         steps: lenses tried in all, those of a search apart.
         converged: whether the last level ended because steps became small.
+
+    Example:
+        >>> fit = fj.fit_image(photograph, layers, lens, free=("focus", "gain"))  # doctest: +SKIP
+        >>> distance = float(fit.lens.focus_distance())  # doctest: +SKIP
+        >>> fit.standard_errors["focus"], fit.at_limits  # doctest: +SKIP
     """
 
     lens: ThinLens | TiltShiftLens

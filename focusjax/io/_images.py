@@ -28,6 +28,13 @@ def save_png(
 
     Raises:
         ValueError: other bits, or values that are not finite.
+
+    Example:
+        >>> import imageio.v3 as iio
+        >>> fj.save_png("grey.png", np.full((6, 8, 3), 0.25), exposure=2.0)
+        >>> pixels = iio.imread("grey.png")
+        >>> pixels.shape, int(pixels[0, 0, 0])
+        ((6, 8, 3), 255)
     """
     if bits not in (8, 16):
         raise ValueError(f"a PNG with {bits} bits per channel was asked for; expected 8 or 16")
@@ -56,6 +63,12 @@ def save_exr(
 
     Raises:
         ValueError: the picture holds values that are not finite.
+
+    Example:
+        >>> fj.save_exr("picture.exr", np.zeros((6, 8, 3)), depth=np.full((6, 8), 2.0))
+        >>> channels = fj.load_exr("picture.exr")
+        >>> sorted(channels), float(channels["Z"][0, 0])
+        (['B', 'G', 'R', 'Z'], 2.0)
     """
     pixels = np.asarray(image, dtype=np.float32)
     _refuse_non_finite(path, pixels)
@@ -73,6 +86,11 @@ def load_exr(path: Path | str) -> Mapping[str, Float[np.ndarray, "h w"]]:
 
     Raises:
         ValueError: the file cannot be read.
+
+    Example:
+        >>> fj.save_exr("picture.exr", np.full((6, 8, 3), 0.5))
+        >>> {name: plane.shape for name, plane in sorted(fj.load_exr("picture.exr").items())}
+        {'B': (6, 8), 'G': (6, 8), 'R': (6, 8)}
     """
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:

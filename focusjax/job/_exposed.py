@@ -107,6 +107,17 @@ class ExposedSolution(eqx.Module):
         solution: the lens to use, and how its wishes are met.
         wished: what the wishes take, were there light enough; the same where focus goes first.
         exposed: its light, time and speed.
+
+    Example:
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=600, height=400, focal_length=0.05)
+        >>> wishes = [fj.FocusPoint(fj.AtPoint((0, 0, -z)), fj.AtMost(0.5)) for z in (2.0, 4.0)]
+        >>> start = fj.thin_lens(focus_distance=9.0, f_number=1.4, focal_length=0.05)
+        >>> light = {"luminance": 20.0, "iso_range": (100, 1600)}
+        >>> points = fj.locate(wishes, camera)
+        >>> found = fj.solve_exposed(points, camera, start, 0.18, light, priority="exposure")
+        >>> wished, taken = (float(each.lens.f_number(camera)) for each in (found.wished, found.solution))
+        >>> round(wished, 1), round(taken, 1)
+        (10.4, 2.7)
     """
 
     solution: Solution

@@ -257,6 +257,14 @@ def find_points(
 
     Raises:
         ArgumentError: as `locate`; a scene that is none.
+
+    Example:
+        >>> card = fj.make_object("card", [(-0.5, -0.4, -2), (0.5, -0.4, -2), (0, 0.4, -2)], [(0, 1, 2)])
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> centre = fj.FocusPoint(fj.AtPixel(4.5, 3.5), fj.Sharp())
+        >>> corner = fj.FocusPoint(fj.AtPixel(0.5, 0.5), fj.Blur(3))
+        >>> fj.find_points([centre, corner], fj.make_scene([card]), camera).disparity.round(6).tolist()
+        [0.5, 0.0]
     """
     usage = "find_points(wishes, scene, camera)"
     require_kind(scene, Scene, usage, "`make_scene` makes one", "scene")

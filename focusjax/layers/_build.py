@@ -62,8 +62,17 @@ def peel(
             with the number that would fit; or layers to be like that are of another frame.
 
     Example:
-        >>> frames = [peel(scene, camera, lens)]  # doctest: +SKIP
-        >>> frames.append(peel(moved, camera, lens, like=frames[-1]))  # doctest: +SKIP
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> scene = fj.make_scene([wall], unlit=True)
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> layers = fj.peel(scene, camera, lens)
+        >>> layers.count, layers.complete
+        (1, True)
+        >>> moved = fj.make_scene([fj.make_object("wall", wall.vertices - [0, 0, 1], wall.faces)], unlit=True)
+        >>> later = fj.peel(moved, camera, lens, like=layers)
+        >>> later.extent == layers.extent, round(1 / float(later.disparity.max()), 3)
+        (True, 3.0)
     """
     require_counts(supersampling=supersampling, max_layers=max_layers)
     require_switches(umbra=umbra, view_dependent=view_dependent)
@@ -107,6 +116,13 @@ def disparity_map(scene: Scene, camera: Camera) -> np.ndarray:
     """Disparity in 1/m [h, w] of the first surface at every pixel centre; 0 where there is none.
 
     A surface counts where at least half of it is there: a window pane does not hide the garden.
+
+    Example:
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> disparity = fj.disparity_map(fj.make_scene([wall]), camera)
+        >>> disparity.shape, round(float(disparity[3, 4]), 6)
+        ((6, 8), 0.5)
     """
     return first_surfaces(scene, camera)[0]
 

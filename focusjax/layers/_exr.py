@@ -38,8 +38,14 @@ def save_layers(path: str | Path, layers: Layers) -> None:
         ValueError: another ending, or a folder that cannot be written to.
 
     Example:
-        >>> save_layers("desk.exr", peel(scene, camera, lens))  # doctest: +SKIP
-        >>> image = render(load_layers("desk.exr"), lens)  # doctest: +SKIP
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> layers = fj.peel(fj.make_scene([wall], unlit=True), camera, lens)
+        >>> fj.save_layers("wall.exr", layers)
+        >>> picture = fj.render_pinhole(fj.load_layers("wall.exr"))
+        >>> picture.shape
+        (6, 8, 3)
     """
     path = Path(path)
     require_kind(layers, Layers, "save_layers(path, layers)", "`peel` and `decompose` make them", "layers")
@@ -70,6 +76,15 @@ def load_layers(path: str | Path) -> Layers:
     Raises:
         ValueError: no such file, another OpenEXR file, one that was changed, or of another version; numbers
             of 64 bits where JAX has 32.
+
+    Example:
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> layers = fj.peel(fj.make_scene([wall], unlit=True), camera, lens)
+        >>> fj.save_layers("wall.exr", layers)
+        >>> bool((fj.load_layers("wall.exr").disparity == layers.disparity).all())
+        True
     """
     path = Path(path)
     if not path.is_file():

@@ -84,6 +84,14 @@ class Layers(eqx.Module):
         left_out: samples of surface that found no layer, as far as known to be seen (static, but of no
             account to compiled programs: layers that differ in it alone are traced by one program).
         pixel_filter: the widest filter whose rays they hold (static); see `peel`.
+
+    Example:
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> layers = fj.peel(fj.make_scene([wall], unlit=True), camera, lens)
+        >>> layers.count, layers.complete, round(float(layers.disparity.max()), 3)
+        (1, True, 0.5)
     """
 
     cells: UInt[Array, "l h w"]

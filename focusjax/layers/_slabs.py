@@ -85,6 +85,13 @@ def decompose(
         ValueError: not exactly one of `count` and `blur_step`, a value out of range, a step so small
             that it makes over a thousand slabs, a grid or layers that do not fit in memory, or layers to
             be like that are of another frame.
+
+    Example:
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> fj.decompose(fj.make_scene([wall], unlit=True), camera, lens, count=4).count
+        1
     """
     if (count is None) == (blur_step is None):
         raise ValueError(f"count is {count} and blur_step is {blur_step}; give exactly one of them")

@@ -74,6 +74,12 @@ class Disk(AbstractAperture):
     """The full unit disk, by the concentric map of Shirley and Chiu.
 
     The map keeps neighbours together, so well-spread samples of the square stay well spread.
+
+    Example:
+        >>> lens = fj.thin_lens(focus_distance=2, aperture_radius=0.01, aperture=fj.Disk())
+        >>> on_rim = lens.aperture.point(jnp.array([1.0, 0.5]))
+        >>> round(float(jnp.hypot(*on_rim)), 6)
+        1.0
     """
 
     def point(self, sample: Float[Array, "2"]) -> Float[Array, "2"]:
@@ -170,6 +176,12 @@ def polygon(blades: int, *, rotation: SupportsFloat = 0.0, roundness: SupportsFl
 
     Raises:
         ValueError: fewer than 3 blades, or a roundness outside 0 to 1.
+
+    Example:
+        >>> square = fj.polygon(4)
+        >>> lens = fj.thin_lens(focus_distance=2, aperture_radius=0.01, aperture=square)
+        >>> lens.aperture.blades, bool(lens.aperture.holds(jnp.array([0.6, 0.6])))
+        (4, False)
     """
     if isinstance(blades, bool) or not isinstance(blades, SupportsIndex) or operator.index(blades) < 3:
         raise ValueError(f"an aperture has {blades!r} blades; expected a whole number, at least 3, or a disk")

@@ -84,6 +84,12 @@ def focal_surface(
 
     Raises:
         ValueError: no points, lengths that differ, or a value out of range.
+
+    Example:
+        >>> surface = fj.focal_surface([(10, 20), (50, 20)], [0.5, 1.0])
+        >>> focus_disparity, aperture_scale = surface.at(jnp.array([30.0, 20.0]))
+        >>> round(float(focus_disparity), 6), float(aperture_scale)
+        (0.75, 1.0)
     """
     places = real_numbers(xy, "the places of control points", "k rows of (x, y) in pixels, at least one")
     if places.ndim != 2 or places.shape[1] != 2 or not len(places):

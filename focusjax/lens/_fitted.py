@@ -44,6 +44,11 @@ class FittedLens(AbstractLens):
         transfer: the polynomials.
         rims: numbers of the surfaces whose rims cut light off (static).
         error: how far its rays are from that lens's.
+
+    Example:
+        >>> lens = fj.fitted_lens(exact, camera)  # doctest: +SKIP
+        >>> lens.exact is exact  # doctest: +SKIP
+        True
     """
 
     exact: PrescriptionLens

@@ -28,6 +28,13 @@ class FocalSurfaceLens(AbstractLens):
         aperture_scale: s at pixel corners, not negative.
         aperture_radius: E in metres.
         aperture: shape of the opening.
+
+    Example:
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=64, height=48, focal_length=0.05)
+        >>> thin = fj.thin_lens(focus_distance=5, f_number=2, focal_length=0.05)
+        >>> lens = fj.focal_surface_lens(fj.focal_surface([(10, 20), (50, 20)], [0.5, 1.0]), camera, thin)
+        >>> lens.focus_disparity.shape, round(float(lens.focus_disparity[20, 50]), 6)
+        ((49, 65), 1.0)
     """
 
     focus_disparity: Float[Array, "rows columns"]

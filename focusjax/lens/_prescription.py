@@ -57,6 +57,13 @@ class PrescriptionLens(AbstractLens):
         falloff: whether weights have the fourth power of the cosine to the axis at the film (static).
         focus: how it was focused, "traced" or "paraxial" (static).
         breathing: whether the film keeps its size at every focus (static).
+
+    Example:
+        >>> camera = fj.look_at((0, 0, 2), (0, 0, 0), width=60, height=40, focal_length=0.05)
+        >>> triplet = fj.lens_preset("cooke_triplet_50mm_f4")
+        >>> lens = fj.prescription_lens(triplet, camera, focus_distance=2.0, f_number=8)
+        >>> round(float(lens.focus_distance()), 4), round(float(lens.f_number(camera)), 3)
+        (2.0, 8.0)
     """
 
     prescription: Prescription

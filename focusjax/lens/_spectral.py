@@ -55,7 +55,10 @@ def spectral_lens(
         ValueError: not three wavelengths, or one for which glass has no index; an even number of bands.
 
     Example:
-        >>> smooth = spectral_lens(lens, camera, bands=7)  # doctest: +SKIP
+        >>> camera = fj.look_at((0, 0, 2), (0, 0, 0), width=60, height=40, focal_length=0.05)
+        >>> lens = fj.prescription_lens(fj.lens_preset("cooke_triplet_50mm_f4"), camera, focus_distance=2.0)
+        >>> len(fj.spectral_lens(lens, camera, bands=5).channels())
+        5
     """
     numbers = [float(each) for each in wavelengths]
     if len(numbers) != 3:

@@ -200,6 +200,17 @@ def tilt_shift_lens(
 
     Raises:
         ValueError: as `thin_lens`, and for a tilt over the limit or a plane that the lens cannot reach.
+
+    Example:
+        Tilted by arcsin(0.09 / 1.5), the lens has its plane in focus pass 1.5 m below it, as the ground does.
+
+        >>> lens = fj.tilt_shift_lens(
+        ...     focus_distance=float("inf"), tilt=np.arcsin(0.06), f_number=4, focal_length=0.09
+        ... )
+        >>> camera = fj.look_at((0, 1.5, 0), (0, 1.5, -1), width=60, height=40, focal_length=0.09)
+        >>> film_point, disparity = camera.project(jnp.array([0.0, 0.0, -10.0]))
+        >>> round(abs(float(lens.blur(camera, film_point, disparity))), 6)
+        0.0
     """
     upright = thin_lens(
         focus_distance=focus_distance,

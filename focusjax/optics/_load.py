@@ -57,6 +57,13 @@ def load_lens(path: str | Path, *, glass: Sequence[str | Path] = ()) -> Prescrip
 
     Raises:
         LensFileError: another ending, or a file that cannot be read; the message names file and line.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from focusjax.optics import pbrt_lens_text
+        >>> _ = Path("triplet.dat").write_text(pbrt_lens_text(fj.lens_preset("cooke_triplet_50mm_f4"), 40.0))
+        >>> len(fj.load_lens("triplet.dat").thicknesses)
+        7
     """
     path = Path(path)
     reader = _READERS.get(path.suffix.lower())

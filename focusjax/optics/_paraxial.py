@@ -49,7 +49,7 @@ def first_order(lens: Prescription, wavelength: Float[Array, ""] | None = None) 
     """Cardinal points and pupils of `lens` at a `wavelength` in nm, that of the line d if None.
 
     Example:
-        >>> lens = lens_preset("planar_us583336_f4.5_1897")
+        >>> lens = fj.lens_preset("planar_us583336_f4.5_1897")
         >>> round(float(first_order(lens).focal_length), 2)
         49.39
     """

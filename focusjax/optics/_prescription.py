@@ -33,9 +33,10 @@ class Prescription(eqx.Module):
         name: what to call it (static).
 
     Example:
+        >>> from focusjax.optics import find_glass, first_order
         >>> lens = singlet(50.0, -50.0, thickness=5.0, semi_diameter=10.0, glass=find_glass("N-BK7"))
         >>> round(float(first_order(lens).focal_length), 3)
-        49.22
+        49.213
     """
 
     surfaces: tuple[AbstractSurface, ...]

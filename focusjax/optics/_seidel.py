@@ -76,9 +76,9 @@ def seidel_sums(
         object_distance: mm from the entrance pupil; infinite by default.
 
     Example:
-        >>> lens = lens_preset("cooke_triplet_50mm_f4")
+        >>> lens = fj.lens_preset("cooke_triplet_50mm_f4")
         >>> sums = seidel_sums(lens, field=0.35)
-        >>> bool(abs(sums.spherical.sum()) < 0.1 * abs(sums.spherical).max())
+        >>> bool(abs(sums.coma.sum()) < 0.1 * abs(sums.coma).max())
         True
     """
     seen = first_order(lens, wavelength)

@@ -20,7 +20,7 @@ def pbrt_lens_text(lens: Prescription, film: float) -> str:
             glass.
 
     Example:
-        >>> print(pbrt_lens_text(lens_preset("cooke_triplet_50mm_f4"), 40.0).splitlines()[1])
+        >>> print(pbrt_lens_text(fj.lens_preset("cooke_triplet_50mm_f4"), 40.0).splitlines()[1])
         # radius thickness index diameter, in mm
     """
     indices = np.asarray(lens.indices(line()), dtype=float)

@@ -46,6 +46,13 @@ class Photo:
         camera: the camera that took it, at the origin, on a sensor with the diagonal of 36 x 24 mm.
         edge_px: pixels on either side of a silhouette that may hold a mixture of both sides.
         source: the file.
+
+    Example:
+        >>> fj.save_png("desk.png", np.full((24, 36, 3), 0.5))
+        >>> np.save("desk_depth.npy", np.full((24, 36), 2.0))
+        >>> photo = fj.load_photo("desk.png", depth="desk_depth.npy", depth_unit="m", focal_length_px=50)
+        >>> photo.light.shape, round(float(photo.disparity[0, 0]), 6), float(photo.camera.focal_px)
+        ((24, 36, 3), 0.5, 50.0)
     """
 
     light: Float[np.ndarray, "h w 3"]
@@ -126,9 +133,13 @@ def load_photo(
             belong together; one sentence with the file and what to do.
 
     Example:
-        >>> photo = load_photo("desk.png", depth="desk_depth.png", depth_unit="m", depth_scale=1 / 5000,
-        ...     focal_length_px=525)  # doctest: +SKIP
-        >>> layers = peel(photo.scene(f_number=1.4), photo.camera, lens)  # doctest: +SKIP
+        >>> fj.save_png("desk.png", np.full((24, 36, 3), 0.5))
+        >>> np.save("desk_depth.npy", np.full((24, 36), 2.0))
+        >>> photo = fj.load_photo("desk.png", depth="desk_depth.npy", depth_unit="m", focal_length_35mm=50)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=1.4, focal_length=photo.camera.focal_length)
+        >>> layers = fj.peel(photo.scene(f_number=1.4), photo.camera, lens)
+        >>> round(1 / float(layers.disparity[0, 12, 18]), 2)
+        2.0
     """
     path = Path(path)
     _check_options(path, curve, highlight_stops, align_px)

@@ -53,8 +53,14 @@ def post_process(
         ValueError: a view of another size than the camera's, values that are not finite, or no taps.
 
     Example:
-        >>> view = view_in_layers(layers, scene)  # doctest: +SKIP
-        >>> image = post_process(view, camera, lens, taps=32)  # doctest: +SKIP
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> scene = fj.make_scene([wall], unlit=True)
+        >>> from focusjax.post import post_process, view_in_layers
+        >>> view = view_in_layers(fj.peel(scene, camera, lens), scene)
+        >>> post_process(view, camera, lens, taps=16).round(3)[3, 4].tolist()
+        [0.8, 0.8, 0.8]
     """
     require_counts(taps=taps, motion_taps=motion_taps)
     image = view.image

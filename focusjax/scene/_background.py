@@ -85,6 +85,10 @@ def constant_background(colour: ArrayLike | Sequence[float] = 0.0) -> ConstantBa
 
     Raises:
         ValueError: a negative value, or one that is not finite.
+
+    Example:
+        >>> fj.constant_background(0.5).radiance(jnp.array([0.0, 0.0, -1.0])).tolist()
+        [0.5, 0.5, 0.5]
     """
     return ConstantBackground(light_colour(colour, "background colour"))
 
@@ -98,6 +102,12 @@ def gradient_background(
 
     Raises:
         ValueError: a negative value, or one that is not finite.
+
+    Example:
+        >>> sky = fj.gradient_background(bottom=0.1, horizon=0.5, top=1.0)
+        >>> directions = jnp.array([(0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)])
+        >>> [round(float(sky.radiance(direction)[0]), 6) for direction in directions]
+        [0.1, 0.5, 1.0]
     """
     return GradientBackground(
         light_colour(bottom, "bottom colour of the background"),
@@ -116,6 +126,12 @@ def image_background(path: str | Path, *, gain: float = 1.0, turn: float = 0.0) 
 
     Raises:
         ValueError: the file cannot be read or holds values that are not finite; a bad gain.
+
+    Example:
+        >>> fj.save_exr("sky.exr", np.full((4, 8, 3), 0.25))
+        >>> sky = fj.image_background("sky.exr", gain=2.0)
+        >>> sky.radiance(jnp.array([0.0, 0.0, -1.0])).tolist()
+        [0.5, 0.5, 0.5]
     """
     if not 0.0 <= gain < float("inf"):
         raise ValueError(f"the gain of the background image is {gain}; expected a finite value of at least 0")

@@ -66,6 +66,11 @@ def directional_light(
 
     Raises:
         ValueError: a direction of length zero, a negative colour, or a value that is not finite.
+
+    Example:
+        >>> sun = fj.directional_light((0, -1, 0), colour=0.5)
+        >>> sun.direction.tolist(), sun.colour.tolist()
+        ([0.0, -1.0, 0.0], [0.5, 0.5, 0.5])
     """
     travel = _vector(direction, "direction of a directional light")
     if not bool(jnp.any(travel != 0)):
@@ -80,6 +85,11 @@ def point_light(
 
     Raises:
         ValueError: a negative intensity, or a value that is not finite.
+
+    Example:
+        >>> bulb = fj.point_light((0, 2, 0), intensity=0.5)
+        >>> bulb.position.tolist(), bulb.intensity.tolist()
+        ([0.0, 2.0, 0.0], [0.5, 0.5, 0.5])
     """
     return PointLight(
         _vector(position, "position of a point light"), light_colour(intensity, "intensity of a point light")

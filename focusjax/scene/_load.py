@@ -65,6 +65,13 @@ def load_mesh(
     Warns:
         UserWarning: a texture the file refers to is missing, damaged, or has no texture coordinates
             (the material's colour is used instead); a material nobody will see.
+
+    Example:
+        >>> import trimesh
+        >>> _ = trimesh.creation.box().export("box.ply")
+        >>> box = fj.load_mesh("box.ply", scale=0.5, translate=(0, 0, -2))
+        >>> box.name, len(box.faces), box.vertices.min(axis=0).tolist()
+        ('box', 12, [-0.25, -0.25, -2.25])
     """
     path = Path(path)
     what = f"mesh file {path}"

@@ -40,6 +40,12 @@ class Scene:
         ambient: linear light [3] that a white surface reflects whichever way it faces.
         unlit: show albedo and emission without any lights.
         background: radiance from infinity.
+
+    Example:
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> scene = fj.make_scene([wall], lights=[fj.point_light((0, 0, 0))])
+        >>> scene, scene.face_range("wall")
+        (Scene(1 triangles of wall; 1 lights), range(0, 1))
     """
 
     vertices: Float[np.ndarray, "v 3"]
@@ -196,6 +202,13 @@ def make_scene(
 
     Raises:
         ValueError: no objects, two of the same name, or a negative ambient light.
+
+    Example:
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> card = fj.make_object("card", [(0, 0, -1), (1, 0, -1), (0, 1, -1)], [(0, 1, 2)])
+        >>> scene = fj.make_scene([wall, card], lights=[fj.directional_light((0, 0, -1))], ambient=0.1)
+        >>> scene.vertices.shape, list(scene.objects)
+        ((6, 3), ['wall', 'card'])
     """
     usage = "make_scene(objects, lights=, background=)"
     for name, values, kind, remedy in (

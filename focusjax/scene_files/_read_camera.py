@@ -29,8 +29,11 @@ def read_camera(
             a camera that is not in perspective, or whose transform is skewed or mirrored.
 
     Example:
-        >>> read_camera("shot.usda").focus_distance  # doctest: +SKIP
-        1.3
+        >>> camera = fj.look_at((0, 0, 1), (0, 0, 0), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=1.25, f_number=2.0, focal_length=0.05)
+        >>> _ = fj.export_camera(camera, lens, "shot.usda", to="usd")
+        >>> round(float(fj.read_camera("shot.usda").focus_distance), 6)
+        1.25
     """
     path = checked(path)
     if path.suffix.lower() in GLTF:

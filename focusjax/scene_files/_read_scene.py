@@ -26,8 +26,11 @@ def read_scene(path: str | Path, *, within: Sequence[Path] | None = None) -> Sto
         UserWarning: what is left out: other shapes than meshes, lights with an extent, subdivision.
 
     Example:
-        >>> stored = read_scene("shot.usdz")  # doctest: +SKIP
-        >>> scene = make_scene(stored.objects, lights=stored.lights)  # doctest: +SKIP
+        >>> import trimesh
+        >>> _ = trimesh.creation.box().export("box.glb")
+        >>> stored = fj.read_scene("box.glb")
+        >>> len(fj.make_scene(stored.objects, lights=stored.lights).faces)
+        12
     """
     path = checked(path)
     return gltf_scene(path, within) if path.suffix.lower() in GLTF else usd_scene(path, within)

@@ -14,7 +14,13 @@ _SKEWED = 1e-4
 
 
 class SceneFileError(ValueError):
-    """A file of a scene or camera that cannot be used; the message names the file and what to do."""
+    """A file of a scene or camera that cannot be used; the message names the file and what to do.
+
+    Example:
+        >>> fj.read_camera("shot.usda")
+        Traceback (most recent call last):
+        focusjax.scene_files._stored_camera.SceneFileError: shot.usda: does not exist; check the path
+    """
 
 
 @dataclasses.dataclass(frozen=True)

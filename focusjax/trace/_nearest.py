@@ -23,6 +23,17 @@ def nearest_in_layers(layers: Layers) -> Callable[[LensRay], Float[np.ndarray, "
 
     Returns:
         a function from n rays to the disparities [n] in 1/m where they first meet a surface, 0 where none.
+
+    Example:
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> layers = fj.peel(fj.make_scene([wall], unlit=True), camera, lens, umbra=False)
+        >>> on_axis = lens.ray(camera, jnp.array([4.5, 2.5]), jnp.zeros(2))
+        >>> nearest = fj.nearest_in_layers(layers)
+        >>> rays = jax.tree.map(lambda value: value[None], on_axis)
+        >>> nearest(rays).round(3).tolist()
+        [0.5]
     """
 
     def first_disparity(rays: LensRay) -> Float[np.ndarray, " n"]:

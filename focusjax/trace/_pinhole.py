@@ -19,6 +19,14 @@ def render_pinhole(layers: Layers) -> Float[Array, "h w 3"]:
     The nearest surface at four places of each layer sample, averaged over the pixel; where a surface is
     there in part only, those behind it show through the rest. It is also what the picture of any lens tends
     to when its aperture closes.
+
+    Example:
+        >>> white = fj.make_object("white", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)], colour=1.0)
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> picture = fj.render_pinhole(fj.peel(fj.make_scene([white], unlit=True), camera, lens))
+        >>> picture.shape, round(float(picture[3, 4, 0]), 2)
+        ((6, 8, 3), 1.0)
     """
     grid = layers.grid
     edges = (

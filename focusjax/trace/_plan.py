@@ -120,8 +120,13 @@ def plan_rays(
             lens or filter that `render` would refuse.
 
     Example:
-        >>> plan = plan_rays(layers, lens, "40 dB")  # doctest: +SKIP
-        >>> image = render(layers, lens, rays=plan.rays)  # doctest: +SKIP
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> layers = fj.peel(fj.make_scene([wall], unlit=True), camera, lens)
+        >>> plan = fj.plan_rays(layers, lens, "40 dB")
+        >>> fj.render(layers, lens, rays=plan.rays).shape
+        (6, 8, 3)
     """
     wanted = decibels_of(quality)
     seed = require_seed(seed)

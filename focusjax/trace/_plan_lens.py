@@ -61,8 +61,14 @@ def plan_lens(
         ValueError: no such quality.
 
     Example:
-        >>> plan = plan_lens(layers, lens, "38 dB")  # doctest: +SKIP
-        >>> rays = plan_rays(layers, plan.lens, "38 dB").rays  # doctest: +SKIP
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.prescription_lens(fj.lens_preset("cooke_triplet_50mm_f4"), camera, focus_distance=2.0)
+        >>> layers = fj.peel(fj.make_scene([wall], unlit=True), camera, lens)
+        >>> fj.plan_lens(layers, lens, "reference").lens is lens
+        True
+        >>> plan = fj.plan_lens(layers, lens, "38 dB")  # doctest: +SKIP
+        >>> rays = fj.plan_rays(layers, plan.lens, "38 dB").rays  # doctest: +SKIP
     """
     wanted = decibels_of(quality)
     if quality == "reference":

@@ -84,8 +84,13 @@ def estimate_quality(
             would refuse.
 
     Example:
-        >>> image = render(layers, lens, rays=32)  # doctest: +SKIP
-        >>> estimate_quality(layers, lens, image, rays=32).decibels  # doctest: +SKIP
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> layers = fj.peel(fj.make_scene([wall], unlit=True), camera, lens)
+        >>> picture = fj.render(layers, lens, rays=32)
+        >>> fj.estimate_quality(layers, lens, picture, rays=32).decibels > 40
+        True
     """
     require_counts(rays=rays)
     seed = require_seed(seed)

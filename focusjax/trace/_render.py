@@ -76,10 +76,20 @@ def render(
             raises a `jax.errors.JaxRuntimeError`, whose text has the same sentence after a traceback.
 
     Example:
-        >>> def contrast(focus):  # doctest: +SKIP
-        ...     lens = eqx.tree_at(lambda lens: lens.focus_disparity, start, focus)
-        ...     return render(layers, lens).var()
-        >>> jax.grad(contrast)(0.5)  # doctest: +SKIP
+        >>> wall = fj.make_object("wall", [(-9, -9, -2), (9, -9, -2), (0, 9, -2)], [(0, 1, 2)])
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
+        >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
+        >>> layers = fj.peel(fj.make_scene([wall], unlit=True), camera, lens)
+        >>> picture = fj.render(layers, lens, rays=16)
+        >>> picture.shape, round(float(picture[3, 4, 0]), 3)
+        ((6, 8, 3), 0.8)
+
+        The derivative of its contrast by the focus:
+
+        >>> def contrast(focus):
+        ...     focused = eqx.tree_at(lambda lens: lens.focus_disparity, lens, focus)
+        ...     return fj.render(layers, focused).var()
+        >>> slope = jax.grad(contrast)(0.5)  # doctest: +SKIP
     """
     _refuse_series(layers, lens)
     settings = render_settings(

@@ -7,8 +7,8 @@ import numpy as np
 
 from focusjax.focus._image_points import ACROSS, AT_LEAST, AT_MOST, DOWN, EQUAL
 from focusjax.focus._places import BEHIND, Place
-from focusjax.focus._points import InFrame, ShownAt, Wish
 from focusjax.focus._units import pixels
+from focusjax.focus._wishes import InFrame, ShownAt, Wish
 from focusjax.geometry import Camera
 
 Row: TypeAlias = tuple[Any, int, bool, int]

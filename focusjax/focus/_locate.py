@@ -21,18 +21,9 @@ from focusjax._words import did_you_mean, kind_of, shown
 from focusjax.focus._framing import Row, ends, frames, framing_rows
 from focusjax.focus._image_points import AT_LEAST, AT_MOST, BLUR, EQUAL, SAME, ImagePoints
 from focusjax.focus._places import BEHIND, OUTSIDE, Finder, Place
-from focusjax.focus._points import (
-    AtInfinity,
-    AtLeast,
-    AtMost,
-    AtPoint,
-    Blur,
-    FocusPoint,
-    SameBlur,
-    Sharp,
-    Wish,
-)
+from focusjax.focus._points import AtInfinity, AtPoint, FocusPoint
 from focusjax.focus._units import pixels
+from focusjax.focus._wishes import AtLeast, AtMost, Blur, SameBlur, Sharp, Wish
 from focusjax.geometry import Camera
 
 

@@ -74,8 +74,8 @@ def dispatch(
         while now.tasks or (waiting and not stop()):
             if client.status != "running":
                 raise ManyError(
-                    f"the scheduler at {address} is gone; start it again, and go on with --resume, which"
-                    " keeps what is done"
+                    f"the scheduler at {address} is gone; start it again and give the same command, a batch"
+                    " or a data set with --resume, which keeps what is done"
                 )
             if time.monotonic() - looked > _LOOK:
                 before, looked = workers, time.monotonic()

@@ -106,7 +106,7 @@ class _MovingCamera:
     placed: Pose | _Looking
     up: tuple[float, ...]
     keep_size_at: Callable[[float], Float[np.ndarray, "3"]] | None
-    _known: dict[tuple[Any, ...], Camera] = dataclasses.field(default_factory=dict, repr=False)
+    _known: dict[tuple[Any, ...], Camera] = dataclasses.field(default_factory=dict, init=False, repr=False)
 
     def __call__(self, frame: float) -> Camera:
         values: dict[str, Any] = {

@@ -49,7 +49,7 @@ class MakeFrame:
     kinds: tuple[str, ...]
     rays: int
     widest: Extent | None
-    _extents: dict[str, Extent] = dataclasses.field(default_factory=dict)
+    _extents: dict[str, Extent] = dataclasses.field(default_factory=dict, init=False, repr=False)
 
     def __call__(self, task: Task, journal: Journal) -> FrameFacts:
         """Make a frame, a task's argument being its number and what it is made from, unless it is there."""
@@ -155,7 +155,7 @@ class MakeFrameOfFile:
 
     @classmethod
     def written(cls, work: MakeFrame, file: Path) -> "MakeFrameOfFile":
-        """Write the file. It has functions in it, as of paths, which pickle does not take."""
+        """Write the file. A shot made in Python may have functions in it that pickle alone does not take."""
         file.write_bytes(cloudpickle.dumps(work))
         return cls(file)
 

@@ -117,6 +117,8 @@ def render_frames(
             tasks.append(Task(_name(number), (number, mark)))
     kept = len(facts)
     tell("render", kept / len(wanted))
+    for abandoned in folder.glob(f"{_SHOT}*"):
+        abandoned.unlink(missing_ok=True)
     if tasks:
         make = _make_frame(solved, wanted, folder, settings, kinds)
         failed: list[Ended] = []
@@ -165,8 +167,6 @@ def _for_workers(make: MakeFrame, workers: Workers) -> Iterator[MakeFrame | Make
     if workers == 1:
         yield make
         return
-    for abandoned in make.folder.glob(f"{_SHOT}*"):
-        abandoned.unlink(missing_ok=True)
     file = make.folder / f"{_SHOT}{uuid.uuid4().hex[:12]}"
     try:
         yield MakeFrameOfFile.written(make, file)

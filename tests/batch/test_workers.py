@@ -45,7 +45,7 @@ def test_a_batch_whose_workers_and_scheduler_are_killed_is_gone_on_with(boxes, t
             if len(ended) == 16:
                 cluster.scheduler.kill()
 
-        with pytest.raises(ManyError, match="is gone; start it again, and go on with --resume"):
+        with pytest.raises(ManyError, match=r"is gone; start it again and give the same command.* --resume"):
             run_batch(items, out, workers=str(cluster.file), solve_only=True, on_result=kill)
     assert {result.status for result in ended} == {"done"}
     facts = json.loads((out / "summary.json").read_text())

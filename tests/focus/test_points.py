@@ -3,7 +3,8 @@
 import pytest
 
 from focusjax.focus import AtPixel, Blur, FocusPoint, OnObject, Sharp
-from focusjax.focus._points import Attachment, Wish, check_kind
+from focusjax.focus._points import Attachment, check_kind
+from focusjax.focus._wishes import Wish
 
 
 @pytest.mark.parametrize(

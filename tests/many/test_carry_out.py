@@ -76,7 +76,8 @@ def test_processes_that_are_killed_lose_nothing(tmp_path):
                     cluster.scheduler.kill()
         except ManyError as error:
             complaint = str(error)
-    assert "is gone; start it again, and go on with --resume" in complaint
+    assert "is gone; start it again and give the same command" in complaint
+    assert "with --resume, which keeps what is done" in complaint
     assert len(killed) == 2
     assert {each.error for each in ended} == {""}
     done = finishes(out)

@@ -1,4 +1,4 @@
-"""The reference pages of packages: every public name, from the packages' `__init__` files.
+"""The reference pages of packages and modules: every public name, from the packages' `__init__` files.
 
 They are written into `docs/reference/generated` before Sphinx reads its sources: a page for each package, on
 which autodoc documents each name and links follow to the pages whose code uses it, and a table of the names
@@ -20,8 +20,14 @@ _CODE = re.compile(r"^`{3,}\{?(?:python|code-cell)[^\n]*\n(.*?)^`{3,}", re.MULTI
 
 
 def public_names(package: str) -> dict[str, str]:
-    """The names that a package exports, by `from module import name as name`, with that module's package."""
-    tree = ast.parse(ROOT.joinpath(*package.split("."), "__init__.py").read_text("utf-8"))
+    """The names that a package exports, by `from module import name as name`, with that module's package.
+
+    Those of a module that is no package are the functions and classes that it defines.
+    """
+    tree = ast.parse(_source(package).read_text("utf-8"))
+    if _source(package).name != "__init__.py":
+        defined = (node.name for node in tree.body if isinstance(node, ast.FunctionDef | ast.ClassDef))
+        return {name: package for name in defined if not name.startswith("_")}
     return {
         alias.name: ".".join(node.module.split(".")[:2])
         for node in ast.walk(tree)
@@ -32,9 +38,15 @@ def public_names(package: str) -> dict[str, str]:
 
 
 def public_packages() -> list[str]:
-    """The packages below `focusjax`."""
-    found = sorted(path.parent.name for path in (ROOT / "focusjax").glob("*/__init__.py"))
-    return [f"focusjax.{name}" for name in found]
+    """The packages below `focusjax`, and its modules that are no command and not private."""
+    names = [path.parent.name for path in (ROOT / "focusjax").glob("*/__init__.py")]
+    names += [path.stem for path in (ROOT / "focusjax").glob("[!_]*.py") if path.stem != "cli"]
+    return [f"focusjax.{name}" for name in sorted(names)]
+
+
+def _source(package: str) -> Path:
+    path = ROOT.joinpath(*package.split("."))
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
 def uses() -> dict[str, list[tuple[str, str]]]:
@@ -90,7 +102,7 @@ def _kind(value: object) -> str:
 
 def _comment(package: str, name: str) -> str:
     """The text below a module's constant, where it is defined."""
-    source = ROOT.joinpath(*package.split("."), "__init__.py")
+    source = _source(package)
     for node in ast.walk(ast.parse(source.read_text("utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.module and name in {alias.name for alias in node.names}:
             source = ROOT.joinpath(*node.module.split(".")).with_suffix(".py")

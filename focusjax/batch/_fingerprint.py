@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from focusjax.config import Config
-from focusjax.io import for_json
+from focusjax.io import differing_keys, for_json
 
 _SHOWN = 3
 
@@ -55,8 +55,8 @@ def changed_since(old: dict[str, Any], new: dict[str, Any]) -> str:
     """What differs between two fingerprints, in words; "" where nothing does."""
     if old == new:
         return ""
-    keys = _differing(old.get("config"), new["config"])
-    keys += [f"the file {text}" for text in _differing(old.get("files"), new["files"])]
+    keys = differing_keys(old.get("config"), new["config"])
+    keys += [f"the file {text}" for text in differing_keys(old.get("files"), new["files"])]
     if keys:
         more = len(keys) - _SHOWN
         listed = ", ".join(keys[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
@@ -76,17 +76,3 @@ def _texts(value: Any) -> Iterator[str]:
     elif isinstance(value, list):
         for item in value:
             yield from _texts(item)
-
-
-def _differing(old: Any, new: Any, above: str = "") -> list[str]:
-    """Dotted keys at which two values differ."""
-    if old == new:
-        return []
-    pairs: list[tuple[str, Any, Any]]
-    if isinstance(old, dict) and isinstance(new, dict):
-        pairs = [(key, old.get(key), new.get(key)) for key in dict.fromkeys([*new, *old])]
-    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
-        pairs = [(str(number), *both) for number, both in enumerate(zip(old, new, strict=True))]
-    else:
-        return [above] if above else []
-    return [key for step, a, b in pairs for key in _differing(a, b, f"{above}.{step}" if above else step)]

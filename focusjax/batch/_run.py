@@ -15,9 +15,9 @@ from focusjax.batch._items import Item
 from focusjax.batch._results import BatchResults, ItemResult, result_of
 from focusjax.batch._summary import save_summary
 from focusjax.batch._work import DoItem, task_of
-from focusjax.many import Ended, Task, Workers, carry_out
+from focusjax.many import Ended, Task, Workers, carry_out, check_workers
 
-_SUMMARY_SHARE = 0.1
+_SUMMARY_SHARE = 0.02
 """Of the time, at most, goes into summaries; there may be thousands of items."""
 
 
@@ -60,11 +60,11 @@ def run_batch(
     folder = Path(folder)
     if not items:
         raise BatchError("there are no items; give at least one config")
-    if isinstance(workers, int) and workers < 1:
-        raise BatchError(f"jobs is {workers}; expected at least 1 process")
+    check_workers(workers, folder)
     with batch_folder(folder, [item.name for item in items], existing):
+        note = on_note or _silent
         batch = _Batch(items, folder, solve_only, on_result or _silent)
-        tasks = batch.sort_out(on_note or _silent)
+        tasks = batch.sort_out(note)
         try:
             # Closed, so that no process is left at work when something goes wrong here.
             work = DoItem(folder.absolute(), solve_only)
@@ -72,7 +72,7 @@ def run_batch(
                 for each in ended:
                     batch.note(each)
         finally:
-            batch.finish()
+            batch.finish(note)
     return batch.so_far()
 
 
@@ -119,25 +119,28 @@ class _Batch:
             self._add(result_of(item, self._folder, kept=False))
         wait = self._not_before - time.monotonic()
         if wait <= 0.0:
-            self._save()
+            self._save_meanwhile()
         elif self._later is None:
             # The next item may take long, and the summary does not wait for it.
             self._later = threading.Timer(wait, self._save_meanwhile)
             self._later.daemon = True
             self._later.start()
 
-    def finish(self) -> None:
+    def finish(self, on_note: Callable[[str], None]) -> None:
         """Write the summary for the last time."""
         later = self._later
         if later is not None and later.is_alive():
             later.cancel()
             later.join()
-        self._save()
+        try:
+            self._save()
+        except OSError as error:
+            on_note(f"the summary could not be written ({error.strerror}); with room for it, --resume does")
 
     def _save_meanwhile(self) -> None:
         # Before results are looked at: of what is noted from now on another timer takes care.
         self._later = None
-        # What hinders it is told when the summary is written for the last time, if it still does then.
+        # What hinders it is noted when the summary is written for the last time, if it still does then.
         with suppress(OSError):
             self._save()
 

@@ -13,7 +13,15 @@ import numpy as np
 
 from focusjax.config import ConfigError
 from focusjax.dataset._spec import Spec
-from focusjax.io import UNFINISHED, FolderInUseError, json_text, load_json, replace_file, sole_use
+from focusjax.io import (
+    UNFINISHED,
+    FolderInUseError,
+    differing_keys,
+    json_text,
+    load_json,
+    replace_file,
+    sole_use,
+)
 from focusjax.many import Journal
 
 MANIFEST = "manifest.jsonl"
@@ -110,23 +118,12 @@ def _check(folder: Path, first: str, origin: dict[str, Any], *, resume: bool) ->
     before = load_json(folder / ORIGIN)
     if not isinstance(before, dict):
         raise ConfigError(f"folder {folder} holds no data set; choose another with --out")
-    changed = _differing(before, origin)
+    changed = [key.removeprefix("spec.") for key in differing_keys(before, origin)]
     if changed:
         raise ConfigError(
             f"the data set in {folder} is of another {changed[0]}: its pictures and new ones would not be of"
             " one kind; choose another folder with --out"
         )
-
-
-def _differing(old: Any, new: Any, above: str = "") -> list[str]:
-    """Dotted keys at which two tables differ."""
-    if old == new:
-        return []
-    if not (isinstance(old, dict) and isinstance(new, dict)):
-        return [above]
-    names = dict.fromkeys([*new, *old])
-    steps = ((name, f"{above}.{name}" if above and above != "spec" else name) for name in names)
-    return [key for name, path in steps for key in _differing(old.get(name), new.get(name), path)]
 
 
 def _origin(spec: Spec) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from focusjax.dataset._folder import (
 from focusjax.dataset._picture import make_picture
 from focusjax.dataset._spec import Spec
 from focusjax.layers import save_layers
-from focusjax.many import Journal, Task, Workers, carry_out, sentence
+from focusjax.many import Journal, Task, Workers, carry_out, check_workers, sentence
 
 GROUP = 16
 """Pictures to a task: some ten seconds of work."""
@@ -77,8 +77,7 @@ def make_dataset(
     folder = Path(folder)
     if not 1 <= count <= _MOST:
         raise ConfigError(f"count is {count}; expected the number of pictures, from 1 to {_MOST}")
-    if isinstance(workers, int) and workers < 1:
-        raise ConfigError(f"jobs is {workers}; expected at least 1 process")
+    check_workers(workers, folder)
     tell = on_done or _silent
     failed: list[str] = []
     with dataset_folder(folder, spec, resume=resume):

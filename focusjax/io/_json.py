@@ -35,3 +35,22 @@ def load_json(path: Path) -> Any:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
+
+
+def differing_keys(old: Any, new: Any, above: str = "") -> list[str]:
+    """Dotted keys at which two values differ.
+
+    Example:
+        >>> differing_keys({"a": {"b": 1}, "c": [2, 3]}, {"a": {"b": 1}, "c": [2, 4]})
+        ['c.1']
+    """
+    if old == new:
+        return []
+    pairs: list[tuple[str, Any, Any]]
+    if isinstance(old, dict) and isinstance(new, dict):
+        pairs = [(key, old.get(key), new.get(key)) for key in dict.fromkeys([*new, *old])]
+    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        pairs = [(str(number), *both) for number, both in enumerate(zip(old, new, strict=True))]
+    else:
+        return [above] if above else []
+    return [key for step, a, b in pairs for key in differing_keys(a, b, f"{above}.{step}" if above else step)]

@@ -5,7 +5,7 @@ import signal
 import threading
 import uuid
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, Union
 
@@ -81,17 +81,30 @@ def check_workers(workers: Workers, folder: Path) -> None:
 
     Args:
         workers: see `carry_out`.
-        folder: of the run; it exists.
+        folder: of the run; one that is not there is made, unless the workers are refused.
 
     Raises:
-        ManyError: see `carry_out`.
+        ManyError: see `carry_out`; or a folder that cannot be made.
     """
     _check_count(workers)
     if isinstance(workers, str | Path):
         from focusjax.many._cluster import connected
 
-        with connected(workers, 1, folder.resolve()):
-            pass
+        new = not folder.exists()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ManyError(
+                f"folder {folder} cannot be used ({error.strerror}); choose another with --out"
+            ) from None
+        try:
+            with connected(workers, 1, folder.resolve()):
+                pass
+        except ManyError:
+            if new:
+                with suppress(OSError):
+                    folder.rmdir()
+            raise
 
 
 def _check_count(workers: Workers) -> None:
@@ -136,12 +149,12 @@ def _in_executor(
             except Exception as error:
                 yield Ended(futures[future], error=sentence(error))
             if stop():
-                executor_cancel(futures)
+                _cancel(futures)
     finally:
-        executor_cancel(futures)
+        _cancel(futures)
 
 
-def executor_cancel(futures: dict[concurrent.futures.Future[Ended], Task]) -> None:
+def _cancel(futures: dict[concurrent.futures.Future[Ended], Task]) -> None:
     """Those that are not begun are never begun."""
     for future in futures:
         future.cancel()

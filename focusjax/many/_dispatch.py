@@ -11,7 +11,7 @@ from typing import Any
 
 import distributed
 
-from focusjax.many._cluster import address_of
+from focusjax.many._cluster import address_of, complaints
 from focusjax.many._groups import Waiting
 from focusjax.many._journal import Journal
 from focusjax.many._task import Ended, ManyError, Task, sentence
@@ -32,11 +32,13 @@ class _AtWork:
     Attributes:
         tasks: task and worker of every future.
         groups: of each worker's last task.
+        known: workers that were looked at, and whether they can be used.
         started: how many tasks were given to workers.
     """
 
     tasks: dict[distributed.Future, tuple[Task, str]] = field(default_factory=dict)
     groups: dict[str, str] = field(default_factory=dict)
+    known: dict[str, bool] = field(default_factory=dict)
     started: int = 0
 
     def lost(self, client: distributed.Client, workers: Container[str]) -> list[Task]:
@@ -80,7 +82,7 @@ def dispatch(
             if time.monotonic() - looked > _LOOK:
                 before, looked = workers, time.monotonic()
                 try:
-                    workers = _workers(client)
+                    workers = _usable(client, now, journal, note)
                 except OSError:
                     # The scheduler is about to be found gone, or answers the next time.
                     continue
@@ -124,10 +126,25 @@ def _give(
             future.add_done_callback(ended.put)
 
 
-def _workers(client: distributed.Client) -> set[str]:
-    """The addresses of the workers that are there."""
+def _usable(
+    client: distributed.Client, now: _AtWork, journal: Journal, note: Callable[[str], None]
+) -> set[str]:
+    """The addresses of the workers that are there, but for those that joined and cannot be used."""
     threads: Any = client.nthreads()
-    return set(threads)
+    there = set(threads)
+    joined = there.difference(now.known)
+    if joined and not now.known:
+        # All were looked at before the first task was given.
+        now.known.update(dict.fromkeys(joined, True))
+    elif joined:
+        try:
+            found = complaints(client, journal.folder, joined)
+        except ManyError as error:
+            found = dict.fromkeys(joined, str(error))
+        for complaint in dict.fromkeys(found.values()):
+            note(f"{complaint}; until then nothing is done there")
+        now.known.update({address: address not in found for address in joined})
+    return {address for address in there if now.known[address]}
 
 
 def _some(ended: "queue.SimpleQueue[distributed.Future]") -> list[distributed.Future]:

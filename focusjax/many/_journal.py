@@ -66,8 +66,10 @@ class Journal:
         return [line for line in read_journal(self._file(name)) if line["run"] == self.run]
 
     def ended(self, name: str) -> None:
-        """Take the history away."""
-        self._file(name).unlink(missing_ok=True)
+        """Take the history away, unless another run has begun the task since."""
+        lines = read_journal(self._file(name))
+        if not lines or lines[-1]["run"] == self.run:
+            self._file(name).unlink(missing_ok=True)
 
     def finish(self, name: str, earlier: str = "") -> str:
         """The whole history of a task that is about to be finished.

@@ -6,9 +6,10 @@ import platform
 import signal
 import threading
 import traceback
+import uuid
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -83,7 +84,9 @@ def attempt(work: Work, task: Task, journal: Journal) -> Ended:
             value = work(task, journal)
             journal.ended(task.name)
         except Exception as error:
-            journal.ended(task.name)
+            # Where even that fails, the folder cannot be reached, which is why the task failed.
+            with suppress(OSError):
+                journal.ended(task.name)
             return Ended(task, error=sentence(error), log=traceback.format_exc())
         finally:
             return_programs()
@@ -113,12 +116,17 @@ def versions() -> dict[str, str]:
 
 
 def write_probe(folder: Path, token: str) -> str:
-    """Leave a small file in a folder, to be read back by another process; what hinders it, or ""."""
+    """Leave a small file in a folder, to be read back by another process; returns its name.
+
+    Raises:
+        OSError: it cannot be written; without the file's name.
+    """
+    name = f".probe-{token}-{uuid.uuid4().hex[:12]}"
     try:
-        (folder / f".probe-{token}-{os.getpid()}").write_text(token)
+        (folder / name).write_text(token)
     except OSError as error:
-        return error.strerror or str(error)
-    return ""
+        raise OSError(error.strerror or str(error)) from None
+    return name
 
 
 def _version(name: str) -> str:

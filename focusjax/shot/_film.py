@@ -2,7 +2,6 @@
 
 import warnings
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from focusjax._stopwatch import Stopwatch
 from focusjax.config import Config, refusals_located
 from focusjax.io import save_exr, staged_folder
-from focusjax.many import ManyError, Workers, check_workers
+from focusjax.many import Workers, check_workers
 from focusjax.shot._build import build_settings, build_shot
 from focusjax.shot._frame import save_frame
 from focusjax.shot._frame_files import exposed_together
@@ -68,13 +67,8 @@ def film(
     with staged_folder(folder, owned=REPORT_FILES) as stage:
         if rendering:
             pictures = folder / "frames"
+            check_workers(workers, pictures)
             pictures.mkdir(exist_ok=True)
-            try:
-                check_workers(workers, pictures)
-            except ManyError:
-                with suppress(OSError):
-                    pictures.rmdir()
-                raise
         with watch.stage("solve"), refusals_located(config):
             solved = solve_shot(shot, progress=tell)
         rendered: RenderedFrames | None = None

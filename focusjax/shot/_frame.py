@@ -2,7 +2,8 @@
 
 import dataclasses
 import os
-from collections.abc import Callable, Mapping
+import uuid
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -10,6 +11,7 @@ import cloudpickle
 import numpy as np
 
 from focusjax.geometry import Camera
+from focusjax.io import UNFINISHED
 from focusjax.job import blurred_view, make_layers
 from focusjax.layers import Extent, Layers
 from focusjax.lens import AbstractLens
@@ -65,19 +67,38 @@ class MakeFrame:
             write_record(self.folder, task.name, record)
         with warnings_kept() as said:
             image, facts = self._picture(number)
-        for kind, name in zip(self.kinds, names, strict=True):
-            unfinished = self.folder / f".{name}"
-            if kind == "png":
-                save_frame(unfinished, image, self.solved, number, self.settings)
-            else:
-                camera, lens = self.solved.seen_with(number)
-                save_with_depth(unfinished, image, self.solved.shot.scene.at(number), camera, lens)
-            os.replace(unfinished, self.folder / name)
         facts = dataclasses.replace(facts, warnings=tuple(said))
+        sizes = self._save(names, image, number, task.name, record)
         history = journal.finish(task.name, record.journal)
-        made = Record({**record.marks, **dict.fromkeys(names, mark)}, facts, history)
-        write_record(self.folder, task.name, made)
+        marks = {**record.marks, **dict.fromkeys(names, mark)}
+        write_record(self.folder, task.name, Record(marks, {**record.sizes, **sizes}, facts, history))
         return facts
+
+    def _save(
+        self, names: Sequence[str], image: np.ndarray, number: int, frame: str, before: Record
+    ) -> dict[str, int]:
+        """Write a frame's files; each appears whole. Returns their sizes in bytes.
+
+        Raises:
+            RuntimeError: the record is not what it was `before`, since another process made the frame.
+        """
+        unfinished = {name: self.folder / f"{UNFINISHED}{uuid.uuid4().hex[:8]}-{name}" for name in names}
+        try:
+            for kind, path in zip(self.kinds, unfinished.values(), strict=True):
+                if kind == "png":
+                    save_frame(path, image, self.solved, number, self.settings)
+                else:
+                    camera, lens = self.solved.seen_with(number)
+                    save_with_depth(path, image, self.solved.shot.scene.at(number), camera, lens)
+            if read_record(self.folder, frame) != before:
+                raise RuntimeError("another process made this frame meanwhile; give the command again")
+            sizes = {name: path.stat().st_size for name, path in unfinished.items()}
+            for name, path in unfinished.items():
+                os.replace(path, self.folder / name)
+        finally:
+            for path in unfinished.values():
+                path.unlink(missing_ok=True)
+        return sizes
 
     def _picture(self, number: int) -> tuple[np.ndarray, FrameFacts]:
         settings, facts = self.settings, FrameFacts(self.rays)

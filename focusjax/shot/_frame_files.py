@@ -47,22 +47,34 @@ class Record:
 
     Attributes:
         marks: what each file was made from (`fingerprint`), by its name.
+        sizes: of each file in bytes: one that is of another is damaged.
         facts: of the picture.
         journal: when it was begun and finished, and by which process: lines of JSON.
     """
 
     marks: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    sizes: Mapping[str, int] = dataclasses.field(default_factory=dict)
     facts: FrameFacts = FrameFacts()
     journal: str = ""
 
     def holds(self, folder: Path, names: Collection[str], mark: str) -> bool:
-        """Whether all these files are there, made from that."""
-        return all(self.marks.get(name) == mark and (folder / name).is_file() for name in names)
+        """Whether all these files are there and whole, made from that."""
+        return all(
+            self.marks.get(name) == mark and _size(folder / name) == self.sizes.get(name) for name in names
+        )
 
     def without(self, names: Collection[str]) -> "Record":
         """What is known when these files are not."""
         marks = {name: mark for name, mark in self.marks.items() if name not in names}
         return dataclasses.replace(self, marks=marks)
+
+
+def _size(path: Path) -> int:
+    """Of a file in bytes; -1 where there is none."""
+    try:
+        return path.stat().st_size
+    except OSError:
+        return -1
 
 
 def record_file(folder: Path, name: str) -> Path:
@@ -80,7 +92,7 @@ def read_record(folder: Path, name: str) -> Record:
     try:
         read = json.loads(record_file(folder, name).read_text(encoding="utf-8"))
         facts = read["facts"] | {"warnings": tuple(read["facts"]["warnings"])}
-        return Record(dict(read["marks"]), FrameFacts(**facts), str(read["journal"]))
+        return Record(dict(read["marks"]), dict(read["sizes"]), FrameFacts(**facts), str(read["journal"]))
     except (OSError, ValueError, KeyError, TypeError):
         return Record()
 

@@ -5,7 +5,7 @@ import hashlib
 import uuid
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
+from focusjax.io import UNFINISHED
 from focusjax.job import make_layers
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
@@ -117,7 +118,7 @@ def render_frames(
             tasks.append(Task(_name(number), (number, mark)))
     kept = len(facts)
     tell("render", kept / len(wanted))
-    for abandoned in folder.glob(f"{_SHOT}*"):
+    for abandoned in (*folder.glob(f"{_SHOT}*"), *folder.glob(f"{UNFINISHED}*.*")):
         abandoned.unlink(missing_ok=True)
     if tasks:
         make = _make_frame(solved, wanted, folder, settings, kinds)
@@ -130,7 +131,9 @@ def render_frames(
                 log = log_file(folder, each.task.name)
                 if each.error:
                     failed.append(each)
-                    log.write_text(f"{each.error}\n\n{each.log}")
+                    # A disk that is full fails frames, not the run.
+                    with suppress(OSError):
+                        log.write_text(f"{each.error}\n\n{each.log}")
                 else:
                     facts[each.task.argument[0]] = each.value
                     log.unlink(missing_ok=True)

@@ -19,7 +19,7 @@ from focusjax.config import (
     refusals_located,
 )
 from focusjax.io import json_text, load_exr, save_exr, save_png, staged_folder
-from focusjax.many import Journal, Task, Workers, carry_out, finished_folder
+from focusjax.many import Journal, Task, Workers, carry_out, check_workers, finished_folder
 from focusjax.report import save_outcome
 from focusjax.stack._merge import merge
 from focusjax.stack._plan import StackPlan, plan_stack
@@ -58,6 +58,8 @@ def take_stack(
         RuntimeError: a picture that failed.
     """
     plan = _planned(config, f_number)
+    if rendering:
+        check_workers(workers, folder)
     with staged_folder(folder, owned=FILES) as stage:
         (stage / "stack.csv").write_text(table(plan), encoding="utf-8", newline="")
         (stage / "stack.json").write_text(json_text(asdict(plan)), encoding="utf-8")

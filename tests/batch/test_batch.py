@@ -202,6 +202,31 @@ def test_the_summary_does_not_wait_for_an_item_that_takes_long(config, tmp_path,
     assert summary(out)["finished"]
 
 
+def test_a_summary_for_which_there_is_no_room_stops_no_item(config, tmp_path, monkeypatch):
+    """A full disk; with room, going on writes it."""
+    out, items = tmp_path / "out", make_items([config], grid={"focus.1.blur_px": [3, 4]})
+
+    def full(batch):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(_run, "save_summary", full)
+        batch, _, notes = solve(items, out)
+    assert [result.status for result in batch.results] == ["done", "done"]
+    assert notes[-1].startswith("the summary could not be written (No space left on device); with room")
+    assert not (out / "summary.json").exists()
+    solve(items, out, existing="resume")
+    assert summary(out)["counts"]["done"] == 2
+
+
+def test_a_batch_whose_scheduler_is_not_there_leaves_nothing(config, tmp_path, batch):
+    words = [config, "--out", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:9"]
+    status, _, complaint = batch(*words)
+    assert status == 2
+    assert "there is no scheduler at tcp://127.0.0.1:9" in complaint
+    assert not (tmp_path / "out").exists()
+
+
 def test_what_has_changed_is_done_again_and_said_so(config, tmp_path):
     out, grid = tmp_path / "out", {"focus.1.blur_px": [3, 4]}
     solve(make_items([config], grid=grid), out)

@@ -222,7 +222,7 @@ def test_a_folder_of_something_else_is_refused(made, tmp_path):
     changed.write_text(SPEC.replace("log_uniform = [0.5, 2]", "log_uniform = [0.5, 3]"))
     result, said = run(changed, one, 6, "--resume")
     assert result.exit_code == 2
-    assert "is of another lens.f_number.log_uniform: its pictures and new ones" in said
+    assert "is of another lens.f_number.log_uniform.1: its pictures and new ones" in said
     result, said = run(spec, tmp_path, 5, "--resume")
     assert result.exit_code == 2
     assert "holds no data set; choose another with --out" in said

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import closing
 
 import distributed
 import pytest
@@ -14,7 +15,7 @@ from distributed.comm import CommClosedError
 from focusjax.many import JOURNAL, Journal, ManyError, Task, carry_out
 from focusjax.many._dispatch import _result
 from focusjax.many._groups import Waiting
-from focusjax.many._worker import attempt
+from focusjax.many._worker import attempt, write_probe
 
 sys.path.insert(0, os.path.dirname(__file__))
 from cluster_of_processes import ROOT, processes, until
@@ -156,15 +157,19 @@ def test_a_task_that_kills_processes_of_this_machine_fails_alone(tmp_path):
     assert finishes(tmp_path) == {"task0": 1, "task1": 1, "task2": 1}
 
 
-def test_workers_that_cannot_be_used_are_refused_before_work(tmp_path):
-    other, out = tmp_path / "other", tmp_path / "out"
-    # Another version, by what is installed there.
-    (other / "focusjax-9.9.dist-info").mkdir(parents=True)
-    (other / "focusjax-9.9.dist-info" / "METADATA").write_text(
+def of_another_version(folder):
+    """Where workers find another version, by what is installed there, and the rest."""
+    (folder / "focusjax-9.9.dist-info").mkdir(parents=True)
+    (folder / "focusjax-9.9.dist-info" / "METADATA").write_text(
         "Metadata-Version: 2.1\nName: focusjax\nVersion: 9.9\n"
     )
+    return f"{folder}:{ROOT}:{os.path.dirname(__file__)}"
+
+
+def test_workers_that_cannot_be_used_are_refused_before_work(tmp_path, monkeypatch):
+    out = tmp_path / "out"
     out.mkdir()
-    with processes(tmp_path, 0, path=f"{other}:{ROOT}") as cluster:
+    with processes(tmp_path, 0, path=of_another_version(tmp_path / "other")) as cluster:
         address = json.loads(until(lambda: cluster.file.read_text()))["address"]
         with pytest.raises(ManyError, match=r"the scheduler at tcp.* has no workers; start some"):
             list(carry_out(write, named(1), out, workers=address))
@@ -173,7 +178,71 @@ def test_workers_that_cannot_be_used_are_refused_before_work(tmp_path):
             client.wait_for_workers(1)
             with pytest.raises(ManyError, match=r"the worker at tcp.* has focusjax 9.9, and this process 0"):
                 list(carry_out(write, named(1), out, workers=client))
+            # One that hangs: its process is stopped, and its nanny goes on.
+            (process,) = client.run(os.getpid).values()
+            os.kill(process, signal.SIGSTOP)
+            monkeypatch.setattr("focusjax.many._cluster._WORKERS_PATIENCE", 0.5)
+            with pytest.raises(ManyError, match="do not answer within 0 seconds; end those that hang"):
+                list(carry_out(write, named(1), out, workers=client))
     assert list(out.iterdir()) == []
+
+
+def test_a_worker_of_another_version_that_joins_later_is_given_nothing(tmp_path):
+    out, away, joined = tmp_path / "out", tmp_path / "away", tmp_path / "joined"
+    for folder in (out, away, joined):
+        folder.mkdir()
+    said, done = [], []
+    with (
+        processes(away, 1) as cluster,
+        processes(joined, 0, path=of_another_version(tmp_path / "other")) as late,
+    ):
+        with distributed.Client(scheduler_file=str(cluster.file), set_as_default=False) as client:
+            (known,) = client.run(os.getpid).values()
+        late.file = cluster.file
+        work = carry_out(write, named(400, 0.1), out, workers=str(cluster.file), on_note=said.append)
+        with closing(work) as ended:
+            for each in ended:
+                done.append(each.value)
+                if len(done) == 1:
+                    late.start_workers(1)
+                if said:
+                    break
+    assert len(said) == 1
+    assert "has focusjax 9.9, and this process 0" in said[0]
+    assert said[0].endswith("; until then nothing is done there")
+    assert set(done) == {known}
+
+
+def test_processes_with_equal_numbers_leave_files_of_their_own(tmp_path):
+    """As those of containers have."""
+    assert len({write_probe(tmp_path, "token") for _ in range(3)}) == 3
+    with pytest.raises(OSError, match=r"^No such file or directory$"):
+        write_probe(tmp_path / "nowhere", "token")
+
+
+def test_a_history_stays_when_a_task_of_an_earlier_run_ends(tmp_path):
+    """A worker goes on with what it was at when the process that asked has ended."""
+    earlier, now = Journal(tmp_path, "earlier"), Journal(tmp_path, "now")
+    now.open()
+    earlier.started("task")
+    now.started("task")
+    earlier.ended("task")
+    assert len(now.starts("task")) == 1
+    now.ended("task")
+    assert now.starts("task") == []
+
+
+def test_a_task_whose_folder_is_gone_fails_alone(tmp_path):
+    """A mount that is lost."""
+
+    def lose(task, journal):
+        (journal.folder / ".journals").rename(journal.folder / "elsewhere")
+        (journal.folder / ".journals").write_text("no folder")
+        raise OSError(107, "Transport endpoint is not connected")
+
+    journal = Journal(tmp_path, "run")
+    journal.open()
+    assert "Transport endpoint is not connected" in attempt(lose, Task("task"), journal).error
 
 
 @pytest.mark.parametrize(
@@ -181,6 +250,11 @@ def test_workers_that_cannot_be_used_are_refused_before_work(tmp_path):
     [
         (0, "jobs is 0; expected at least 1 process"),
         ("nowhere.json", "--scheduler nowhere.json: expected the address of a scheduler, such as tcp://"),
+        ("foo://127.0.0.1:9", "--scheduler foo://.* has the protocol 'foo'; expected an address such as tcp"),
+        (
+            __file__,
+            r"--scheduler .*test_carry_out.py: expected .* or its scheduler file; the file has no add",
+        ),
         (
             "tcp://127.0.0.1:9",
             "there is no scheduler at tcp://127.0.0.1:9 .*; start one",

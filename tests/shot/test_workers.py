@@ -15,7 +15,7 @@ from focusjax.config import load_config
 from focusjax.io import load_exr
 from focusjax.many import ManyError
 from focusjax.shot import build_settings, build_shot, render_frames, solve_shot
-from focusjax.shot._frame_files import read_record
+from focusjax.shot._frame_files import Record, read_record, write_record
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "many"))
 from cluster_of_processes import processes
@@ -109,8 +109,37 @@ def test_a_frame_that_fails_stops_no_other(config_file, tmp_path, monkeypatch):
         with pytest.raises(RuntimeError, match=r"frame 2: No space left on device.*there \(2\) are kept"):
             render_frames(solved, tmp_path, settings, frames=[1, 2, 3])
     assert "No space left" in (tmp_path / "frame_0002.log").read_text()
+    assert not list(tmp_path.glob(".unfinished*"))
     assert render_frames(solved, tmp_path, settings, frames=[1, 2, 3]).kept == 2
     assert not (tmp_path / "frame_0002.log").exists()
+
+
+def test_a_frame_that_is_damaged_is_made_again(config_file, tmp_path):
+    solved, settings = solved_with(config_file)
+    render_frames(solved, tmp_path, settings, frames=[1, 2])
+    before = contents(tmp_path)
+    (tmp_path / "frame_0002.png").write_bytes(b"")
+    assert render_frames(solved, tmp_path, settings, frames=[1, 2]).kept == 1
+    assert contents(tmp_path) == before
+
+
+def test_a_frame_that_another_process_made_meanwhile_stays(config_file, tmp_path, monkeypatch):
+    """One that goes on for a run whose process has ended does not replace newer pictures."""
+    solved, settings = solved_with(config_file)
+    monkeypatch.setattr("focusjax.shot._frame.save_frame", meanwhile(tmp_path))
+    with pytest.raises(RuntimeError, match="frame 1: another process made this frame meanwhile"):
+        render_frames(solved, tmp_path, settings, frames=[1])
+    assert (tmp_path / "frame_0001.png").read_bytes() == b"newer"
+    assert read_record(tmp_path, "frame_0001").marks == {"frame_0001.png": "newer"}
+
+
+def meanwhile(folder):
+    def save(path, *rest):
+        path.write_bytes(b"older")
+        (folder / "frame_0001.png").write_bytes(b"newer")
+        write_record(folder, "frame_0001", Record({"frame_0001.png": "newer"}, {"frame_0001.png": 5}))
+
+    return save
 
 
 @pytest.mark.parametrize(

@@ -310,6 +310,12 @@ def test_the_version_is_that_of_the_package():
     assert printed.startswith(f"focusjax {importlib.metadata.version('focusjax')} (jax ")
 
 
+def test_the_package_is_the_command():
+    words = [sys.executable, "-m", "focusjax", "--version"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith(f"focusjax {importlib.metadata.version('focusjax')} (jax ")
+
+
 def test_a_config_may_begin_with_a_byte_order_mark(scene_folder, tmp_path):
     marked = scene_folder / "marked.toml"
     marked.write_bytes(codecs.BOM_UTF8 + (scene_folder / "boxes.toml").read_bytes())

@@ -191,6 +191,7 @@ ALLOWED = {
     "_templates": set(),
     "_carry_out": {"io", "config", "job", "many", "report", "shot", "_console", "_progress", "_tell"},
     # Commands import what they need when they run; those of packages are in its table.
+    "__main__": {"cli"},
     "cli": {
         "__version__",
         "config",

@@ -36,7 +36,7 @@ def timed(count: int, workers: int) -> dict[str, float]:
 
 
 def solved(config: Path, count: int, workers: int) -> dict[str, float]:
-    """Items per minute of a batch of solves, from the tenth that ends to the last, and what this process does.
+    """Items per minute of a batch of solves, from the tenth that ends to the last, and what that takes here.
 
     With workers that is the process that asks, in which Dask's scheduler is, too.
     """

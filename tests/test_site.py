@@ -17,15 +17,14 @@ PAGES = [ROOT / "README.md", *sorted(page for page in DOCS.rglob("*.md") if "_bu
 NOT_RUN = {
     "docs/studio.md": "the session of the studio is run by tests/studio",
     "docs/howto/python.md": "this is examples/spot.py, which is run by tests/test_configs_and_examples.py",
-    "docs/howto/motion.md": "an excerpt with names of its reader; tests/shutter runs render_moving",
-    "docs/howto/gradients.md": "tests/trace runs the derivative of a picture; compiling it takes a minute",
     "docs/howto/focus_from_a_picture.md": "examples/fit_photo.py is the same, and is run already",
-    "docs/howto/real_lenses.md": "tests/trace runs pictures through glass; compiling them takes a minute",
 }
 SMALLER = [
     ("width=640, height=480", "width=64, height=48"),
     ("width=160, height=120", "width=64, height=48"),
+    ("width=96, height=72", "width=64, height=48"),
     ("rays=16", "rays=2"),
+    ("rays=64", "rays=2"),
 ]
 
 

@@ -25,7 +25,7 @@ def nothing(task: Task, journal: Journal) -> None:
     """Do nothing."""
 
 
-def timed(count: int, workers: int) -> dict[str, float]:
+def timed(count: int, workers: int | str) -> dict[str, float]:
     """Seconds for tasks that do nothing, from the first that ends to the last."""
     tasks = [Task(str(number)) for number in range(count)]
     with tempfile.TemporaryDirectory() as folder:
@@ -35,7 +35,7 @@ def timed(count: int, workers: int) -> dict[str, float]:
     return {"start_s": ends[0] - begun, "seconds": steady, "ms_per_task": 1000 * steady / (count - 1)}
 
 
-def solved(config: Path, count: int, workers: int) -> dict[str, float]:
+def solved(config: Path, count: int, workers: int | str) -> dict[str, float]:
     """Items per minute of a batch of solves, from the tenth that ends to the last, and what that takes here.
 
     With workers that is the process that asks, in which Dask's scheduler is, too.
@@ -76,7 +76,13 @@ def main() -> None:
     """Measure, and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--tasks", type=int, default=1000, help="that do nothing")
-    parser.add_argument("--workers", type=int, nargs="+", default=[1, 2], help="processes")
+    parser.add_argument(
+        "--workers",
+        type=lambda text: int(text) if text.isdecimal() else text,
+        nargs="+",
+        default=[1, 2],
+        help="numbers of processes, or addresses of schedulers",
+    )
     parser.add_argument("--config", type=Path, help="whose items are solved")
     parser.add_argument("--items", type=int, default=100, help="of the config")
     arguments = parser.parse_args()

@@ -17,7 +17,6 @@ PAGES = [ROOT / "README.md", *sorted(page for page in DOCS.rglob("*.md") if "_bu
 NOT_RUN = {
     "docs/studio.md": "the session of the studio is run by tests/studio",
     "docs/howto/python.md": "this is examples/spot.py, which is run by tests/test_configs_and_examples.py",
-    "docs/howto/focus_from_a_picture.md": "examples/fit_photo.py is the same, and is run already",
 }
 SMALLER = [
     ("width=640, height=480", "width=64, height=48"),
@@ -54,6 +53,11 @@ def test_python_on_a_page_runs(page, tmp_path, monkeypatch):
 def test_what_is_not_run_is_there():
     """A page that has no code any more is no exception any more."""
     assert [name for name in NOT_RUN if not blocks(ROOT / name, "python")] == []
+
+
+def test_the_page_on_python_is_an_example():
+    (code,) = blocks(DOCS / "howto" / "python.md", "python")
+    assert code == (ROOT / "examples" / "spot.py").read_text("utf-8")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)

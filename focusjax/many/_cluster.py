@@ -170,6 +170,7 @@ def complaints(
                     f"the worker at {address} has {name} {theirs[name]}, and this process {ours[name]};"
                     " install the same there, so that all results are alike"
                 )
+                break
     return found or _unseen(client, folder, addresses)
 
 

@@ -19,6 +19,7 @@ from focusjax.config._build_wishes import build_solve_options as build_solve_opt
 from focusjax.config._errors import ConfigError as ConfigError
 from focusjax.config._errors import sentence_for as sentence_for
 from focusjax.config._exposure import ExposureTable as ExposureTable
+from focusjax.config._focal_surface import FocalSurfaceTable as FocalSurfaceTable
 from focusjax.config._keys import ConfigKey as ConfigKey
 from focusjax.config._keys import config_keys as config_keys
 from focusjax.config._load import Config as Config

@@ -11,9 +11,20 @@ from jaxtyping import Array, ArrayLike, Float
 
 from focusjax._arguments import ArgumentError, require_kind
 from focusjax.focus._checks import require_number
-from focusjax.focus._image_points import EQUAL, ImagePoints, anonymous, blurs, errors, root_weight
+from focusjax.focus._image_points import (
+    EQUAL,
+    ImagePoints,
+    anonymous,
+    blurs,
+    errors,
+    padded,
+    repeated,
+    room_for,
+    root_weight,
+    unweighted,
+)
 from focusjax.focus._refuse import checked_points, opened, require_points
-from focusjax.focus._solution import WishResult, html_of, text_of, wish_table
+from focusjax.focus._solution import WishResult, first_rows, html_of, text_of, wish_table
 from focusjax.geometry import Camera
 from focusjax.lens import FocalSurface, FocalSurfaceLens, ThinLens, focal_surface_lens
 
@@ -147,9 +158,33 @@ def solve_focal_surface(
 
 
 def solve_surface_asked(asked: SurfaceAsked) -> SurfaceSolution:
-    """The solution of a checked problem."""
-    solution = _solve(anonymous(asked.points), asked.camera, asked.surface, asked.lens, asked.smoothness)
-    return dataclasses.replace(solution, points=asked.points, asked=asked)
+    """The solution of a checked problem; rows without weight fill it up, so that few sizes are compiled."""
+    points, controls = asked.points, asked.surface
+    wishes, count = points.weight.shape[0], controls.weight.shape[0]
+    solution = _solve(
+        anonymous(padded(points, room_for(wishes))),
+        asked.camera,
+        _with_controls(controls, room_for(count)),
+        asked.lens,
+        asked.smoothness,
+    )
+    values = first_rows(solution.surface.focus_disparity, count)
+    return dataclasses.replace(
+        solution,
+        surface=dataclasses.replace(controls, focus_disparity=values),
+        points=points,
+        blur=first_rows(solution.blur, wishes),
+        error=first_rows(solution.error, wishes),
+        asked=asked,
+    )
+
+
+def _with_controls(surface: FocalSurface, size: int) -> FocalSurface:
+    """The surface with its last control point repeated, without weight, up to `size`."""
+    longest = {
+        name: repeated(getattr(surface, name), size) for name in ("xy", "focus_disparity", "aperture_scale")
+    }
+    return dataclasses.replace(surface, **longest, weight=unweighted(surface.weight, size))
 
 
 def without_relations(points: ImagePoints) -> ImagePoints:
@@ -250,7 +285,7 @@ def linear_surface(
 def starting_sides(linear: LinearSurface, points: ImagePoints) -> Float[Array, "4 n"]:
     """Where the search for sides starts: above 0 behind the focus, below 0 in front of it."""
     count = points.weight.size
-    middle = jnp.median(points.disparity)
+    middle = jnp.nanmedian(jnp.where(points.weight > 0, points.disparity, jnp.nan))
     return jnp.stack(
         [
             jnp.ones(count),

@@ -72,6 +72,7 @@ class Outcome:
         compile_seconds: seconds per stage that went into compiling.
         exposed: how focus and light share the f-number, when the config's exposure has a priority.
         guessed: how much of a photograph with depth is a guess, when its picture was traced.
+        surface: the control points of a focal surface where they are in the picture, as solved.
     """
 
     config: Config
@@ -88,6 +89,7 @@ class Outcome:
     glass: ThroughGlass | None = None
     exposed: ExposedLens | ExposedSolution | None = None
     guessed: Guessed | None = None
+    surface: FocalSurface | None = None
 
     @property
     def middle_lens(self) -> ThinLens | TiltShiftLens:
@@ -151,7 +153,7 @@ def run(
         assert points is not None
         assert isinstance(lens, ThinLens)
         solution = solved_surface(config, points, camera, surface, lens, watch)
-        lens = solution.lens
+        lens, surface = solution.lens, solution.surface
     elif surface is not None:
         assert isinstance(lens, ThinLens)
         lens = focal_surface_lens(surface, camera, lens)
@@ -211,6 +213,7 @@ def run(
         glass=glass,
         exposed=exposed,
         guessed=guessed,
+        surface=surface,
     )
 
 

@@ -1,5 +1,6 @@
 """A lens whose focus and aperture differ from place to place in the picture."""
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -77,6 +78,23 @@ class FocalSurfaceLens(AbstractLens):
         open_ = scale > 0
         focus = jnp.where(open_, offset / jnp.where(open_, scale, 1.0), jnp.mean(self.focus_disparity))
         return ThinLens(focus, scale * self.aperture_radius, self.aperture)
+
+    def sampled_for(self, camera: Camera, other: Camera) -> "FocalSurfaceLens":
+        """The same surface at the pixel corners of another camera.
+
+        Args:
+            camera: whose pixel corners it is sampled at.
+            other: has the same frame in fewer or more pixels.
+        """
+        x, y = (
+            jnp.linspace(0.0, size, count + 1)
+            for size, count in ((camera.width, other.width), (camera.height, other.height))
+        )
+        places = jnp.stack(jnp.meshgrid(x, y), axis=-1).astype(self.focus_disparity.dtype)
+        scale, offset = jax.vmap(jax.vmap(lambda place: self._at(camera, place)))(places)
+        open_ = scale > 0
+        focus = jnp.where(open_, offset / jnp.where(open_, scale, 1.0), jnp.mean(self.focus_disparity))
+        return FocalSurfaceLens(focus, scale, self.aperture_radius, self.aperture)
 
     def _full_parallax(self, camera: Camera) -> Float[Array, ""]:
         return camera.focal_px * self.aperture_radius

@@ -77,9 +77,9 @@ def post_process(
             found, lights = _without_lights(found, view.disparity, camera, straight)
             found = gather(found, view.disparity, camera, straight, taps=taps, levels=levels)
             if lights is not None:
-                rays = taps * camera.width * camera.height
+                excess, origin, radius = lights
                 depths = np.asarray(view.disparity)
-                found = found + scattered(*lights, depths, camera, straight, rays=rays)
+                found = found + scattered(excess, origin, depths, camera, straight, radius=radius, taps=taps)
         return found if ideal else warped(found, camera, one)
 
     found = in_colour(through, lens)
@@ -88,15 +88,18 @@ def post_process(
 
 def _without_lights(
     image: Float[Array, "h w 3"], disparity: Float[Array, "h w"], camera: Camera, lens: AbstractLens
-) -> tuple[Float[Array, "h w 3"], tuple[Float[np.ndarray, "h w 3"], Float[np.ndarray, "h w"]] | None]:
-    """The view without what small lights out of focus have beyond white; that and its disparities, if any."""
+) -> tuple[Float[Array, "h w 3"], tuple[Float[np.ndarray, "h w 3"], Float[np.ndarray, "h w"], float] | None]:
+    """The view without what small lights out of focus have beyond white.
+
+    Then that, its disparities, and the radius in pixels over which it is spread at most; None without any.
+    """
     picture = np.asarray(image)
     if not picture.max(initial=0.0) > WHITE:
         return image, None
     origin = depths_of_light(picture, np.asarray(disparity))
-    reach = circle_radii(jnp.asarray(origin, dtype=image.dtype), camera, lens)
-    chosen = small_lights(picture, np.asarray(reach))
+    reach = np.asarray(circle_radii(jnp.asarray(origin, dtype=image.dtype), camera, lens))
+    chosen = small_lights(picture, reach)
     if not chosen.any():
         return image, None
     lights = np.where(chosen[..., None], np.maximum(picture - WHITE, 0.0), 0.0)
-    return jnp.asarray(picture - lights), (lights, origin)
+    return jnp.asarray(picture - lights), (lights, origin, float(reach[chosen].max()))

@@ -72,9 +72,13 @@ def scattered(
     camera: Camera,
     lens: AbstractLens,
     *,
-    rays: int,
+    radius: float,
+    taps: int,
 ) -> Float[Array, "h w 3"]:
     """The light of some pixels where the lens sends it.
+
+    From each go a power of two of rays up to 8192: about `taps` for every pixel of the widest circle of
+    confusion, and for all of them together no more than `taps` for every pixel of the picture.
 
     Args:
         excess: light to be sent; 0 in all other pixels.
@@ -82,12 +86,14 @@ def scattered(
         disparity: 1/m at pixel centres, of what may hide it.
         camera: the frame.
         lens: where rays go.
-        rays: of all pixels together; each sending one has as many, a power of two up to 8192.
+        radius: of the widest circle of confusion of a pixel that sends light, in pixels.
+        taps: places that each pixel looks at where light is gathered.
     """
     row, column = np.nonzero(excess.max(axis=-1) > 0)
     if not row.size:
         return jnp.zeros(excess.shape)
-    each = 1 << int(np.clip(math.log2(max(rays / row.size, 1.0)), 4, math.log2(_MOST_RAYS)))
+    rays = taps * max(1.0, min(math.pi * radius**2, excess[..., 0].size / row.size))
+    each = 1 << round(np.clip(math.log2(rays), 4, math.log2(_MOST_RAYS)))
     # Few lengths, so that few programs are compiled.
     room = max(_LEAST_ROOM, 1 << (row.size - 1).bit_length())
     row, column = (np.pad(axis, (0, room - axis.size), mode="edge") for axis in (row, column))

@@ -142,8 +142,9 @@ def _focal_surface(outcome: Outcome) -> dict[str, Any] | None:
         "largest_aperture_scale": float(scale.max()),
     }
     if isinstance(outcome.solution, SurfaceSolution):
-        surface = outcome.solution.surface
         facts["roughness_px_per_100_px"] = float(outcome.solution.roughness)
+    surface = outcome.surface
+    if surface is not None:
         facts["control_points"] = [
             {"pixel": xy, "focus_disparity_per_m": value}
             for xy, value in zip(surface.xy.tolist(), surface.focus_disparity.tolist(), strict=True)

@@ -40,6 +40,21 @@ class Under:
         return f"{told}, blur {abs(self.blur):.1f} px{side}"
 
 
+@dataclasses.dataclass(frozen=True)
+class Control:
+    """A control point of the focal surface.
+
+    Attributes:
+        name: as the config has it, or a number.
+        mark: where it is in the picture in pixels; None where that is not known.
+        distance: metres to which the lens is focused there, infinite beyond infinity, too; None without one.
+    """
+
+    name: str
+    mark: tuple[float, float] | None
+    distance: float | None
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Answer:
     """The lens for one text of a config.
@@ -98,6 +113,23 @@ class Answer:
             found.append((float(best[0]), float(best[1])))
         return found
 
+    def controls(self) -> tuple[Control, ...]:
+        """The control points of the focal surface, in the config's order; none where the focus is a plane."""
+        table = self.config.lens.focal_surface
+        if table is None:
+            return ()
+        names = [each.name or each.object or f"point {k + 1}" for k, each in enumerate(table.points)]
+        surface = None if self.outcome is None else self.outcome.surface
+        if surface is None:
+            return tuple(
+                Control(name, each.pixel, None) for name, each in zip(names, table.points, strict=True)
+            )
+        xy, disparity = np.asarray(surface.xy, dtype=float), np.asarray(surface.focus_disparity, dtype=float)
+        return tuple(
+            Control(name, (float(place[0]), float(place[1])), 1.0 / w if w > 0 else np.inf)
+            for name, place, w in zip(names, xy, disparity.tolist(), strict=True)
+        )
+
     def under(self, x: float, y: float) -> Under:
         """What is at pixel position (`x`, `y`), which is moved into the frame."""
         rows, columns = self.stage.disparity.shape
@@ -144,9 +176,7 @@ class Answer:
                 self, sentences=found.sentences, uncertainty=self._in_units(found.standard_errors)
             )
         if isinstance(solution, SurfaceSolution):
-            table = self.config.lens.focal_surface
-            assert table is not None
-            names = [point.name or point.object or f"{k}" for k, point in enumerate(table.points)]
+            names = [control.name for control in self.controls()]
             return dataclasses.replace(self, sentences=diagnose(solution, controls=names).sentences)
         return dataclasses.replace(self, sentences=())
 

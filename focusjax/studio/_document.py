@@ -259,55 +259,64 @@ def together(*changes: Change) -> Change:
     return change
 
 
-def add_wish(keys: dict[str, Any]) -> Change:
-    """A change that adds a `[[focus]]` table after the others."""
+def add_row(*keys: str, row: dict[str, Any]) -> Change:
+    """A change that adds a table after the others of an array, such as "focus" for `[[focus]]`."""
 
     def change(tables: tomlkit.TOMLDocument) -> None:
-        wishes: Any = tables.get("focus")
-        if isinstance(wishes, Array):
+        *outer, last = keys
+        place = _at(tables, outer)
+        rows: Any = place.get(last)
+        if isinstance(rows, Array):
             inline = tomlkit.inline_table()
-            inline.update(keys)
-            wishes.append(inline)
+            inline.update(row)
+            rows.append(inline)
             return
         table = tomlkit.table()
-        for key, value in keys.items():
+        for key, value in row.items():
             table.add(key, value)
-        if wishes is None or not isinstance(wishes, AoT):
-            tables.add(tomlkit.nl())
-            tables["focus"] = wishes = tomlkit.aot()
+        if rows is None or not isinstance(rows, AoT):
+            place.add(tomlkit.nl())
+            place[last] = rows = tomlkit.aot()
         else:
-            _blank_line_between(wishes)
+            _blank_line_between(rows)
         table.add(tomlkit.nl())
-        wishes.append(table)
+        rows.append(table)
 
     return change
 
 
-def change_wish(number: int, keys: dict[str, Any], without: Sequence[str] = ()) -> Change:
-    """A change of the `[[focus]]` table of that number: keys to set, None to remove, and others to remove."""
+def change_row(*keys: str, number: int, row: dict[str, Any], without: Sequence[str] = ()) -> Change:
+    """A change of one table of an array: keys to set, None to remove, and others to remove."""
 
     def change(tables: tomlkit.TOMLDocument) -> None:
-        table: Any = tables["focus"][number]  # pyright: ignore[reportIndexIssue]
-        for key in (*without, *(key for key, value in keys.items() if value is None)):
+        table = _at(tables, keys)[number]
+        for key in (*without, *(key for key, value in row.items() if value is None)):
             if key in table:
                 del table[key]
-        for key, value in keys.items():
+        for key, value in row.items():
             if value is not None:
                 table[key] = value
 
     return change
 
 
-def delete_wish(number: int) -> Change:
-    """A change that removes one `[[focus]]` table."""
+def delete_row(*keys: str, number: int) -> Change:
+    """A change that removes one table of an array."""
 
     def change(tables: tomlkit.TOMLDocument) -> None:
-        wishes: Any = tables["focus"]
-        del wishes[number]
-        if not len(wishes):
-            del tables["focus"]
+        rows = _at(tables, keys)
+        del rows[number]
+        if not len(rows):
+            del _at(tables, keys[:-1])[keys[-1]]
 
     return change
+
+
+def _at(tables: tomlkit.TOMLDocument, keys: Sequence[str]) -> Any:
+    place: Any = tables
+    for key in keys:
+        place = place[key]
+    return place
 
 
 def _blank_line_between(wishes: AoT) -> None:

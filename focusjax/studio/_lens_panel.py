@@ -15,6 +15,8 @@ from focusjax.studio._studio import Studio
 
 _FARTHEST = 1000.0
 """Metres, to which the slider of the focus distance goes."""
+_BESIDE_SURFACE = ("f_number", "focal_length")
+"""Settings that a lens with a focal surface has."""
 _LEAST_UNCERTAINTY = 0.005
 """Share of a value below which its uncertainty is not worth a word."""
 
@@ -48,28 +50,30 @@ class LensPanel:
         if answer is None or config is None:
             return
         values = answer.values()
+        surface = config.lens.focal_surface is not None
         for name, setting in SETTINGS.items():
             free, ends = is_free(config, name), limits(config, name)
-            shape = (free, bool(config.focus))
+            shape = (free, bool(config.focus) and not surface)
+            self._rows[name].set_visibility(not surface or name in _BESIDE_SURFACE)
             if self._built.get(name) != shape:
                 self._built[name] = shape
-                self._build(setting, free)
+                self._build(setting, *shape)
             self._fill(setting, answer, values.get(name), ends)
         opening = aperture_svg(answer)
         if opening != self._opening.content:
             self._opening.content = opening
         depth = answer.depth_of_field()
+        self._sharp.set_visibility(depth is not None and not surface)
         if depth is not None:
             self._sharp.text = (
                 f"Sharp from {metres(depth.near)} to {metres(depth.far)}"
                 f" (circle of confusion {depth.circle_px:.1f} px)"
             )
 
-    def _build(self, setting: Setting, free: bool) -> None:
+    def _build(self, setting: Setting, free: bool, may_be_free: bool) -> None:
         name, fields = setting.name, {}
         self._fields[name] = fields
         self._rows[name].clear()
-        has_wishes = bool(self._studio.session.config.focus)
         with self._rows[name]:
             with ui.row().classes("fj-row"):
                 ui.label(setting.label).style("width: 96px; font-size: 13px").tooltip(setting.help)
@@ -80,7 +84,7 @@ class LensPanel:
                     .mark(f"value-{name}")
                     .classes(f"at-value-{name}")
                 )
-                if has_wishes:
+                if may_be_free:
                     ui.button(
                         "free" if free else "fixed",
                         icon="lock_open" if free else "lock",

@@ -71,7 +71,7 @@ SETTINGS = {
 
 def is_free(config: Config, name: str) -> bool:
     """Whether the wishes decide a setting."""
-    return bool(config.focus) and name in config.solve.free
+    return bool(config.focus) and config.lens.focal_surface is None and name in config.solve.free
 
 
 def limits(config: Config, name: str) -> tuple[float | None, float | None]:
@@ -102,9 +102,9 @@ def fix(config: Config, name: str, value: float) -> Change:
         EditError: nothing would be left for the wishes to decide.
     """
     names = [each for each in config.solve.free if each != name]
-    if config.focus and not names:
+    if is_free(config, name) and not names:
         raise EditError("one setting at least has to stay free, for the wishes to decide; free another first")
-    if name not in config.solve.free:
+    if not is_free(config, name):
         return set_fixed(name, value)
     setting = SETTINGS[name]
     changes = [set_value("solve", key, value=None) for key in (setting.low, setting.high)]

@@ -61,6 +61,23 @@ def marks_svg(answer: Answer, scale: float, width: int, selected: int | None) ->
     return "".join(parts)
 
 
+def controls_svg(answer: Answer, scale: float, width: int, selected: int | None) -> str:
+    """A diamond for every control point of the focal surface; arguments as for `marks_svg`."""
+    parts, size = [], 1.5 * radius(width)
+    for number, control in enumerate(answer.controls()):
+        if control.mark is None:
+            continue
+        x, y = (scale * each for each in control.mark)
+        corners = ((x, y - size), (x + size, y), (x, y + size), (x - size, y))
+        points = " ".join(f"{each[0]:.1f},{each[1]:.1f}" for each in corners)
+        chosen = " chosen" if number == selected else ""
+        parts.append(
+            f'<g class="control{chosen}"><polygon points="{points}" class="halo"/>'
+            f'<polygon points="{points}" class="edge"><title>{escape(control.name)}</title></polygon></g>'
+        )
+    return "".join(parts)
+
+
 def layers_svg(
     addresses: Mapping[str, str], size: tuple[int, int], *, overlay: str, wipe: float | None
 ) -> str:

@@ -19,6 +19,7 @@ from focusjax.studio._session import Session
 from focusjax.studio._side_view import Plan, make_plan, side_view
 from focusjax.studio._stage import Stage
 from focusjax.studio._studio import Studio
+from focusjax.studio._surface_panel import SurfacePanel
 from focusjax.studio._text_dialog import TextDialog
 from focusjax.studio._timeline import Timeline
 from focusjax.studio._wish_panel import WishPanel
@@ -41,6 +42,7 @@ _WITH_SHARE = ("refining", "solving the shot")
 _WORKING = ("starting", "solving", "solving the shot", "draft", "refining", "rendering")
 _KEYS = """Click: new point · drag: move it · arrows: nudge (Shift: 10 px)
 Delete: remove · Esc: close the card · N: next wish · Enter: new point in the middle
+C, or Shift and click: control point of a focal surface
 Space: wipe · B: blur · D: depth · L: layers · Z: zoom · R: render
 Ctrl-Z, Ctrl-Y: undo, redo · Ctrl-S: save · shots: P: play · , and .: frames · K: keyframe"""
 _STEPS = {"ArrowLeft": (-1, 0), "ArrowRight": (1, 0), "ArrowUp": (0, -1), "ArrowDown": (0, 1)}
@@ -63,6 +65,7 @@ class Page:
                 self.timeline = Timeline(studio, self.picture, self.attempt)
             with ui.column().classes("fj-panel"):
                 self.lens = LensPanel(studio, self.attempt)
+                self.surface = SurfacePanel(studio, self.picture, self.attempt)
                 self.exposure = ExposurePanel(studio, self.attempt)
                 self.wishes = WishPanel(studio, self.picture)
                 ui.label("From above").classes("fj-head")
@@ -114,6 +117,7 @@ class Page:
         self.picture.show()
         self.timeline.show()
         self.lens.show()
+        self.surface.show()
         self.exposure.show()
         self.wishes.show()
         self.text.show()
@@ -180,6 +184,7 @@ class Page:
         self._refused = False
 
     def _selected(self, number: int | None) -> None:
+        self.surface.show()
         self.wishes.show()
         self.timeline.show()
 
@@ -231,7 +236,6 @@ class Page:
         if not event.action.keydown:
             return
         key, control = event.key.name, event.modifiers.ctrl or event.modifiers.meta
-        selected = self.picture.selected
         if control:
             act: dict[str, Callable[[], Any]] = {
                 "z": lambda: self._step("redo" if event.modifiers.shift else "undo"),
@@ -244,7 +248,8 @@ class Page:
                 "b": lambda: self._overlay.set_value("" if self._overlay.value == "blur" else "blur"),
                 "d": lambda: self._overlay.set_value("" if self._overlay.value == "depth" else "depth"),
                 "n": self._next,
-                "Enter": self._add_in_the_middle,
+                "Enter": lambda: self._add_in_the_middle(self.picture.add),
+                "c": lambda: self._add_in_the_middle(self.picture.add_control),
                 "l": lambda: self._overlay.set_value("" if self._overlay.value == "layers" else "layers"),
                 "z": self.picture.zoom,
                 "r": self._render,
@@ -254,11 +259,9 @@ class Page:
                 ".": lambda: self.timeline.step(1),
                 "Escape": lambda: self.picture.select(None),
             }
-            if selected is not None:
-                act |= {
-                    "Delete": lambda: self.picture.delete(selected),
-                    "Backspace": lambda: self.picture.delete(selected),
-                }
+            delete = self.picture.delete_chosen
+            if delete is not None:
+                act |= {"Delete": delete, "Backspace": delete}
                 if key in _STEPS:
                     size = 10 if event.modifiers.shift else 1
                     dx, dy = _STEPS[key]
@@ -267,12 +270,12 @@ class Page:
         if action is not None:
             action()
 
-    def _add_in_the_middle(self) -> None:
-        """A new point for those who use no mouse; the arrows take it where it is to be."""
+    def _add_in_the_middle(self, add: Callable[[float, float], None]) -> None:
+        """A new point, or control point, for those who use no mouse; the arrows take it where it is to be."""
         config = self.studio.session.document.config
         if self.studio.answer is not None and config is not None:
             width, height = config.camera.resolution
-            self.picture.add(width / 2, height / 2)
+            add(width / 2, height / 2)
 
     def _next(self) -> None:
         answer = self.studio.answer

@@ -14,7 +14,7 @@ from focusjax.config import Config, build_camera, build_look
 from focusjax.film import to_bytes
 from focusjax.geometry import Camera
 from focusjax.layers import Extent, Layers
-from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens, as_tilt_shift
+from focusjax.lens import AbstractLens, FocalSurfaceLens, ThinLens, TiltShiftLens, as_tilt_shift
 from focusjax.post import PinholeView, closed_lens, post_process, view_in_layers
 from focusjax.studio._answer import Answer
 from focusjax.studio._reach import lens_to_peel_for
@@ -87,7 +87,8 @@ class Painter:
         view = self._view(answer.config, camera)
         if answer.outcome is None:
             return Painted(self._shown(answer, camera, view.image), 0.0)
-        image = post_process(view, camera, _draft_lens(answer, full), taps=_DRAFT_TAPS, levels=_DRAFT_LEVELS)
+        lens = _draft_lens(answer, full, camera)
+        image = post_process(view, camera, lens, taps=_DRAFT_TAPS, levels=_DRAFT_LEVELS)
         return Painted(self._shown(answer, camera, image), 0.0)
 
     def refined(self, answer: Answer, cancelled: Callable[[], bool]) -> Iterator[Painted]:
@@ -169,7 +170,7 @@ class Painter:
             like = None
         wide = None
         cut = table.slabs is not None or table.slab_blur_px is not None
-        if isinstance(outcome.lens, ThinLens | TiltShiftLens) and outcome.glass is None and not cut:
+        if outcome.glass is None and not cut:
             wide = lens_to_peel_for(config, stage, outcome.lens)
         layers = None
         if wide is not None:
@@ -206,7 +207,9 @@ def _draft_camera(answer: Answer) -> Camera:
     config, outcome = answer.config, answer.outcome
     width, height = config.camera.resolution
     plain = outcome is None or (
-        isinstance(outcome.lens, ThinLens | TiltShiftLens) and outcome.glass is None and not config.lens.look
+        isinstance(outcome.lens, ThinLens | TiltShiftLens | FocalSurfaceLens)
+        and outcome.glass is None
+        and not config.lens.look
     )
     camera = answer.stage.camera
     if width <= DRAFT_WIDTH or not plain:
@@ -223,16 +226,22 @@ def _draft_camera(answer: Answer) -> Camera:
     )
 
 
-def _draft_lens(answer: Answer, camera: Camera) -> AbstractLens:
-    """The lens that blurs the draft: of one kind, tilted or not, so that one program does."""
+def _draft_lens(answer: Answer, full: Camera, camera: Camera) -> AbstractLens:
+    """The lens that blurs the draft: of one kind, tilted or not, so that one program does.
+
+    Args:
+        answer: has the lens.
+        full: the picture's camera.
+        camera: the draft's.
+    """
     outcome = answer.outcome
     assert outcome is not None
     if outcome.glass is not None:
         return outcome.glass.traced
     lens = outcome.lens
-    if answer.config.lens.look or not isinstance(lens, ThinLens | TiltShiftLens):
-        return build_look(answer.config, camera, lens)
-    return as_tilt_shift(lens)
+    if answer.config.lens.look:
+        return build_look(answer.config, full, lens)
+    return lens.sampled_for(full, camera) if isinstance(lens, FocalSurfaceLens) else as_tilt_shift(lens)
 
 
 def _frame(camera: Camera) -> tuple[int, int]:

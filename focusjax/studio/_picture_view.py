@@ -1,11 +1,12 @@
 """The picture of the page: what is clicked and dragged on it, and what is drawn over it."""
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
 from nicegui import events, ui
 
-from focusjax.studio._marks import layers_svg, marks_svg, nearest_mark, radius
+from focusjax.studio._marks import controls_svg, layers_svg, marks_svg, nearest_mark, radius
 from focusjax.studio._overlays import shown_size
 from focusjax.studio._session import Session
 from focusjax.studio._studio import Studio
@@ -22,6 +23,7 @@ class PictureView:
 
     Attributes:
         selected: number of the wish whose card is open; None for none.
+        control: number of the focal surface's control point that is chosen; None for none.
         wipe: share of the width that shows the sharp view; None for none.
         overlay: "blur", "depth" or nothing.
     """
@@ -41,10 +43,11 @@ class PictureView:
         """
         self.studio, self.attempt, self._on_select = studio, attempt, on_select
         self.selected: int | None = None
+        self.control: int | None = None
         self.wipe: float | None = None
         self.overlay = ""
         self._press: tuple[float, float] | None = None
-        self._dragged: int | str | None = None
+        self._dragged: tuple[str, int] | None = None
         self._drags = 0
         self._loaded = 0
         self._zoom = 0
@@ -83,6 +86,9 @@ class PictureView:
         count = 0 if studio.answer is None else len(studio.answer.config.focus)
         if self.selected is not None and self.selected >= count and not self._awaited(self.selected):
             self.select(None)
+        table = None if studio.answer is None else studio.answer.config.lens.focal_surface
+        if self.control is not None and (table is None or self.control >= len(table.points)):
+            self.select_control(None)
         state = studio.state
         self._note.text = state.detail if state.word in ("problem", "no lens", "rendered") else ""
         self._note.set_visibility(bool(self._note.text))
@@ -91,10 +97,36 @@ class PictureView:
 
     def select(self, number: int | None) -> None:
         """Open the card of a wish, or none."""
-        self.selected = number
+        self.selected, self.control = number, None
         self.card.open(number)
         self._draw()
         self._on_select(number)
+
+    def select_control(self, number: int | None) -> None:
+        """Choose a control point of the focal surface, or none."""
+        self.select(None)
+        self.control = number
+        self._draw()
+        self._on_select(None)
+
+    def delete_control(self, number: int) -> None:
+        """Forget a control point."""
+        self.select_control(None)
+        self.attempt(lambda session: session.delete_control(number))
+
+    def add_control(self, x: float, y: float) -> None:
+        """A new control point at what is under (x, y), in pixels of the config's picture."""
+        added = self.attempt(lambda session: session.add_control(x, y))
+        if isinstance(added, int):
+            self.select_control(added)
+
+    @property
+    def delete_chosen(self) -> Callable[[], None] | None:
+        """Forgets the wish or the control point that is chosen; None where none is."""
+        wish, control = self.selected, self.control
+        if wish is not None:
+            return lambda: self.delete(wish)
+        return None if control is None else lambda: self.delete_control(control)
 
     def delete(self, number: int) -> None:
         """Forget a wish."""
@@ -126,8 +158,14 @@ class PictureView:
         )
 
     def nudge(self, dx: float, dy: float) -> None:
-        """Move the selected point by pixels of the config's picture."""
-        answer, number = self.studio.answer, self.selected
+        """Move the selected point, or control point, by pixels of the config's picture."""
+        answer, number, control = self.studio.answer, self.selected, self.control
+        if answer is not None and control is not None and control < len(answer.controls()):
+            mark, table = answer.controls()[control].mark, self.studio.session.config.lens.focal_surface
+            if mark is not None and table is not None:
+                x, y = table.points[control].pixel or mark
+                self.attempt(lambda s: s.move_control(control, x + dx, y + dy, drag="nudge"))
+            return
         if answer is None or number is None or number >= len(answer.marks()):
             return
         mark = answer.marks()[number]
@@ -165,6 +203,7 @@ class PictureView:
         size = self._size()
         addresses = {kind: address(kind, each.number) for kind, each in self.studio.shown.items()}
         content = layers_svg(addresses, size, overlay=self.overlay, wipe=self.wipe)
+        content += controls_svg(answer, self._scale(), size[0], self.control)
         content += marks_svg(answer, self._scale(), size[0], self.selected)
         if content != self._content:
             self._content = content
@@ -175,7 +214,7 @@ class PictureView:
         act: dict[str, Callable[[float, float], Any]] = {
             "mousedown": self._down,
             "mousemove": self._move,
-            "mouseup": self._up,
+            "mouseup": functools.partial(self._up, shift=event.shift),
             "mouseleave": self._leave,
         }
         if self.studio.answer is not None and (event.type != "mousedown" or event.button == 0):
@@ -187,35 +226,50 @@ class PictureView:
         width = self._resolution()[0]
         self._press = (x, y)
         if self.wipe is not None and abs(x / width - self.wipe) < 0.015:
-            self._dragged = "wipe"
+            self._dragged = ("wipe", 0)
             return
-        self._dragged = nearest_mark(answer.marks(), x, y, 1.4 * radius(width))
         self._drags += 1
-        if self._dragged is not None and self._dragged != self.selected:
-            self.select(self._dragged)
+        wish = nearest_mark(answer.marks(), x, y, 1.4 * radius(width))
+        control = nearest_mark([each.mark for each in answer.controls()], x, y, 1.6 * radius(width))
+        self._dragged = ("wish", wish) if wish is not None else None
+        if wish is None and control is not None:
+            self._dragged = ("control", control)
+            if control != self.control:
+                self.select_control(control)
+        elif wish is not None and wish != self.selected:
+            self.select(wish)
 
     def _move(self, x: float, y: float) -> None:
         answer = self.studio.answer
         assert answer is not None
         width = self._resolution()[0]
-        if self._dragged == "wipe":
+        if self._dragged == ("wipe", 0):
             self.set_wipe(min(max(x / width, 0.0), 1.0))
             return
         self._seen = x, y
         self._under.text = answer.under(x, y).sentence()
         self._under.set_visibility(True)
-        if isinstance(self._dragged, int) and self._moved(x, y):
-            number, drag = self._dragged, f"{self._drags}"
-            self.attempt(lambda session: session.move_point(number, x, y, drag=drag))
+        self._drag_to(x, y)
 
-    def _up(self, x: float, y: float) -> None:
-        clicked = self._press is not None and self._dragged is None and not self._moved(x, y)
-        if isinstance(self._dragged, int) and self._moved(x, y):
-            number, drag = self._dragged, f"{self._drags}"
+    def _drag_to(self, x: float, y: float) -> bool:
+        """Move what is dragged; whether there is anything."""
+        if self._dragged is None or self._dragged[0] == "wipe" or not self._moved(x, y):
+            return False
+        (what, number), drag = self._dragged, f"{self._drags}"
+        if what == "wish":
             self.attempt(lambda session: session.move_point(number, x, y, drag=drag))
+        else:
+            self.attempt(lambda session: session.move_control(number, x, y, drag=drag))
+        return True
+
+    def _up(self, x: float, y: float, *, shift: bool = False) -> None:
+        clicked = self._press is not None and self._dragged is None and not self._moved(x, y)
+        if self._drag_to(x, y):
             self.studio.session.end_drag()
         self._press = self._dragged = None
-        if clicked:
+        if clicked and shift:
+            self.add_control(x, y)
+        elif clicked:
             self.add(x, y)
 
     def _leave(self, x: float, y: float) -> None:

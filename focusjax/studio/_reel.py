@@ -11,9 +11,10 @@ from jaxtyping import Float
 
 from focusjax import job
 from focusjax.config import Config
-from focusjax.focus import FramesSolution, ImagePoints
+from focusjax.focus import FramesSolution, ImagePoints, SurfaceFramesSolution
 from focusjax.job import Progress as Progress
 from focusjax.layers import first_surfaces
+from focusjax.lens import FocalSurface
 from focusjax.shot import MovingScene, SolvedShot, build_shot, solve_shot
 from focusjax.studio._answer import Answer
 from focusjax.studio._stage import Stage
@@ -64,6 +65,7 @@ class Reel:
             photograph=None,
             seconds={},
             compile_seconds={},
+            surface=_surface_of(self.solved, frame),
         )
         full = self.solved.share[frame - 1] > 0
         rows = tuple(
@@ -170,6 +172,14 @@ class ReelMaker:
         if self._stages is None or not self._stages.serve(config):
             self._stages = Stages(config)
         return self._stages
+
+
+def _surface_of(solved: SolvedShot, frame: int) -> FocalSurface | None:
+    """The control points of a frame, where the shot has a focal surface."""
+    solution = solved.solution
+    if not isinstance(solution, SurfaceFramesSolution):
+        return None
+    return jax.tree.map(lambda leaf: np.asarray(leaf)[frame - 1], solution.surface)
 
 
 def _points_of(solved: SolvedShot, frame: int) -> ImagePoints:

@@ -5,10 +5,11 @@ from typing import Any
 
 from focusjax.config import Config
 from focusjax.studio import _lens_settings as lens_settings
+from focusjax.studio import _surface_edits as surface
 from focusjax.studio import _timing as timing
 from focusjax.studio import _wishes as wishes
 from focusjax.studio._answer import Answer, Under, answer
-from focusjax.studio._document import Change, Document, EditError, delete_wish, set_value, together
+from focusjax.studio._document import Change, Document, EditError, set_value, together
 from focusjax.studio._reel import Progress, Reel, ReelMaker
 from focusjax.studio._stage import StageMaker
 
@@ -111,15 +112,16 @@ class Session:
 
     def add_point(self, x: float, y: float) -> int:
         """Wish that what is under (`x`, `y`) is sharp; the number of the new wish."""
-        name = wishes.name_for(self.config, self.under(x, y).object)
-        self._edit(wishes.new_wish(name, x, y))
+        config = self.config
+        name = wishes.name_for(config, self.under(x, y).object)
+        self._edit(together(wishes.new_wish(name, x, y), surface.control_with(config, name, x, y)))
         return len(self.config.focus) - 1
 
     def move_point(self, number: int, x: float, y: float, *, drag: str = "") -> None:
         """Move a wish to what is under (`x`, `y`); moves with the same `drag` are undone together."""
-        width, height = self.config.camera.resolution
-        x, y = min(max(x, 0.0), width), min(max(y, 0.0), height)
-        self._edit(wishes.move(number, x, y), f"move {number} {drag}" if drag else "")
+        x, y = self._inside(x, y)
+        follows = surface.control_follows(self.config, number, wishes.pixel_row(x, y))
+        self._edit(together(wishes.move(number, x, y), follows), f"move {number} {drag}" if drag else "")
 
     def end_drag(self) -> None:
         """The next move is undone by itself."""
@@ -127,17 +129,29 @@ class Session:
 
     def delete_point(self, number: int) -> None:
         """Forget a wish, and its track in a shot."""
-        self._edit(together(timing.delete_track(self.config, number), delete_wish(number)))
+        config = self.config
+        self._edit(
+            together(
+                timing.delete_track(config, number),
+                surface.control_deleted(config, number),
+                wishes.delete_wish(number),
+            )
+        )
 
     def wish_for(self, number: int, kind: str, *, pixels: float = 0.0, other: str = "") -> None:
         """Change what is wished; see `wish_for` of the wishes."""
-        self._edit(wishes.wish_for(number, kind, pixels=pixels, other=other))
+        change = wishes.wish_for(number, kind, pixels=pixels, other=other)
+        rows = () if self._answer is None else self._answer.wishes
+        before = number < len(rows) and rows[number].got < 0
+        blur = 0.0 if kind == "sharp" else -pixels if before else pixels
+        self._edit(together(change, surface.control_blurred(self.config, number, blur)))
 
     def rename(self, number: int, name: str) -> None:
         """Call a wish something else."""
         config = self.config
-        renamed = wishes.rename(config, number, name)
-        self._edit(together(timing.rename_track(config, number, name.strip()), renamed))
+        renamed, called = wishes.rename(config, number, name), name.strip()
+        follow = timing.rename_track(config, number, called), surface.control_renamed(config, number, called)
+        self._edit(together(*follow, renamed))
 
     def set_weight(self, number: int, weight: float) -> None:
         """How much a wish counts."""
@@ -165,7 +179,8 @@ class Session:
         wish, name = self.config.focus[number], wishes.called(self.config, number)
         if whole == (wish.object is not None and wish.triangle is None):
             return
-        mark = (self._answer or self.solve()).marks()[number]
+        marks = () if self._answer is None else self._answer.marks()
+        mark = (marks if number < len(marks) else self.solve().marks())[number]
         if mark is None:
             raise EditError(f"{name!r} is nowhere in the picture; move it there first")
         if not whole:
@@ -175,7 +190,8 @@ class Session:
         if not found:
             raise EditError(f"{name!r} is on the background, which is no object; move it onto one")
         self._pixels[name] = mark
-        self._edit(wishes.whole_object(number, found))
+        follows = surface.control_follows(self.config, number, {"object": found})
+        self._edit(together(wishes.whole_object(number, found), follows))
 
     def act(self, number: int, end: str, frame: int | None) -> None:
         """Let a wish of a shot act "from" or "to" a frame; None for the shot's first or last."""
@@ -209,6 +225,47 @@ class Session:
         """Set the "low" or "high" limit of a free setting; None for the usual one."""
         self._edit(lens_settings.limit(self.config, name, end, value))
 
+    def use_surface(self) -> None:
+        """Let the focus differ from place to place, with a control point for every wish that counts.
+
+        Control points that are called as a wish move, and go, with it.
+        """
+        answer = self._answer or self.solve()
+        self._edit(surface.use_surface(self.config, answer.wishes, answer.values()))
+
+    def use_plane(self) -> None:
+        """Focus on a plane again, at the distance that the surface has in the picture's middle."""
+        self._edit(surface.use_plane((self._answer or self.solve()).values()))
+
+    def add_control(self, x: float, y: float) -> int:
+        """A control point of the focal surface at what is under (`x`, `y`); its number."""
+        x, y = self._inside(x, y)
+        self._edit(surface.add_control(self.config, self.under(x, y).object or "background", x, y))
+        table = self.config.lens.focal_surface
+        assert table is not None
+        return len(table.points) - 1
+
+    def move_control(self, number: int, x: float, y: float, *, drag: str = "") -> None:
+        """Move a control point to what is under (`x`, `y`); `drag` as for `move_point`."""
+        move = surface.move_control(number, *self._inside(x, y))
+        self._edit(move, f"move control {number} {drag}" if drag else "")
+
+    def set_control(self, number: int, key: str, value: Any) -> None:
+        """Set the "name", "blur_px", "aperture_scale" or "weight" of a control point."""
+        self._edit(surface.set_control(number, key, value), f"control {number} {key}")
+
+    def delete_control(self, number: int) -> None:
+        """Forget a control point."""
+        self._edit(surface.delete_control(self.config, number))
+
+    def set_surface(self, key: str, value: Any) -> None:
+        """Set the "basis", "smoothness" or "favour_near" of the focal surface."""
+        self._edit(surface.set_surface(key, value))
+
+    def set_kernel(self, kind: str, *, exponent: float | None = None, size: float | None = None) -> None:
+        """How far control points are felt; see `set_kernel` of the focal surface's edits."""
+        self._edit(surface.set_kernel(self.config, kind, exponent=exponent, size=size))
+
     def set_exposure(self, table: str, key: str, value: Any) -> None:
         """Set a key of "exposure" or "film"; None removes it. Limits to what is given by hand go."""
         limits = _LIMITS_OF.get(key, ()) if value is not None else ()
@@ -232,6 +289,11 @@ class Session:
         """Do again what was taken back."""
         self.document.redo()
         self.number += 1
+
+    def _inside(self, x: float, y: float) -> tuple[float, float]:
+        """The place in the picture that is nearest."""
+        width, height = self.config.camera.resolution
+        return min(max(x, 0.0), width), min(max(y, 0.0), height)
 
     def _edit(self, change: Change, label: str = "") -> None:
         self.document.edit(change, label)

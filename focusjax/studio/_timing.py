@@ -6,8 +6,8 @@ import tomlkit
 
 from focusjax.config import Config, values_of
 from focusjax.shot import keyframes
-from focusjax.studio._document import Change, EditError, change_wish, together
-from focusjax.studio._wishes import called, kind_of
+from focusjax.studio._document import Change, EditError, together
+from focusjax.studio._wishes import called, change_wish, kind_of
 
 KEYED = ("blur", "weight")
 """What of a wish may have keyframes on the page."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import events, ui
 
 from focusjax.studio._session import Session
-from focusjax.studio._wishes import KINDS, called, kind_of
+from focusjax.studio._wishes import KINDS, KINDS_OF_SURFACE, called, kind_of
 
 Edit = Callable[[Session, Any], object]
 
@@ -55,22 +55,23 @@ class WishCard:
         names = [called(config, index) for index in range(len(config.focus))]
         kind = kind_of(config, number)
         others = tuple(name for k, name in enumerate(names) if k != number)
-        shape = (kind, others if kind == "same_blur_as" else ())
+        surface = config.lens.focal_surface is not None
+        shape = (kind, others if kind == "same_blur_as" else (), surface)
         if shape != self._built:
             self._built = shape
-            self._build(kind, others)
+            self._build(kind, others, KINDS_OF_SURFACE if surface else tuple(KINDS))
         self._fill(number, kind)
         x, y = self._view.place_of(number)
         self._card.style(_beside(x, y))
 
-    def _build(self, kind: str, others: Sequence[str]) -> None:
+    def _build(self, kind: str, others: Sequence[str], kinds: Sequence[str]) -> None:
         self._fields = {}
         self._card.clear()
         with self._card:
             with ui.row().classes("fj-row"):
                 self._build_name()
             self._fields["told"] = ui.label().classes("fj-dim at-told").mark("told")
-            toggle = ui.toggle(KINDS, on_change=self._choose)
+            toggle = ui.toggle({each: KINDS[each] for each in kinds}, on_change=self._choose)
             toggle.props("dense no-caps unelevated size=sm spread").classes("w-full at-kind").mark("kind")
             self._fields["kind"] = toggle
             with ui.row().classes("fj-row"):

@@ -1,9 +1,10 @@
 """Edits of the wishes: what the page offers for a point, as changes of a `[[focus]]` table."""
 
+from collections.abc import Sequence
 from typing import Any
 
-from focusjax.config import Config
-from focusjax.studio._document import Change, EditError, add_wish, change_wish, together
+from focusjax.config import Config, FocusTable
+from focusjax.studio._document import Change, EditError, add_row, change_row, delete_row, together
 
 KINDS = {
     "sharp": "sharp",
@@ -13,6 +14,8 @@ KINDS = {
     "same_blur_as": "same as",
 }
 """What a point may be wished to be, with the words for it."""
+KINDS_OF_SURFACE = ("sharp", "blur")
+"""Those that a focal surface is solved for."""
 
 _PLACES = ("pixel", "point", "direction", "triangle", "barycentric", "object", "mask", "depth_m", "samples")
 _MEASURED = ("blur", "at_most", "at_least", "in_frame")
@@ -30,22 +33,36 @@ _DECIMALS = 2
 
 def name_for(config: Config, place: str) -> str:
     """A name for a new wish at `place` that no other wish has."""
-    taken = {wish.name or wish.object for wish in config.focus}
-    name, number = place or "background", 1
+    return free_name(place or "background", {wish.name or wish.object for wish in config.focus})
+
+
+def free_name(wanted: str, taken: set[Any]) -> str:
+    """The name wanted, with a number where it is taken."""
+    name, number = wanted, 1
     while name in taken:
         number += 1
-        name = f"{place or 'background'} {number}"
+        name = f"{wanted} {number}"
     return name
 
 
 def new_wish(name: str, x: float, y: float) -> Change:
     """What is under pixel position (`x`, `y`) is to be sharp."""
-    return add_wish({"name": name, "pixel": _pixel(x, y), "sharp": True})
+    return add_row("focus", row={"name": name, **pixel_row(x, y), "sharp": True})
+
+
+def change_wish(number: int, row: dict[str, Any], without: Sequence[str] = ()) -> Change:
+    """Change the `[[focus]]` table of that number, as `change_row`."""
+    return change_row("focus", number=number, row=row, without=without)
+
+
+def delete_wish(number: int) -> Change:
+    """Forget a wish."""
+    return delete_row("focus", number=number)
 
 
 def move(number: int, x: float, y: float) -> Change:
     """The wish is about what is under pixel position (`x`, `y`)."""
-    return change_wish(number, {"pixel": _pixel(x, y)}, [key for key in _PLACES if key != "pixel"])
+    return change_wish(number, pixel_row(x, y), [key for key in _PLACES if key != "pixel"])
 
 
 def whole_object(number: int, name: str) -> Change:
@@ -107,5 +124,12 @@ def called(config: Config, number: int) -> str:
     return wish.name or wish.object or f"point {number + 1}"
 
 
-def _pixel(x: float, y: float) -> list[float]:
-    return [round(float(x), _DECIMALS), round(float(y), _DECIMALS)]
+def pixel_row(x: float, y: float) -> dict[str, Any]:
+    """The keys of a place in the picture."""
+    return {"pixel": [round(float(x), _DECIMALS), round(float(y), _DECIMALS)]}
+
+
+def place_row(wish: FocusTable, keys: Sequence[str]) -> dict[str, Any]:
+    """Those of the keys that say where a wish is."""
+    found = {key: getattr(wish, key) for key in keys if getattr(wish, key) is not None}
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in found.items()}

@@ -42,9 +42,7 @@ def refocus_config(
     if depth is not None:
         table["depth"] = str(depth.absolute())
     if anchors:
-        table["anchors"] = [
-            _numbers(text, "--anchor", (2, 3), "X,Y,METRES or VALUE,METRES") for text in anchors
-        ]
+        table["anchors"] = anchors_of(anchors)
     focus = [
         {"name": f"sharp {text}", "pixel": _numbers(text, "--sharp", (2,), "X,Y in pixels"), "sharp": True}
         for text in sharp
@@ -79,6 +77,15 @@ def refocus_config(
     set_keys(data, overrides)
     named = [*table.values(), *(toml_value(override.partition("=")[2]) for override in overrides)]
     return config_of(data, Reach(photo.absolute(), None, frozenset(texts(named))))
+
+
+def anchors_of(texts: Sequence[str]) -> list[list[float]]:
+    """The `anchors` of `[scene.photo]` from "X,Y,METRES" or "VALUE,METRES".
+
+    Raises:
+        ConfigError: text that is neither.
+    """
+    return [_numbers(text, "--anchor", (2, 3), "X,Y,METRES or VALUE,METRES") for text in texts]
 
 
 def _numbers(text: str, option: str, counts: tuple[int, ...], expected: str) -> list[float]:

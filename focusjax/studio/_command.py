@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 
 from focusjax._console import fail, say
+from focusjax._refocus import anchors_of
 from focusjax.config import ConfigError
 
 _BAD_INPUT = 2
@@ -55,6 +56,14 @@ def command(
     depth_scale: Annotated[
         float | None, typer.Option("--depth-scale", metavar="X", help="What a stored 1 is in that unit.")
     ] = None,
+    anchors: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--anchor",
+            metavar="X,Y,METRES",
+            help="A known distance, or VALUE,METRES; two of them for depth without a unit.",
+        ),
+    ] = None,
     focal_length_35mm: Annotated[
         float | None,
         typer.Option("--focal-length-35mm", metavar="MM", help="A photograph's, as on 36 x 24 mm film."),
@@ -87,8 +96,13 @@ def command(
         chosen = _free_port(LOCAL if host is None else host, port)
     except OSError as error:
         fail(errors, error, _BAD_INPUT)
+    try:
+        known = anchors_of(anchors or ())
+    except ConfigError as error:
+        fail(errors, error, _BAD_INPUT)
     photo: dict[str, Any] = {
         "depth": None if depth is None else str(depth),
+        "anchors": known or None,
         "depth_unit": depth_unit,
         "depth_scale": depth_scale,
         "focal_length_35mm": focal_length_35mm,

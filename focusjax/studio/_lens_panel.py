@@ -105,6 +105,9 @@ class LensPanel:
                             .classes("col")
                             .style("min-width: 0")
                         )
+                        field.props["aria-label"] = (
+                            f"{setting.label} {'at least' if end == 'low' else 'at most'}"
+                        )
                         field.mark(f"{end}-{name}").classes(f"at-{end}-{name}").tooltip(
                             f"The limit to the {setting.label.lower()}; empty for the usual one"
                         )
@@ -120,7 +123,9 @@ class LensPanel:
                     )
                     slider.on("update:model-value", lambda e: self._slid(setting, e.args), throttle=0.06)
                     slider.on("change", lambda: self._studio.session.end_drag())
-                    slider.props(f'aria-label="{setting.label}"')
+                    slider.props(f'aria-label="{setting.label}"').tooltip(setting.help)
+                    # Its arrow keys do not nudge points, too.
+                    slider.on("keydown", js_handler="(event) => event.stopPropagation()")
                     fields["slider"] = slider
                     field = (
                         ui.number(step=0.1)
@@ -129,6 +134,8 @@ class LensPanel:
                         .mark(f"fixed-{name}")
                         .classes(f"at-fixed-{name}")
                     )
+                    field.props["aria-label"] = setting.label
+                    field.tooltip(f"{setting.label} in {setting.unit}" if setting.unit else setting.label)
                     field.on_value_change(lambda e: self._set(name, e.value))
                     fields["fixed"] = field
 

@@ -1,12 +1,13 @@
 """The page: one picture, its marks and cards, the lens and the wishes beside it. It only shows a studio."""
 
 import functools
-import html
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from nicegui import events, run, ui
+from nicegui.elements.mixins.value_element import ValueElement
 
 from focusjax.exchange import TARGETS
 from focusjax.studio._desk import Desk
@@ -18,7 +19,7 @@ from focusjax.studio._save_dialog import SaveDialog
 from focusjax.studio._session import Session
 from focusjax.studio._side_view import Plan, make_plan, side_view
 from focusjax.studio._stage import Stage
-from focusjax.studio._studio import Studio
+from focusjax.studio._studio import State, Studio
 from focusjax.studio._surface_panel import SurfacePanel
 from focusjax.studio._text_dialog import TextDialog
 from focusjax.studio._timeline import Timeline
@@ -35,11 +36,11 @@ _WORDS = {
     "refined": "refined",
     "no lens": "no lens yet",
     "problem": "stopped",
-    "rendering": "rendering",
-    "rendered": "rendered",
 }
 _WITH_SHARE = ("refining", "solving the shot")
-_WORKING = ("starting", "solving", "solving the shot", "draft", "refining", "rendering")
+_WORKING = ("starting", "solving", "solving the shot", "draft", "refining")
+_LONG_S = 1.5
+"""Seconds of solving after which it is because a program is being compiled."""
 _KEYS = """Click: new point · drag: move it · arrows: nudge (Shift: 10 px)
 Delete: remove · Esc: close the card · N: next wish · Enter: new point in the middle
 C, or Shift and click: control point of a focal surface
@@ -55,6 +56,8 @@ class Page:
         """Build the page's elements where NiceGUI is at; `desk` is where the studio is open."""
         self.studio, self._desk = studio, desk
         self._version = -1
+        self._refused_edit = False
+        self._words, self._since = ("", ""), time.monotonic()
         self._planned: object = None
         self._plan: tuple[Stage, Plan] | None = None
         self._dark = ui.dark_mode(None)
@@ -89,6 +92,8 @@ class Page:
             return self.studio.apply(edit)
         except EditError as error:
             ui.notify(str(error), type="warning", position="bottom", multi_line=True)
+            self._refused_edit = True
+            self.studio.version += 1
         return None
 
     def look(self) -> None:
@@ -99,6 +104,8 @@ class Page:
             ui.navigate.reload()
             return
         if self._version == studio.version:
+            if studio.state.word == "solving" and time.monotonic() - self._since > _LONG_S:
+                self._state.text = "solving, compiling once…"
             # The view from above comes after what was just shown is on its way.
             self._show_from_above()
             return
@@ -107,10 +114,7 @@ class Page:
             ui.notify(studio.warning, type="warning", position="bottom", multi_line=True)
         self._version = studio.version
         document, state = studio.session.document, studio.state
-        word = _WORDS[state.word]
-        share = f" {100 * state.share:.0f} %" if state.word in _WITH_SHARE else ""
-        self._state.text = f"{word}{share}" + (f": {state.detail}" if state.word == "rendering" else "")
-        self._progress.set_visibility(state.word in _WORKING)
+        self._show_state(state)
         self._name.text = document.path.name + (" • unsaved" if document.unsaved else "")
         self._undo.set_enabled(document.can_undo)
         self._redo.set_enabled(document.can_redo)
@@ -121,6 +125,34 @@ class Page:
         self.exposure.show()
         self.wishes.show()
         self.text.show()
+        if self._refused_edit:
+            # A browser's field keeps what was typed unless it is told what holds.
+            self._refused_edit = False
+            for element in list(ui.context.client.elements.values()):
+                if isinstance(element, ValueElement):
+                    element.update()
+
+    def _show_state(self, state: State) -> None:
+        """What the picture is, or how far the final one is."""
+        final = self.studio.final.state
+        if (state.word, final.word) != self._words:
+            if final.word != self._words[1] and final.word in ("rendered", "cancelled", "failed"):
+                ui.notify(
+                    final.detail,
+                    type="positive" if final.word == "rendered" else "warning",
+                    position="bottom",
+                    multi_line=True,
+                    timeout=8000,
+                )
+            self._words = state.word, final.word
+            self._since = time.monotonic()
+        if self.studio.final.busy:
+            share = f" {100 * final.share:.0f} %" if final.share else ""
+            self._state.text = f"rendering{share}: {final.detail}"
+        else:
+            share = f" {100 * state.share:.0f} %" if state.word in _WITH_SHARE else ""
+            self._state.text = f"{_WORDS[state.word]}{share}"
+        self._progress.set_visibility(state.word in _WORKING or self.studio.final.busy)
 
     def save(self) -> None:
         """Write the config to its file, or ask for one; a second time over what others wrote."""
@@ -192,7 +224,7 @@ class Page:
         answer = self.studio.answer
         if answer is None:
             return
-        key = (answer.number, answer.frame, self.picture.selected)
+        key = (id(answer.outcome), answer.number, answer.frame, self.picture.selected)
         if key != self._planned:
             self._planned = key
             if self._plan is None or self._plan[0] is not answer.stage:
@@ -200,13 +232,13 @@ class Page:
             self._side.content = side_view(answer, self._plan[1], 344, 210, self.picture.selected)
 
     def _render(self) -> None:
-        if self.studio.state.word == "rendering":
-            self.studio.cancel_render()
-            ui.notify("The final picture stops at the next stage.", position="bottom")
+        if self.studio.final.busy:
+            self.studio.final.cancel()
             return
         folder = Path("out") / self.studio.session.document.path.stem
         self.attempt(lambda session: self.studio.render(folder))
-        ui.notify(f"The final picture goes to {folder}; press again to stop.", position="bottom")
+        if self.studio.final.busy:
+            ui.notify(f"The final picture goes to {folder}; press again to stop.", position="bottom")
 
     async def _export(self, to: str, _: object = None) -> None:
         folder = Path("out") / self.studio.session.document.path.stem
@@ -286,8 +318,7 @@ class Page:
 
 
 def _button(icon: str, help_: str, act: Callable[[], object] | None = None) -> ui.button:
-    button = ui.button(icon=icon, on_click=act).props(
-        f'flat dense size=sm color=grey aria-label="{html.escape(help_)}"'
-    )
+    button = ui.button(icon=icon, on_click=act).props("flat dense size=sm color=grey")
+    button.props["aria-label"] = help_
     button.tooltip(help_)
     return button

@@ -90,7 +90,7 @@ class PictureView:
         if self.control is not None and (table is None or self.control >= len(table.points)):
             self.select_control(None)
         state = studio.state
-        self._note.text = state.detail if state.word in ("problem", "no lens", "rendered") else ""
+        self._note.text = state.detail if state.word in ("problem", "no lens") else ""
         self._note.set_visibility(bool(self._note.text))
         self._draw()
         self.card.show()

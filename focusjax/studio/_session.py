@@ -48,7 +48,7 @@ class Session:
         self._maker = StageMaker()
         self._reels = ReelMaker()
         self._answer: Answer | None = None
-        self._weights: dict[str, float] = {}
+        self._weights: dict[str, tuple[float, dict[float, float]]] = {}
         self._pixels: dict[str, tuple[float, float]] = {}
 
     @property
@@ -139,12 +139,18 @@ class Session:
         )
 
     def wish_for(self, number: int, kind: str, *, pixels: float = 0.0, other: str = "") -> None:
-        """Change what is wished; see `wish_for` of the wishes."""
+        """Change what is wished; see `wish_for` of the wishes.
+
+        Keyframes of its blur go where they would mean something else.
+        """
+        config = self.config
         change = wishes.wish_for(number, kind, pixels=pixels, other=other)
+        if not wishes.in_pixels(config, number) or kind not in wishes.MEASURED:
+            change = together(timing.without_keys(config, number, "blur"), change)
         rows = () if self._answer is None else self._answer.wishes
         before = number < len(rows) and rows[number].got < 0
         blur = 0.0 if kind == "sharp" else -pixels if before else pixels
-        self._edit(together(change, surface.control_blurred(self.config, number, blur)))
+        self._edit(together(change, surface.control_blurred(config, number, blur)))
 
     def rename(self, number: int, name: str) -> None:
         """Call a wish something else."""
@@ -153,9 +159,19 @@ class Session:
         follow = timing.rename_track(config, number, called), surface.control_renamed(config, number, called)
         self._edit(together(*follow, renamed))
 
-    def set_weight(self, number: int, weight: float) -> None:
-        """How much a wish counts."""
-        self._edit(wishes.set_number(number, "weight", weight))
+    def set_weight(self, number: int, weight: float, frame: int = 0) -> None:
+        """How much a wish counts: at a frame of a shot, where that has keyframes."""
+        if frame and timing.keys_of(self.config, number, "weight"):
+            self.set_key(number, frame, "weight", weight)
+        else:
+            self._edit(wishes.set_number(number, "weight", weight))
+
+    def set_pixels(self, number: int, pixels: float, frame: int = 0) -> None:
+        """The diameter that is wished for: at a frame of a shot, where that has keyframes."""
+        if frame and timing.keys_of(self.config, number, "blur"):
+            self.set_key(number, frame, "blur", pixels)
+        else:
+            self.wish_for(number, wishes.kind_of(self.config, number), pixels=pixels)
 
     def set_tolerance(self, number: int, pixels: float | None) -> None:
         """The largest miss in pixels that still counts as met; None for the usual."""
@@ -163,12 +179,19 @@ class Session:
 
     def switch(self, number: int, *, on: bool) -> None:
         """Let a wish count, as much as before it was switched off, or not."""
-        name, weight = wishes.called(self.config, number), self.config.focus[number].weight
+        config = self.config
+        name, weight = wishes.called(config, number), config.focus[number].weight
         if on == (weight > 0):
             return
         if not on:
-            self._weights[name] = weight
-        self.set_weight(number, self._weights.get(name, 1.0) if on else 0.0)
+            # Keyframes of its weight would let it count all the same.
+            self._weights[name] = weight, timing.keys_of(config, number, "weight")
+            off = wishes.set_number(number, "weight", 0.0)
+            self._edit(together(timing.without_keys(config, number, "weight"), off))
+            return
+        weight, keys = self._weights.get(name, (1.0, {}))
+        again = [timing.set_key(config, number, int(frame), "weight", value) for frame, value in keys.items()]
+        self._edit(together(wishes.set_number(number, "weight", weight), *again))
 
     def spread(self, number: int, *, whole: bool) -> None:
         """Let a wish be about the whole object that it is on, or about one point of it.
@@ -267,11 +290,18 @@ class Session:
         self._edit(surface.set_kernel(self.config, kind, exponent=exponent, size=size))
 
     def set_exposure(self, table: str, key: str, value: Any) -> None:
-        """Set a key of "exposure" or "film"; None removes it. Limits to what is given by hand go."""
-        limits = _LIMITS_OF.get(key, ()) if value is not None else ()
+        """Set a key of "exposure" or "film"; None removes it.
+
+        Limits to what is given by hand go, and the priority where both time and ISO are.
+        """
+        idle = list(_LIMITS_OF.get(key, ()) if value is not None else ())
+        exposure, other = self.config.exposure, {"time": "iso", "iso": "time"}.get(key, "")
+        if value is not None and exposure is not None and getattr(exposure, other, None) is not None:
+            # Nothing is left to choose.
+            idle.append("priority")
         self._edit(
             together(
-                *(set_value(table, each, value=None) for each in limits), set_value(table, key, value=value)
+                *(set_value(table, each, value=None) for each in idle), set_value(table, key, value=value)
             )
         )
 

@@ -3,17 +3,15 @@
 import dataclasses
 import functools
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
-from focusjax import job
 from focusjax.config import Config, ConfigError
 from focusjax.exchange import export_config, target_named
-from focusjax.io import staged_folder
-from focusjax.report import FILES, save_outcome
-from focusjax.shot import film
 from focusjax.studio._answer import Answer, answer
 from focusjax.studio._document import EditError
+from focusjax.studio._final import Final
 from focusjax.studio._latest import Cancelled as IsCancelled
 from focusjax.studio._latest import Latest
 from focusjax.studio._overlays import blur_overlay, depth_overlay, jpeg, layers_overlay, shown_size, webp
@@ -21,6 +19,7 @@ from focusjax.studio._painter import Cancelled, Painter
 from focusjax.studio._reel import Reel
 from focusjax.studio._session import Session
 
+_NO_PLACE = dict.fromkeys(("pixel", "point", "direction", "triangle", "barycentric", "mask", "depth_m"))
 _NO_WISH = dict.fromkeys(("sharp", "same_blur_as", "shown_at", "blur_px", "blur_mm", "blur_height"))
 _FIRST_NUMBERS_S = 0.04
 """Seconds that the page has to show marker and numbers, before a draft takes all of the processor."""
@@ -59,8 +58,8 @@ class State:
     """What the picture is at the moment.
 
     Attributes:
-        word: "starting", "solving", "solving the shot", "draft", "refining", "refined", "no lens", "problem",
-            "rendering" or "rendered".
+        word: "starting", "solving", "solving the shot", "draft", "refining", "refined", "no lens" or
+            "problem".
         share: how far refining is, 0 to 1.
         detail: a sentence, of a problem.
     """
@@ -82,6 +81,7 @@ class Studio:
         drafts: how many drafts were made.
         frame: of the shot, counted from 1; 0 for a still.
         reel: the solved shot; None for a still, or before it is solved.
+        final: makes the final picture.
         warning: why changes cannot be kept before they are saved; empty where they can.
     """
 
@@ -98,11 +98,13 @@ class Studio:
         self.reel: Reel | None = None
         self._drafts: tuple[Reel | None, dict[int, bytes]] = (None, {})
         self.painter = Painter()
+        self.final = Final(self._final_changed)
         self._lock = threading.Lock()
         self._pictures = 0
         self._numbers = Latest("focusjax numbers", self._failed)
         self._painting = Latest("focusjax pictures", self._failed)
         self._keeping = Latest("focusjax unsaved", self._unkept)
+        self._closed = False
         self._sharp_of: object = None
         self._layers_of = 0
         self.refresh()
@@ -146,13 +148,17 @@ class Studio:
             self._numbers.submit(functools.partial(self._show_frame, reel))
 
     def warm_up(self) -> None:
-        """Compile, in a thread of its own, the solve with limits to blur, so that the first one is quick."""
+        """Compile, in a thread of its own, what other wishes and a tilt need, so that the first is quick."""
         threading.Thread(target=self._warm_up, name="focusjax warm-up", daemon=True).start()
 
     def render(self, folder: Path) -> None:
-        """Make the picture at full quality with its report, as `focusjax run` does, into `folder`."""
-        config = self.session.config
-        self._painting.submit(lambda cancelled: self._render(config, folder, cancelled))
+        """Make the picture at full quality with its report, as `focusjax run` does, into `folder`.
+
+        Raises:
+            EditError: there is no usable config, or the folder cannot be written to.
+        """
+        self._painting.cancel()
+        self.final.start(self.session.config, folder)
 
     def export(self, to: str, folder: Path) -> tuple[str, ...]:
         """Write the camera for another program into `folder`, as `focusjax export` does; what it says.
@@ -165,18 +171,16 @@ class Studio:
         has_shot = config.shot is not None and bool(config.focus)
         return export_config(config, file, to=to, shot=has_shot, approximate=True).sentences
 
-    def cancel_render(self) -> None:
-        """Stop at the next stage."""
-        self._painting.cancel()
-
     def wait(self, seconds: float | None = None) -> bool:
         """Wait until numbers and pictures are done; whether that came within `seconds` each."""
-        return self._numbers.wait(seconds) and self._painting.wait(seconds)
+        return all(each.wait(seconds) for each in (self.final, self._numbers, self._painting))
 
     def close(self) -> None:
         """End the threads; what is not saved is kept."""
+        self._closed = True
         self._keeping.wait()
         self._keeping.close()
+        self.final.close()
         self._numbers.close()
         self._painting.close()
 
@@ -185,8 +189,6 @@ class Studio:
         self.reel = None
         self._set(answer=answer)
         self._lay_blur(answer)
-        if answer.outcome is None:
-            self._set(state=State("no lens", detail=answer.problem))
         self._painting.submit(functools.partial(self._paint, answer))
         if not self._numbers.overtaken(cancelled, _AFTER_DRAFT_S):
             told = answer.with_sentences()
@@ -211,7 +213,7 @@ class Studio:
             problem = " ".join(str(error).split("\n\n")[0].split())
             unsolved = self.session.before_shot(config, self.frame, number, problem)
             self.reel = None
-            self._set(answer=unsolved, state=State("no lens", detail=problem))
+            self._set(answer=unsolved)
             self._painting.submit(functools.partial(self._paint, unsolved))
             return
         self.reel = reel
@@ -244,9 +246,15 @@ class Studio:
         answer_ = self.answer
         if answer_ is None or not answer_.config.focus or answer_.frame:
             return
-        limit = answer_.config.focus[0].model_copy(update=_NO_WISH | {"at_most_px": 1e3, "name": "warm-up"})
-        config = answer_.config.model_copy(update={"focus": (*answer_.config.focus, limit)})
-        answer(config, answer_.stage)
+        if answer_.config.lens.focal_surface is not None:
+            return
+        for number, config in enumerate(_other_configs(answer_.config)):
+            if number:
+                # The first picture comes before what is asked for less often.
+                self._painting.wait()
+            if self._closed:
+                return
+            answer(config, answer_.stage)
 
     def _paint(self, answer: Answer, cancelled: IsCancelled) -> None:
         size = shown_size(answer.config.camera.resolution)
@@ -262,6 +270,7 @@ class Studio:
             if answer.frame and answer.outcome is not None:
                 drafts[answer.frame] = data
         if answer.outcome is None:
+            self._set(state=State("no lens", detail=answer.problem))
             self._extras(answer, size)
             return
         if cancelled():
@@ -271,6 +280,9 @@ class Studio:
             # The next frame is looked at.
             return
         self._extras(answer, size)
+        if self.final.busy:
+            # It has the processor; what is looked at is refined after it.
+            return
         try:
             for painted in self.painter.refined(answer, cancelled):
                 if cancelled():
@@ -299,24 +311,12 @@ class Studio:
             self._show("depth", answer, lambda: webp(depth_overlay(answer.stage.disparity), size))
             self._sharp_of = answer.stage
 
-    def _render(self, config: Config, folder: Path, cancelled: IsCancelled) -> None:
-        def tell(stage: str, share: float | None) -> None:
-            if cancelled():
-                raise Cancelled
-            self._set(state=State("rendering", share or 0.0, stage))
-
-        try:
-            if config.shot is not None and config.focus:
-                film(config, folder, progress=tell)
-                self._set(state=State("rendered", 1.0, f"Report: {folder / 'report.html'}"))
-                return
-            with staged_folder(folder, owned=FILES) as made:
-                outcome = job.run(config, solving=bool(config.focus), progress=tell)
-                save_outcome(made, outcome)
-        except Cancelled:
-            self._set(state=State("draft", detail="The final picture was cancelled."))
-            return
-        self._set(state=State("rendered", 1.0, f"Report: {folder / 'report.html'}"))
+    def _final_changed(self) -> None:
+        with self._lock:
+            self.version += 1
+        answer = self.answer
+        if not self.final.busy and answer is not None:
+            self._painting.submit(functools.partial(self._paint, answer))
 
     def _show(self, kind: str, answer: Answer, make: Callable[[], bytes]) -> None:
         media = "image/jpeg" if kind in ("picture", "sharp") else "image/webp"
@@ -341,3 +341,24 @@ class Studio:
         known = isinstance(error, ConfigError | EditError | ValueError | RuntimeError | OSError | MemoryError)
         text = str(error) if known else f"internal error, please report it: {error!r}"
         self._set(state=State("problem", detail=" ".join(text.split("\n\n")[0].split())))
+
+
+def _other_configs(config: Config) -> Iterator[Config]:
+    """The config with one more wish, of the kinds that are solved by programs of their own, and tilted."""
+    first = config.focus[0]
+    name = first.name or first.object
+    wishes: list[dict[str, Any]] = [{"at_most_px": 1e3}]
+    if name is not None:
+        wishes.append({"same_blur_as": name})
+    for wish in wishes:
+        more = first.model_copy(update=_NO_WISH | {"name": "warm-up", **wish})
+        yield config.model_copy(update={"focus": (*config.focus, more)})
+    named = [each.name for each in config.scene.objects if each.name]
+    if named:
+        whole = first.model_copy(
+            update=_NO_WISH | _NO_PLACE | {"name": "warm-up", "object": named[0], "sharp": True}
+        )
+        yield config.model_copy(update={"focus": (*config.focus, whole)})
+    if "tilt" not in config.solve.free and config.lens.prescription is None:
+        solve = config.solve.model_copy(update={"free": (*config.solve.free, "tilt")})
+        yield config.model_copy(update={"solve": solve})

@@ -36,14 +36,19 @@ class TextDialog:
         document = self._studio.session.document
         self._title.text = str(document.path)
         self._area.value = document.text
-        self._tell(document.problem)
+        self._tell(document.problem or self._stopped())
         self._dialog.open()
 
     def show(self) -> None:
-        """Open where the config cannot be used, once."""
-        if self._studio.session.document.config is None and not self._offered:
+        """Open where the config, or a file that it names, cannot be used, once."""
+        if (self._studio.session.document.config is None or self._stopped()) and not self._offered:
             self._offered = True
             self.open()
+
+    def _stopped(self) -> str:
+        """Why there is nothing to see at all; empty where there is."""
+        state = self._studio.state
+        return state.detail if state.word == "problem" and self._studio.answer is None else ""
 
     def _use(self) -> None:
         try:

@@ -9,7 +9,7 @@ from focusjax.studio._session import Session
 from focusjax.studio._studio import Studio
 from focusjax.studio._timing import KEYED, keys_of, span_of
 from focusjax.studio._tracks import LEFT, RIGHT, tracks_svg
-from focusjax.studio._wishes import kind_of
+from focusjax.studio._wishes import MEASURED, kind_of
 
 _WIDTH = 900
 
@@ -102,7 +102,7 @@ class Timeline:
         if any(frame in keys_of(config, number, what) for what in KEYED):
             self._attempt(lambda session: session.delete_key(number, frame))
             return
-        what = "blur" if kind_of(config, number) in ("blur", "at_most", "at_least") else "weight"
+        what = "blur" if kind_of(config, number) in MEASURED else "weight"
         value = self._studio.session.value_at(number, frame, what)
         self._attempt(lambda session: session.set_key(number, frame, what, value))
 

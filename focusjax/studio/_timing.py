@@ -7,7 +7,7 @@ import tomlkit
 from focusjax.config import Config, values_of
 from focusjax.shot import keyframes
 from focusjax.studio._document import Change, EditError, together
-from focusjax.studio._wishes import called, change_wish, kind_of
+from focusjax.studio._wishes import MEASURED, called, change_wish, kind_of
 
 KEYED = ("blur", "weight")
 """What of a wish may have keyframes on the page."""
@@ -51,7 +51,7 @@ def set_key(config: Config, number: int, frame: int, what: str, value: float) ->
         EditError: a frame that the shot does not have, or a wish that has no blur.
     """
     _check(config, frame)
-    if what == "blur" and kind_of(config, number) not in ("blur", "at_most", "at_least"):
+    if what == "blur" and kind_of(config, number) not in MEASURED:
         raise EditError(
             f"{called(config, number)!r} wishes for no blur in pixels; choose blur, at most or at least"
         )
@@ -67,6 +67,24 @@ def set_key(config: Config, number: int, frame: int, what: str, value: float) ->
         made = tomlkit.inline_table()
         made.update({"frame": frame, what: value})
         keys.insert(sum(key["frame"] < frame for key in keys), made)
+
+    return _of_track(config, number, change)
+
+
+def without_keys(config: Config, number: int, what: str) -> Change:
+    """Take a wish's "blur" or "weight" out of all of its keyframes."""
+    if not keys_of(config, number, what):
+        return together()
+
+    def change(table: Any) -> None:
+        keys = table["keys"]
+        for index, key in reversed(list(enumerate(keys))):
+            if what in key:
+                del key[what]
+            if set(key) <= {"frame"}:
+                del keys[index]
+        if not len(keys):
+            del table["keys"]
 
     return _of_track(config, number, change)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import events, ui
 
 from focusjax.studio._session import Session
-from focusjax.studio._wishes import KINDS, KINDS_OF_SURFACE, called, kind_of
+from focusjax.studio._wishes import KINDS, KINDS_OF_SURFACE, MEASURED, called, kind_of
 
 Edit = Callable[[Session, Any], object]
 
@@ -89,21 +89,21 @@ class WishCard:
         )
 
     def _build_numbers(self, kind: str, others: Sequence[str]) -> None:
-        if kind in ("blur", "at_most", "at_least"):
+        if kind in MEASURED:
             self._number_field(
                 "pixels", "px", 0.5, "The blur's diameter in pixels of the picture",
-                lambda s, v: s.wish_for(self.number, kind, pixels=v),
+                lambda s, v: s.set_pixels(self.number, v, self._view.studio.frame),
             )  # fmt: skip
         if kind == "same_blur_as":
             field = ui.select(list(others), label="as blurred as", on_change=self._other)
             self._fields["other"] = field.props("dense").classes("col at-other").mark("other")
         self._number_field(
             "weight", "weight", 1.0, "How much this wish counts beside the others",
-            lambda s, v: s.set_weight(self.number, v),
+            lambda s, v: s.set_weight(self.number, v, self._view.studio.frame),
         )  # fmt: skip
         self._number_field(
-            "tolerance", "± px", 0.5, "The largest miss that still counts as met",
-            lambda s, v: s.set_tolerance(self.number, v),
+            "tolerance", "± px", 0.5, "The largest miss that still counts as met; empty for 1 px",
+            lambda s, v: s.set_tolerance(self.number, v), may_be_empty=True,
         )  # fmt: skip
 
     def _build_switches(self) -> None:
@@ -119,9 +119,12 @@ class WishCard:
         delete.props("flat dense no-caps size=sm color=negative").classes("at-delete").mark("delete")
         delete.tooltip("Forget this wish (Delete)")
 
-    def _number_field(self, key: str, label: str, step: float, help_: str, edit: Edit) -> None:
+    def _number_field(
+        self, key: str, label: str, step: float, help_: str, edit: Edit, *, may_be_empty: bool = False
+    ) -> None:
         """A field for a number, which waits for the end of typing."""
-        field = ui.number(label, min=0.0, step=step, on_change=lambda e: self._typed(e, edit))
+        field = ui.number(label, min=0.0, step=step)
+        field.on_value_change(lambda e: self._typed(e, edit, may_be_empty=may_be_empty))
         field.props("dense debounce=350 hide-bottom-space").style("min-width: 0")
         self._fields[key] = field.classes(f"col at-{key}").mark(key)
         field.tooltip(help_)
@@ -144,20 +147,17 @@ class WishCard:
             told = answer.under(*mark).sentence()
         if row is not None and row.counts:
             told += ". Met." if row.met else f". Missed by {abs(row.residual):.1f} px."
-        pixels = next(
-            (
-                getattr(wish, f"{each}_px")
-                for each in ("blur", "at_most", "at_least")
-                if getattr(wish, f"{each}_px") is not None
-            ),
-            None,
-        )
+        known = [getattr(wish, f"{each}_px") for each in MEASURED]
+        pixels = next((each for each in known if each is not None), None)
+        frame = studio.frame
+        if frame and pixels is not None:
+            pixels = studio.session.value_at(number, frame, "blur")
         values: dict[str, Any] = {
             "name": called(config, number),
             "kind": kind or None,
             "pixels": pixels,
             "other": wish.same_blur_as,
-            "weight": wish.weight,
+            "weight": studio.session.value_at(number, frame, "weight") if frame else wish.weight,
             "tolerance": 1.0 if wish.tolerance_px is None else wish.tolerance_px,
             "whole": wish.object is not None and wish.triangle is None,
             "on": wish.weight > 0,
@@ -187,7 +187,7 @@ class WishCard:
             self._do(lambda s: s.wish_for(number, kind, other=others[0]))
             return
         wish = config.focus[number]
-        known = [getattr(wish, f"{each}_px") for each in ("blur", "at_most", "at_least")]
+        known = [getattr(wish, f"{each}_px") for each in MEASURED]
         usual = round(_FIRST_PX * config.camera.resolution[0] / 640, 1)
         pixels = next((abs(each) for each in known if each is not None), usual)
         self._do(lambda s: s.wish_for(number, kind, pixels=pixels))
@@ -196,8 +196,10 @@ class WishCard:
         if not self._quiet and event.value is not None:
             self._do(lambda s: s.wish_for(self.number, "same_blur_as", other=event.value))
 
-    def _typed(self, event: events.ValueChangeEventArguments[Any], edit: Edit) -> None:
-        if not self._quiet and event.value is not None:
+    def _typed(
+        self, event: events.ValueChangeEventArguments[Any], edit: Edit, *, may_be_empty: bool = False
+    ) -> None:
+        if not self._quiet and (may_be_empty or event.value is not None):
             self._do(lambda session: edit(session, event.value))
 
     def _do(self, edit: Any) -> None:

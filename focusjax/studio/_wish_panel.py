@@ -50,9 +50,9 @@ class WishPanel:
                 continue
             _, *said, word = told[number]
             for label, text in zip((wished, got, off), said, strict=True):
-                label.text = text.removesuffix(" px")
+                label.text = _short(text.removesuffix(" px"))
             met = word == "met"
-            verdict.text = "✓ met" if met else "✗ missed" if word == "missed" else word
+            verdict.text = "✓ met" if met else "✗ missed" if word == "missed" else _short(word)
             verdict.classes(
                 replace="fj-num " + ("fj-met" if met else "fj-missed" if word == "missed" else "fj-dim")
             )
@@ -86,6 +86,18 @@ class WishPanel:
         for label in labels[2:]:
             label.classes("fj-num")
         return line, *labels
+
+
+def _short(text: str) -> str:
+    """A wish, or why it does not count, in the table's narrow columns."""
+    for words, sign in (
+        ("at most ", "≤ "),
+        ("at least ", "≥ "),
+        ("as blurred as ", "= "),
+        ("not counted", "off"),
+    ):
+        text = text.replace(words, sign)
+    return text
 
 
 _CUT = "overflow: hidden; text-overflow: ellipsis; white-space: nowrap"

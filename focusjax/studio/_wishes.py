@@ -18,14 +18,15 @@ KINDS_OF_SURFACE = ("sharp", "blur")
 """Those that a focal surface is solved for."""
 
 _PLACES = ("pixel", "point", "direction", "triangle", "barycentric", "object", "mask", "depth_m", "samples")
-_MEASURED = ("blur", "at_most", "at_least", "in_frame")
+MEASURED = ("blur", "at_most", "at_least")
+"""Those that have a diameter."""
 _UNITS = ("px", "mm", "height")
 _WISHES = (
     "sharp",
     "same_blur_as",
     "shown_at",
     "signed",
-    *(f"{kind}_{unit}" for kind in _MEASURED for unit in _UNITS),
+    *(f"{kind}_{unit}" for kind in (*MEASURED, "in_frame") for unit in _UNITS),
 )
 _DECIMALS = 2
 """Of positions and diameters in pixels."""
@@ -116,6 +117,11 @@ def kind_of(config: Config, number: int) -> str:
         if any(getattr(wish, key) is not None for key in keys):
             return kind
     return ""
+
+
+def in_pixels(config: Config, number: int) -> bool:
+    """Whether the diameter that is wished for is in pixels."""
+    return any(getattr(config.focus[number], f"{kind}_px") is not None for kind in MEASURED)
 
 
 def called(config: Config, number: int) -> str:

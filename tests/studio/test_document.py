@@ -7,7 +7,7 @@ from boxes_config import CONFIG, write_boxes
 
 from focusjax.config import ConfigError
 from focusjax.studio import Document, EditError
-from focusjax.studio._document import add_wish, change_wish, delete_wish, set_value
+from focusjax.studio._document import add_row, change_row, delete_row, set_value
 
 CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.toml"))
 NEW = {"name": "new", "pixel": [10.0, 20.0], "sharp": True}
@@ -22,9 +22,9 @@ def document(tmp_path):
 def test_a_wish_that_comes_and_goes_leaves_every_config_as_it_was(path):
     document = Document(path)
     before = len(document.config.focus)
-    document.edit(add_wish(NEW))
+    document.edit(add_row("focus", row=NEW))
     assert len(document.config.focus) == before + 1
-    document.edit(delete_wish(before))
+    document.edit(delete_row("focus", number=before))
     assert document.text == path.read_text()
     assert not document.unsaved
 
@@ -39,18 +39,18 @@ def test_comments_stay_and_only_what_changes_changes(document):
 
 def test_the_last_wish_may_go_and_others_come(document):
     for _ in range(2):
-        document.edit(delete_wish(0))
+        document.edit(delete_row("focus", number=0))
     assert document.config.focus == ()
-    document.edit(add_wish(NEW))
-    document.edit(add_wish(NEW | {"name": "second"}))
+    document.edit(add_row("focus", row=NEW))
+    document.edit(add_row("focus", row=NEW | {"name": "second"}))
     assert [wish.name for wish in document.config.focus] == ["new", "second"]
 
 
 def test_wishes_in_an_inline_array_are_edited_too(document):
     head, tail = document.text.split("[[focus]]")[0], document.text.split("[solve]")[1]
     document.replace(f"focus = [{{pixel = [1, 2], sharp = true}}]\n{head}[solve]{tail}")
-    document.edit(add_wish(NEW))
-    document.edit(change_wish(0, {"blur_px": 3.0}, ["sharp"]))
+    document.edit(add_row("focus", row=NEW))
+    document.edit(change_row("focus", number=0, row={"blur_px": 3.0}, without=["sharp"]))
     assert [(wish.pixel, wish.blur_px) for wish in document.config.focus] == [
         ((1, 2), 3.0),
         ((10.0, 20.0), None),
@@ -77,9 +77,9 @@ def test_undo_and_redo_walk_through_the_edits(document):
 def test_edits_of_one_drag_are_undone_together(document):
     before = document.text
     for x in (1.0, 2.0, 3.0):
-        document.edit(change_wish(0, {"point": [x, 0.0, -1.75]}), "drag")
+        document.edit(change_row("focus", number=0, row={"point": [x, 0.0, -1.75]}), "drag")
     document.end_label()
-    document.edit(change_wish(0, {"point": [9.0, 0.0, -1.75]}), "drag")
+    document.edit(change_row("focus", number=0, row={"point": [9.0, 0.0, -1.75]}), "drag")
     document.undo()
     assert document.config.focus[0].point == (3.0, 0.0, -1.75)
     document.undo()

@@ -71,7 +71,7 @@ def test_the_first_sixty_seconds(tab, still_life):
     tab.choose("kind", "at least")
     tab.wait(lambda: tab.all("pixels"), why="a field for the diameter")
     tab.type("pixels", "6")
-    tab.wait(lambda: load_wishes(tab) == ["sharp ✓ met", "at least 6 ✓ met"], why="two wishes that are met")
+    tab.wait(lambda: load_wishes(tab) == ["sharp ✓ met", "≥ 6 ✓ met"], why="two wishes that are met")
     # Restrict the f-number, and read which of them gives way.
     tab.type("low-f_number", "8")
     tab.wait(lambda: "✗ missed" in tab.text("wishes"), why="a wish that is missed")

@@ -88,3 +88,40 @@ def test_a_frame_that_was_drafted_is_shown_again_at_once(path):
         assert studio.drafts == 4 + 1  # frames 1, 2, 3 and 5, and the sharp view before all was solved
     finally:
         studio.close()
+
+
+def test_values_are_those_of_the_frame_where_there_are_keyframes(path):
+    session = Session(path)
+    session.set_pixels(1, 4.0, 3)
+    assert (session.config.focus[1].blur_px, keys_of(session.config, 1, "blur")) == (4.0, {})
+    session.set_key(1, 3, "blur", 4.0)
+    session.set_pixels(1, 9.0, 5)
+    assert keys_of(session.config, 1, "blur") == {3: 4.0, 5: 9.0}
+    assert session.value_at(1, 4, "blur") == pytest.approx(6.5)
+    session.set_key(0, 1, "weight", 2.0)
+    session.set_weight(0, 5.0, 2)
+    assert keys_of(session.config, 0, "weight") == {1: 2.0, 2: 5.0}
+
+
+def test_a_wish_with_keyframes_of_its_weight_is_switched_off_and_on(path):
+    session = Session(path)
+    session.set_key(0, 1, "weight", 2.0)
+    session.set_key(0, 2, "weight", 3.0)
+    session.switch(0, on=False)
+    rows = session.frame_of(session.solve_shot(), 1).wishes
+    assert not rows[0].counts
+    session.switch(0, on=True)
+    assert keys_of(session.config, 0, "weight") == {1: 2.0, 2: 3.0}
+    assert session.frame_of(session.solve_shot(), 1).wishes[0].counts
+
+
+@pytest.mark.parametrize("kind", ["sharp", "same_blur_as", "at_most"])
+def test_keyframes_of_a_blur_stay_where_they_mean_the_same(path, kind):
+    session = Session(path)
+    session.act(1, "from", 1)
+    session.set_key(1, 2, "blur", 2.0)
+    session.set_key(1, 3, "weight", 2.0)
+    session.wish_for(1, kind, pixels=3.0, other="box's front")
+    assert keys_of(session.config, 1, "blur") == ({2: 2.0} if kind == "at_most" else {})
+    assert keys_of(session.config, 1, "weight") == {3: 2.0}
+    assert session.solve_shot().count == 5

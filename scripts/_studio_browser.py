@@ -81,9 +81,13 @@ class Tab:
         """Wait for the refined picture."""
         self.wait(lambda: self.text("state") == "refined", seconds, "the refined picture")
 
-    def click(self, x: float, y: float) -> None:
+    def click(self, x: float, y: float, *, shift: bool = False) -> None:
         """Click at shares of the picture's width and height."""
+        if shift:
+            ActionChains(self.driver).key_down(Keys.SHIFT).perform()
         self.actions(x, y).click().perform()
+        if shift:
+            ActionChains(self.driver).key_up(Keys.SHIFT).perform()
 
     def drag(self, start: tuple[float, float], end: tuple[float, float], steps: int = 5) -> None:
         actions = self.actions(*start).click_and_hold()
@@ -101,6 +105,11 @@ class Tab:
 
     def picture(self) -> Any:
         return self.driver.find_element(By.CSS_SELECTOR, ".fj-frame img")
+
+    def unsaved(self, config: Path) -> str:
+        """The text that is kept beside a config until it is saved; empty without one."""
+        kept = config.with_name(f".{config.name}.unsaved")
+        return kept.read_text() if kept.exists() else ""
 
     def press(self, *keys: str) -> None:
         ActionChains(self.driver).send_keys(*keys).perform()

@@ -104,7 +104,8 @@ class Page:
             ui.navigate.reload()
             return
         if self._version == studio.version:
-            if studio.state.word == "solving" and time.monotonic() - self._since > _LONG_S:
+            long = time.monotonic() - self._since > _LONG_S
+            if long and studio.state.word == "solving" and not studio.final.busy:
                 self._state.text = "solving, compiling once…"
             # The view from above comes after what was just shown is on its way.
             self._show_from_above()

@@ -86,7 +86,8 @@ class PictureView:
         count = 0 if studio.answer is None else len(studio.answer.config.focus)
         if self.selected is not None and self.selected >= count and not self._awaited(self.selected):
             self.select(None)
-        table = None if studio.answer is None else studio.answer.config.lens.focal_surface
+        config = studio.session.document.config
+        table = None if config is None else config.lens.focal_surface
         if self.control is not None and (table is None or self.control >= len(table.points)):
             self.select_control(None)
         state = studio.state

@@ -51,8 +51,7 @@ class SurfacePanel:
             .mark("controls")
             .classes("at-controls") as self._box
         ):
-            with ui.row().classes("fj-row"):
-                self._build_shape()
+            self._build_shape()
             ui.label("Each new point has a control point; Shift and click sets one alone.").classes("fj-dim")
             self._rows = ui.column().classes("w-full").style("gap: 0")
 
@@ -110,22 +109,38 @@ class SurfacePanel:
             self._quiet = False
 
     def _build_shape(self) -> None:
-        self._choice("basis", BASES, "beyond points", "How the surface goes on between and beyond its points")
-        self._choice("kernel", KERNELS, "influence", "How far a control point is felt")
-        for key, label, step, help_ in (
-            ("exponent", "exponent", 0.5, "How quickly influence falls with distance, 0.5 to 4"),
-            ("size", "px", 10.0, "Pixels over which influence fades or ends"),
-            ("smoothness", "smooth", 0.001, "Weight of an even blur against the wishes"),
-        ):
-            field = ui.number(label, min=0.0, step=step, on_change=lambda e, key=key: self._set(key, e.value))
-            field.props("dense debounce=400 hide-bottom-space").style("min-width: 0")
-            self._shape[key] = field.classes(f"col at-{key}").mark(key)
-            field.tooltip(help_)
+        with ui.row().classes("fj-row"):
+            self._choice("basis", BASES, "shape", "How the surface goes on between and beyond its points")
+            self._choice("kernel", KERNELS, "points are felt", "How far a control point is felt")
+        with ui.row().classes("fj-row"):
+            for key, label, step, help_ in (
+                ("exponent", "exponent", 0.5, "How quickly influence falls with distance, 0.5 to 4"),
+                ("size", "px", 10.0, "Pixels over which influence fades or ends"),
+                ("smoothness", "smoothness", 0.001, "Weight of an even blur against the wishes"),
+            ):
+                self._number(
+                    self._shape, key, label, step, help_, lambda value, key=key: self._set(key, value)
+                )
+
+    def _number(
+        self,
+        fields: dict[str, Any],
+        key: str,
+        label: str,
+        step: float,
+        help_: str,
+        act: Callable[[Any], None],
+    ) -> None:
+        """A field for a number, which waits for the end of typing."""
+        field = ui.number(label, step=step, on_change=lambda e: act(e.value))
+        field.props("dense debounce=400 hide-bottom-space").style("min-width: 0").tooltip(help_)
+        mark = f"surface-{key}"
+        fields[key] = field.classes(f"col at-{mark}").mark(mark)
 
     def _choice(self, key: str, words: dict[str, str], label: str, help_: str) -> None:
         field = ui.select(words, label=label, on_change=lambda e: self._set(key, e.value))
         field.props("dense options-dense").style("min-width: 0").tooltip(help_)
-        self._shape[key] = field.classes(f"col at-{key}").mark(key)
+        self._shape[key] = field.classes(f"col at-surface-{key}").mark(f"surface-{key}")
 
     def _build(self, count: int, chosen: int | None) -> None:
         self._rows.clear()
@@ -150,12 +165,9 @@ class SurfacePanel:
 
     def _build_fields(self, number: int) -> None:
         for key, label, step, help_ in _FIELDS:
-            field = ui.number(
-                label, step=step, on_change=lambda e, key=key: self._change(number, key, e.value)
+            self._number(
+                self._fields, key, label, step, help_, lambda value, key=key: self._change(number, key, value)
             )
-            field.props("dense debounce=350 hide-bottom-space").style("min-width: 0")
-            self._fields[key] = field.classes(f"col at-control-{key}").mark(f"control-{key}")
-            field.tooltip(help_)
         delete = ui.button(icon="delete", on_click=lambda: self._view.delete_control(number))
         delete.props('flat dense size=sm color=grey aria-label="Forget this control point"')
         delete.tooltip("Forget this control point (Delete)").mark("control-delete")

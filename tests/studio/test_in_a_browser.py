@@ -120,6 +120,55 @@ def test_overlays_wipe_and_view_from_above(tab):
     assert tab.complaints() == []
 
 
+def test_keys_after_a_click_on_a_button_and_in_fields(tab, still_life):
+    tab.click(*COW)
+    tab.wait(lambda: "spot" in tab.text("told"), why="the cow's card")
+    tab.settle()
+    # The button does not take the space bar for itself.
+    zoom = "button[aria-label^='Zoom']"
+    for _ in range(4):
+        tab.driver.find_element("css selector", zoom).click()
+        time.sleep(0.2)
+    tab.press(" ")
+    tab.wait(lambda: "/studio/sharp/" in tab.driver.page_source, 30, "the wipe")
+    # What is refused does not stay in its field.
+    tab.type("pixels" if tab.all("pixels") else "weight", "-5")
+    tab.wait(lambda: any("weight" in each for each in tab.texts(".q-notification")), 30, "the refusal")
+    tab.wait(lambda: value_of(tab, "weight") == "1", 30, "the weight that holds")
+    # The page's keys work from fields, and keep what was typed.
+    tab.type("name", "the cow")
+    tab.press_with_control("s")
+    tab.wait(lambda: 'name = "the cow"' in still_life.read_text(), 30, "the saved name")
+    tab.type("name", "cow")
+    tab.press("\ue00c")  # Escape
+    tab.wait(lambda: not tab.all("card")[0].is_displayed(), 30, "the card to close")
+    assert tab.complaints() == []
+
+
+def test_a_focal_surface_is_laid_through_the_wishes_and_control_points(tmp_path, browser):
+    file = write_boxes(tmp_path)
+    with server(file, programs=os.environ["FOCUSJAX_TESTS_PROGRAMS"]) as address:
+        tab = Tab(browser)
+        browser.get_log("browser")
+        tab.open(address)
+        tab.settle()
+        tab.all("surface")[0].click()
+        tab.wait(lambda: len(tab.all("control")) == 2, why="a control point for each wish")
+        tab.click(0.5, 0.2, shift=True)
+        tab.wait(lambda: len(tab.all("control")) == 3, why="one more")
+        tab.type("surface-blur_px", "-3")
+        tab.wait(lambda: "blur_px = -3" in tab.unsaved(file), why="its blur")
+        assert len(browser.find_elements("css selector", ".control polygon.edge")) == 3
+        browser.find_element("css selector", "button[aria-label='Forget this control point']").click()
+        tab.wait(lambda: len(tab.all("control")) == 2, why="the control point to go")
+        tab.settle()
+        tab.all("surface")[0].click()
+        tab.wait(lambda: tab.all("value-tilt")[0].is_displayed(), why="the settings of a plane")
+        tab.settle()
+        assert tab.complaints() == []
+        browser.get("about:blank")
+
+
 def test_a_config_with_errors_opens_with_its_errors_beside_the_text(tmp_path, browser):
     file = write_boxes(tmp_path)
     good = file.read_text()
@@ -176,6 +225,11 @@ def test_other_hosts_need_the_token_of_the_address(tmp_path, browser):
         assert "not the studio's own page" in browser.find_element("tag name", "body").text
         browser.get(address)
         Tab(browser).wait(lambda: Tab(browser).all("state"), 60, "the page")
+
+
+def value_of(tab, marker):
+    field = tab.driver.find_element("css selector", f"input.at-{marker}, .at-{marker} input")
+    return field.get_attribute("value")
 
 
 def load_wishes(tab):

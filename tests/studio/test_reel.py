@@ -5,6 +5,7 @@ import pytest
 from boxes_config import CONFIG, write_boxes
 
 from focusjax.config import load_config
+from focusjax.exchange import TARGETS
 from focusjax.shot import build_shot, solve_shot
 from focusjax.studio import EditError, Session, Studio
 from focusjax.studio._timing import keys_of, span_of
@@ -125,3 +126,16 @@ def test_keyframes_of_a_blur_stay_where_they_mean_the_same(path, kind):
     assert keys_of(session.config, 1, "blur") == ({2: 2.0} if kind == "at_most" else {})
     assert keys_of(session.config, 1, "weight") == {3: 2.0}
     assert session.solve_shot().count == 5
+
+
+def test_the_cameras_of_all_frames_are_written_for_every_program(path, tmp_path):
+    pytest.importorskip("pxr", reason="no USD (usd-core)")
+    studio = Studio(Session(path))
+    try:
+        assert studio.wait(600)
+        for name, target in TARGETS.items():
+            said = studio.export(name, tmp_path / "cameras")
+            assert (tmp_path / "cameras" / f"boxes{target.suffix}").stat().st_size > 0, name
+            assert said, name
+    finally:
+        studio.close()

@@ -156,6 +156,7 @@ def test_a_focal_surface_is_laid_through_the_wishes_and_control_points(tmp_path,
         tab.wait(lambda: len(tab.all("control")) == 2, why="a control point for each wish")
         tab.click(0.5, 0.2, shift=True)
         tab.wait(lambda: len(tab.all("control")) == 3, why="one more")
+        tab.wait(lambda: tab.all("surface-blur_px"), why="its fields")
         tab.type("surface-blur_px", "-3")
         tab.wait(lambda: "blur_px = -3" in tab.unsaved(file), why="its blur")
         assert len(browser.find_elements("css selector", ".control polygon.edge")) == 3

@@ -8,6 +8,7 @@ import numpy as np
 
 from focusjax.config import ConfigError, load_config
 from focusjax.studio import EditError, Session
+from focusjax.studio._surface_edits import KERNELS
 from focusjax.studio._wishes import KINDS as WISHES
 
 
@@ -60,6 +61,16 @@ def _one_edit(session: Session, rng: np.random.Generator) -> None:
         lambda: session.free(setting),
         lambda: session.fix(setting, None if rng.random() < 0.5 else typed),
         lambda: session.limit(setting, str(rng.choice(["low", "high"])), typed),
+        lambda: session.use_surface(),
+        lambda: session.use_plane(),
+        lambda: session.add_control(*at),
+        lambda: session.move_control(number, *at, drag="d"),
+        lambda: session.set_control(
+            number, str(rng.choice(["name", "blur_px", "aperture_scale", "weight"])), typed
+        ),
+        lambda: session.delete_control(number),
+        lambda: session.set_surface(str(rng.choice(["basis", "smoothness"])), typed),
+        lambda: session.set_kernel(str(rng.choice(sorted(KERNELS))), exponent=typed, size=typed),
         lambda: session.undo(),
         lambda: session.redo(),
     )

@@ -8,6 +8,7 @@ leaves.
 import math
 from collections.abc import Iterator
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -33,10 +34,9 @@ def glass_checks(name: str) -> Iterator[Check]:
     for precision, double, bound in (("float64", True, 1e-9), ("float32", False, 0.05)):
         with jax.enable_x64(double):
             at = jnp.asarray(height)
-            ray = _ray(at)
+            ray, slope, back = _traced(_plano_convex(), at)
             values = [np.asarray(leaf, dtype=np.float64) for leaf in jax.tree.leaves(ray)]
-            slope = float(jax.jacfwd(_turned)(at))
-            back = float(jax.grad(_turned)(at))
+            slope, back = float(slope), float(back)
         finite = all(np.isfinite(each).all() for each in (*values, slope, back))
         expected, by_height = _snell(height) if passes else (0.0, 0.0)
         turned = float(math.asin(-values[1][0])) if finite else math.nan
@@ -55,15 +55,19 @@ def _snell(height: float) -> tuple[float, float]:
     return outside - inside, slope / _RADIUS
 
 
-def _ray(height: jax.Array) -> RealRay:
-    lens = _plano_convex()
-    start = jnp.stack([height, jnp.zeros_like(height), jnp.full_like(height, -5.0)])
-    along = jnp.array([0.0, 0.0, 1.0], dtype=height.dtype)
-    return trace(lens, lens.indices(jnp.asarray(587.0, dtype=height.dtype)), start, along)
+@eqx.filter_jit
+def _traced(lens: Prescription, height: jax.Array) -> tuple[RealRay, jax.Array, jax.Array]:
+    """A ray, and the slope of the angle that it is turned by, forwards and in reverse."""
 
+    def ray(height: jax.Array) -> RealRay:
+        start = jnp.stack([height, jnp.zeros_like(height), jnp.full_like(height, -5.0)])
+        along = jnp.array([0.0, 0.0, 1.0], dtype=height.dtype)
+        return trace(lens, lens.indices(jnp.asarray(587.0, dtype=height.dtype)), start, along)
 
-def _turned(height: jax.Array) -> jax.Array:
-    return jnp.arcsin(-_ray(height).direction[0])
+    def turned(height: jax.Array) -> jax.Array:
+        return jnp.arcsin(-ray(height).direction[0])
+
+    return ray(height), jax.jacfwd(turned)(height), jax.grad(turned)(height)
 
 
 def _plano_convex() -> Prescription:

@@ -141,7 +141,7 @@ def _scan(layers: Layers, lens: ThinLens | TiltShiftLens, least: float, largest:
     beyond = max(_BEYOND * (largest - least), 0.02 * largest)
     real = layers.background.dtype
     scan = jnp.linspace(max(least - beyond, 0.0), largest + beyond, _SCANNED, dtype=real)
-    share = eqx.filter_jit(jax.vmap(lambda w: widest_opening(layers, _focused(lens, w))))(scan)
+    share = _widest_openings(layers, lens, scan)
     scan = scan[np.asarray(share) > 1.0 - 1e-6]
     if not len(scan):
         raise ValueError(
@@ -149,6 +149,13 @@ def _scan(layers: Layers, lens: ThinLens | TiltShiftLens, least: float, largest:
             " widest_lens(...)"
         )
     return scan
+
+
+@eqx.filter_jit
+def _widest_openings(
+    layers: Layers, lens: ThinLens | TiltShiftLens, scan: Float[Array, " n"]
+) -> Float[Array, " n"]:
+    return jax.vmap(lambda focus: widest_opening(layers, _focused(lens, focus)))(scan)
 
 
 def _focused(lens: _Lens, focus: Float[Array, ""]) -> _Lens:

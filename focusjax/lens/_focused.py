@@ -17,9 +17,9 @@ from focusjax.geometry import Camera
 from focusjax.lens._aperture import AbstractAperture, Disk
 from focusjax.lens._film import RINGS, film_for
 from focusjax.lens._prescription import PrescriptionLens
-from focusjax.lens._pupils import find_pupils, from_film, openness
-from focusjax.lens._ray_bounds import STEEPEST, find_bounds
-from focusjax.lens._stop_map import find_stop_map
+from focusjax.lens._pupils import Pupils, find_pupils, from_film, openness
+from focusjax.lens._ray_bounds import STEEPEST, RayBounds, find_bounds
+from focusjax.lens._stop_map import StopMap, find_stop_map
 from focusjax.optics import (
     Prescription,
     film_distance,
@@ -202,7 +202,6 @@ def _film_step(camera: Camera) -> Float[Array, ""]:
     return jax.lax.stop_gradient(reach / camera.focal_px / (_RADII - 1))
 
 
-@eqx.filter_jit
 def _placed(
     prescription: Prescription,
     indices: Float[Array, " n_plus_1"],
@@ -213,15 +212,13 @@ def _placed(
     falloff: bool,
     aperture: AbstractAperture,
 ) -> PrescriptionLens:
-    """The lens with its film in place: find what film points see, and bound their rays."""
-    radii = 0.5 * step * jnp.arange(2 * _RADII - 1, dtype=indices.dtype)
-    pupils = find_pupils(prescription, indices, film, scale * radii)
-    bounds = find_bounds(prescription, indices, film, scale, pupil, pupils, radii)
-    kept = jax.tree.map(lambda leaf: leaf[::2], pupils)
-    stop_map, points = None, _rings(indices.dtype)
-    if not isinstance(aperture, Disk):
-        stop_map = find_stop_map(prescription, indices, film, scale * radii[::2], kept)
-        points = jax.vmap(aperture.point)(_square(indices.dtype))
+    """The lens with its film in place: find what film points see, and bound their rays.
+
+    What does not depend on the opening's shape is compiled apart, so that another shape does not compile it
+    again.
+    """
+    pupils, bounds = _seen(prescription, indices, film, scale, pupil, step)
+    is_round = isinstance(aperture, Disk)
     lens = PrescriptionLens(
         prescription=prescription,
         indices=indices,
@@ -230,24 +227,68 @@ def _placed(
         film_scale=scale,
         entrance_pupil=pupil,
         film_step=step,
-        pupils=kept,
+        pupils=pupils,
         bounds=bounds,
         aperture=aperture,
-        stop_map=stop_map,
+        stop_map=None if is_round else _mapped(prescription, indices, film, scale, step, pupils),
         exposure=jnp.ones_like(film),
         falloff=falloff,
         focus="traced",
         breathing=False,
     )
+    return dataclasses.replace(lens, exposure=_light_on_axis(lens))
+
+
+@eqx.filter_jit
+def _seen(
+    prescription: Prescription,
+    indices: Float[Array, " n_plus_1"],
+    film: Float[Array, ""],
+    scale: Float[Array, ""],
+    pupil: Float[Array, ""],
+    step: Float[Array, ""],
+) -> tuple[Pupils, RayBounds]:
+    """Pupils of the film radii that are kept, and bounds of their rays."""
+    radii = _film_radii(step, indices.dtype)
+    pupils = find_pupils(prescription, indices, film, scale * radii)
+    bounds = find_bounds(prescription, indices, film, scale, pupil, pupils, radii)
+    return jax.tree.map(lambda leaf: leaf[::2], pupils), bounds
+
+
+@eqx.filter_jit
+def _mapped(
+    prescription: Prescription,
+    indices: Float[Array, " n_plus_1"],
+    film: Float[Array, ""],
+    scale: Float[Array, ""],
+    step: Float[Array, ""],
+    pupils: Pupils,
+) -> StopMap:
+    """Where rays of the film radii that are kept have to be aimed."""
+    radii = _film_radii(step, indices.dtype)[::2]
+    return find_stop_map(prescription, indices, film, scale * radii, pupils)
+
+
+@eqx.filter_jit
+def _light_on_axis(lens: PrescriptionLens) -> Float[Array, ""]:
+    """What the opening lets through to the middle of the film, in mm^2."""
+    dtype = lens.indices.dtype
+    points = _rings(dtype)
+    if not isinstance(lens.aperture, Disk):
+        points = jax.vmap(lens.aperture.point)(_square(dtype))
 
     def light(point: Array) -> Array:
-        """On the axis, in mm^2."""
-        zero = jnp.zeros_like(film)
+        zero = jnp.zeros_like(lens.film_place)
         target, area = lens.aimed_at(zero, point[0], point[1])
-        found, cosine = from_film(prescription, indices, film, (zero, zero), target)
-        return area * openness(found.clearance) * (cosine**4 if falloff else 1.0)
+        found, cosine = from_film(lens.prescription, lens.indices, lens.film_place, (zero, zero), target)
+        return area * openness(found.clearance) * (cosine**4 if lens.falloff else 1.0)
 
-    return dataclasses.replace(lens, exposure=jnp.mean(jax.vmap(light)(points)))
+    return jnp.mean(jax.vmap(light)(points))
+
+
+def _film_radii(step: Float[Array, ""], dtype: jnp.dtype) -> Float[Array, " k"]:
+    """Tangents of the film radii that are kept, and of those between them."""
+    return 0.5 * step * jnp.arange(2 * _RADII - 1, dtype=dtype)
 
 
 def _rings(dtype: jnp.dtype) -> Float[Array, "r 2"]:

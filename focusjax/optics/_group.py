@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -57,24 +58,16 @@ def focused_by_group(lens: Prescription, first: int, last: int, disparity: float
             f"the group of {lens.name} is surfaces {first} to {last}; expected some of 0 to {count - 1}, not"
             " all of them"
         )
-    indices = lens.indices(line())
-
-    def film(by: Array, disparity: Array) -> Array:
-        moved = shifted_group(lens, first, last, by)
-        behind = film_distance(moved, indices, disparity)[0]
-        # From what stays: the first vertex, or the last behind a front group.
-        return behind + moved.vertices()[-1] if first > 0 else behind
-
     zero, wanted = (jnp.asarray(value, lens.thicknesses.dtype) for value in (0.0, disparity))
-    place = film(zero, zero)
-    off = jax.jit(jax.value_and_grad(lambda by: film(by, wanted) - place))
+    place, _ = _film_and_slope(lens, first, last, zero, zero)
     by = zero
     for _ in range(_NEWTON_STEPS):
-        error, slope = off(by)
-        by = by - error / slope
+        film, slope = _film_and_slope(lens, first, last, by, wanted)
+        by = by - (film - place) / slope
     moved = shifted_group(lens, first, last, by)
     refused = f"surfaces {first} to {last} of {lens.name} would have to move by {float(by):.3g} mm to focus"
-    if not abs(float(off(by)[0])) < _MET * float(jnp.sum(lens.thicknesses) + place):
+    film, _ = _film_and_slope(lens, first, last, by, wanted)
+    if not abs(float(film - place)) < _MET * float(jnp.sum(lens.thicknesses) + place):
         raise ValueError(f"{refused}, which does not do; focus farther away or move another group")
     if float(moved.thicknesses[:-1].min()) < 0.0:
         raise ValueError(f"{refused}, into their neighbours; focus farther away or move another group")
@@ -83,3 +76,19 @@ def focused_by_group(lens: Prescription, first: int, last: int, disparity: float
     except ValueError as error:
         raise ValueError(f"{refused}: {error}") from error
     return moved
+
+
+@eqx.filter_jit
+def _film_and_slope(
+    lens: Prescription, first: int, last: int, by: Float[Array, ""], disparity: Float[Array, ""]
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Where the film has to be, in mm from what stays, with the group moved by so many mm; and its slope."""
+    indices = lens.indices(line())
+
+    def film(by: Array) -> Array:
+        moved = shifted_group(lens, first, last, by)
+        behind = film_distance(moved, indices, disparity)[0]
+        # From what stays: the first vertex, or the last behind a front group.
+        return behind + moved.vertices()[-1] if first > 0 else behind
+
+    return jax.value_and_grad(film)(by)

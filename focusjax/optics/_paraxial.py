@@ -100,6 +100,7 @@ def system_matrices(
     return whole, arrived[lens.stop]
 
 
+@eqx.filter_jit
 def film_distance(
     lens: Prescription, indices: Float[Array, " n_plus_1"], disparity: Float[Array, ""]
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:

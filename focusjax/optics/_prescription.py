@@ -225,5 +225,10 @@ def gap_between(
 ) -> Float[np.ndarray, " r"]:
     """Millimetres along the axis from one surface to the next, so far `across` from it; negative beyond."""
     at = jnp.asarray(across, dtype=float)
-    before, after = (jax.vmap(one.sag)(at, jnp.zeros_like(at)) for one in (surface, following))
-    return np.asarray(thickness + after - before)
+    before, after = (np.asarray(_sags(one, at)) for one in (surface, following))
+    return thickness + after - before
+
+
+@eqx.filter_jit
+def _sags(surface: AbstractSurface, across: Float[Array, " r"]) -> Float[Array, " r"]:
+    return jax.vmap(surface.sag)(across, jnp.zeros_like(across))

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compilations import compilations
 from gradients import check_gradients
 from optics_lenses import biconvex
 from scipy.stats import qmc
@@ -86,6 +87,17 @@ def test_it_is_seen_as_that_of_the_thin_lens_upright_and_as_bright(shape):
     # What the shape takes is made up for. Observed: within 2e-4.
     assert float(rays_at(lens, AXIS).weight.mean()) == pytest.approx(1.0, abs=1e-3)
     assert lens.vignettes()
+
+
+def test_another_shape_compiles_just_what_it_lets_through():
+    gauss(polygon(5))
+    shapes = polygon(5, rotation=0.1), obstructed(0.5, polygon(7))
+    with compilations() as compiled:
+        gauss(shapes[0], 3.0)
+    assert compiled == []
+    with compilations() as compiled:
+        gauss(shapes[1], 3.0)
+    assert len(compiled) == 1
 
 
 @pytest.mark.parametrize("f_number", [1.9, 8.0])

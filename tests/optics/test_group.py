@@ -2,6 +2,7 @@
 
 import jax.numpy as jnp
 import pytest
+from compilations import compilations
 
 from focusjax.geometry import look_at
 from focusjax.lens import prescription_lens
@@ -87,3 +88,11 @@ def test_groups_that_cannot_focus_are_refused(group, distance, message):
 def test_shifting_keeps_all_else_in_place():
     moved = shifted_group(two_thin_lenses(), 2, 3, 4.0)
     assert moved.thicknesses.tolist() == [0.0, 24.0, 0.0, -4.0]
+
+
+def test_another_distance_compiles_nothing():
+    lens = two_thin_lenses()
+    focused_by_group(lens, 0, 1, 1.0 / 500.0)
+    with compilations() as compiled:
+        focused_by_group(lens, 0, 1, 1.0 / 700.0)
+    assert compiled == []

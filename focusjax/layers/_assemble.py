@@ -93,19 +93,20 @@ def assemble(
         cells = scattered((count, grid.rows, grid.columns), outline.index, words)
         far = background(scene, camera, grid)
         look = shading.result()
-        del words, shading, least, most, cell
+        index, source, links, beyond = outline.index, outline.source, outline.links, outline.disparity
+        del words, shading, least, most, cell, outline
 
     room = max(_room(len(number)), 0 if like is None else like.room)
-    slots = _Slots(number, outline.source, room)
+    slots = _Slots(number, source, room)
     return Layers(
         cells=on_device(cells),
         places=places,
         samples=Samples(
-            index=slots.stored(*np.split(outline.index, [len(disparity)])),
-            disparity=slots.stored(disparity, outline.disparity),
+            index=slots.stored(*np.split(index, [len(disparity)])),
+            disparity=slots.stored(disparity, beyond),
             radiance=slots.stored(look.radiance[: len(face)], look.radiance[len(face) :]),
             triangle=slots.stored_where_held(face, -1),
-            links=slots.stored_where_held(outline.links, 0),
+            links=slots.stored_where_held(links, 0),
             opacity=None if opacity is None else slots.stored(opacity),
             gloss=_gloss_samples(slots, scene, gloss, look, face),
         ),

@@ -25,8 +25,8 @@ from focusjax.trace._accumulate import PixelSums
 
 _T = TypeVar("_T")
 
-_PIXELS_AT_ONCE = {"cpu": 1 << 19, "gpu": 1 << 23}
-"""Of a picture that is held as a whole, and else of a window."""
+_PIXELS_AT_ONCE = {"cpu": 1 << 18, "gpu": 1 << 22}
+"""Of a window. A picture of up to twice as many is held as a whole."""
 _LEAST_ROWS = 16
 """Rows of a band, however wide the picture."""
 
@@ -55,9 +55,10 @@ class Bands:
 
 def bands_of(width: int, height: int, apron: int) -> Bands | None:
     """The bands of a picture; None where it is small enough to be held as a whole."""
-    pixels = _PIXELS_AT_ONCE.get(jax.default_backend(), 1 << 23)
+    pixels = _PIXELS_AT_ONCE.get(jax.default_backend(), 1 << 22)
     rows = max(pixels // width - 2 * apron, _LEAST_ROWS)
-    return None if rows + 2 * apron >= height else Bands(width, height, rows, apron)
+    whole = width * height <= 2 * pixels or rows + 2 * apron >= height
+    return None if whole else Bands(width, height, rows, apron)
 
 
 class Window(eqx.Module):

@@ -55,7 +55,7 @@ def test_bands_make_the_picture_of_the_whole(small_bands, settings):
     whole = np.asarray(render(layers, layers.lens, **settings))
     sharp = np.asarray(render_pinhole(layers))
     # The last band is not as high as the others.
-    small_bands(48 * 50)
+    small_bands(48 * 34)
     found = np.asarray(render(layers, layers.lens, **settings))
     # Rays of a pixel are added up in another order. Observed: 4e-15 of radiances up to 1.
     np.testing.assert_allclose(found, whole, rtol=1e-12, atol=1e-12)
@@ -71,7 +71,7 @@ def test_what_may_be_seen_through_is_the_same_in_bands(small_bands):
     wall = patch("wall", camera, (-60, -60, 110, 130), 0.25, (0.2, 0.3, 0.2))
     layers = peel(make_scene([pane, wall], unlit=True), camera, lens)
     whole, sharp = np.asarray(render(layers, lens, rays=16)), np.asarray(render_pinhole(layers))
-    small_bands(48 * 50)
+    small_bands(48 * 34)
     np.testing.assert_allclose(np.asarray(render(layers, lens, rays=16)), whole, rtol=1e-12, atol=1e-12)
     np.testing.assert_array_equal(np.asarray(render_pinhole(layers)), sharp)
 
@@ -84,7 +84,7 @@ def test_gradients_by_radiance_are_those_of_the_whole(small_bands):
         return (render(tinted, layers.lens, rays=8) ** 2).sum()
 
     whole = np.asarray(jax.grad(loss)(layers.samples.radiance))
-    small_bands(48 * 50)
+    small_bands(48 * 34)
     found = np.asarray(jax.grad(loss)(layers.samples.radiance))
     np.testing.assert_allclose(found, whole, rtol=1e-9, atol=1e-9)
 
@@ -93,7 +93,7 @@ def test_bands_cover_a_picture_whatever_its_height():
     assert bands_of(400, 300, 8) is None
     large = bands_of(4000, 3000, 8)
     assert large is not None
-    assert large.window == (1 << 19) // 4000
+    assert large.window == (1 << 18) // 4000
     # Of a very wide picture there are some rows all the same.
     wide = bands_of(1 << 20, 3000, 8)
     assert wide is not None
@@ -101,7 +101,7 @@ def test_bands_cover_a_picture_whatever_its_height():
 
 
 def test_sums_are_held_for_a_band_alone(small_bands, monkeypatch):
-    layers = lit_layers(500)
+    layers = lit_layers(2000)
     monkeypatch.setattr(_accumulate, "_RAYS_AT_ONCE", {"cpu": 1 << 10})
     monkeypatch.setattr(_emitter_rays, "_RAYS_AT_ONCE", {"cpu": 1 << 10})
 
@@ -111,6 +111,6 @@ def test_sums_are_held_for_a_band_alone(small_bands, monkeypatch):
         return made.compiled.memory_analysis().temp_size_in_bytes
 
     whole = held()
-    small_bands(48 * 50)
-    # Sums are 9 bins of 4 numbers, and 3 more; what else there is stays.
-    assert held() < whole - 39 * 8 * 48 * 400
+    small_bands(48 * 34)
+    # Sums are 9 bins of 4 numbers and 3 more; beyond them something else takes most. Observed: 11.8 MB less.
+    assert held() < whole - 39 * 8 * 48 * 500

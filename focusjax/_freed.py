@@ -16,6 +16,8 @@ _MOST_MAPPINGS = 48000
 """Of memory, below the 65530 that Linux allows a process: each compiled program takes some."""
 _MORE_MAPPINGS = 24000
 """Than were left when programs were last let go: some are held elsewhere, and stay."""
+_COMPILED, _LONG = "/jax/core/compile/backend_compile_duration", 1.0
+"""The event after a program is compiled, and how many seconds a large one takes at least."""
 _left = 0
 
 
@@ -44,6 +46,28 @@ def return_freed(numbers: int) -> None:
     """
     if numbers >= _MANY:
         _function("malloc_trim")(0)
+
+
+def return_after_compiling(numbers: int) -> None:
+    """From now on memory that compiling a large program took is given back before the program runs.
+
+    XLA takes half a GB for the largest, in pieces that are freed but stay with the process. This goes for the
+    whole process.
+
+    Args:
+        numbers: about how many the arrays will hold that there has to be room for.
+    """
+    if numbers >= _MANY:
+        _listen()
+
+
+@functools.cache
+def _listen() -> None:
+    def compiled(event: str, duration_secs: float, **details: object) -> None:
+        if event == _COMPILED and duration_secs > _LONG:
+            return_freed(_MANY)
+
+    jax.monitoring.register_event_duration_secs_listener(compiled)
 
 
 def return_programs() -> None:

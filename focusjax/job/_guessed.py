@@ -2,14 +2,14 @@
 
 import dataclasses
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+import jax.numpy as jnp
 import numpy as np
 
-from focusjax.config import Config, FocusTable, RenderTable
+from focusjax.config import Config, FocusTable
 from focusjax.geometry import Camera
-from focusjax.job._picture import Picture, make_layers
-from focusjax.layers import first_surfaces
+from focusjax.layers import Layers, faces_of_samples, first_surfaces
 from focusjax.lens import AbstractLens
 from focusjax.photo import GUESS, HOLES
 from focusjax.scene import Scene
@@ -33,32 +33,36 @@ class Guessed:
 
 
 def guessed_shares(
-    table: RenderTable, scene: Scene, camera: Camera, lens: AbstractLens, picture: Picture
+    objects: Mapping[str, range], layers: Layers, lens: AbstractLens, *, rays: int, seed: int
 ) -> Guessed:
-    """Shares of guesses in the `picture` of a photograph's `scene`.
+    """Shares of guesses in a picture of a photograph.
 
-    The scene is rendered again with grey textures: what is guessed in red alone, what has no measured depth
-    in green alone, everything in blue, so that the shares are R / B and G / B of sums over the picture.
+    The layers are rendered again in grey: what is guessed in red alone, what has no measured depth in green
+    alone, everything in blue, so that the shares are R / B and G / B of sums over the picture.
+
+    Args:
+        objects: faces of the photograph's objects by name, as its scene has them.
+        layers: of that scene.
+        lens: whose picture it is.
+        rays: per pixel of the picture.
+        seed: its seed.
     """
-    tint = {GUESS: [1.0, 0.0, 1.0], HOLES: [0.0, 1.0, 1.0]}
-    colours = np.tile([0.0, 0.0, 1.0], (len(scene.materials), 1))
-    for name, colour in tint.items():
-        if name in scene.objects:
-            colours[np.unique(scene.face_material[list(scene.objects[name])])] = colour
-    grey = {id(each): np.repeat(each.mean(axis=2, keepdims=True), 3, axis=2) for each in scene.textures}
-    tinted = dataclasses.replace(
-        scene,
-        textures=tuple(grey[id(each)] for each in scene.textures),
-        materials=tuple(
-            dataclasses.replace(each, base_colour=colour)
-            for each, colour in zip(scene.materials, colours, strict=True)
-        ),
-    )
-    layers = make_layers(table, tinted, camera, lens, picture.extent)
-    rays = min(_RAYS, picture.rays)
-    red, green, blue = np.asarray(render(layers, lens, rays=rays, seed=table.seed)).sum(axis=(0, 1))
+    picture = render(_tinted(objects, layers), lens, rays=min(_RAYS, rays), seed=seed)
+    red, green, blue = np.asarray(picture).sum(axis=(0, 1))
     whole = max(float(blue), 1e-30)
     return Guessed(light=float(red) / whole, depth=float(green) / whole)
+
+
+def _tinted(objects: Mapping[str, range], layers: Layers) -> Layers:
+    """The layers in grey, with guesses in red alone and holes in green alone beside everything in blue."""
+    face = faces_of_samples(layers)
+    grey = layers.samples.radiance.mean(axis=1)
+    shown = [
+        jnp.where((face >= some.start) & (face < some.stop), grey, 0.0)
+        for some in (objects.get(name, range(0)) for name in (GUESS, HOLES))
+    ]
+    samples = dataclasses.replace(layers.samples, radiance=jnp.stack([*shown, grey], axis=1))
+    return dataclasses.replace(layers, samples=samples)
 
 
 def warn_of_holes(config: Config, wishes: Sequence[FocusTable], scene: Scene, camera: Camera) -> None:

@@ -106,19 +106,34 @@ class Picture:
     spans: int = 1
 
 
-def make_picture(
+@dataclass(frozen=True)
+class Peeled:
+    """Everything that a picture takes of its scene, which may be let go then.
+
+    Attributes:
+        layers: peeled or cut for the lens, or for a pinhole where the picture is post-processed.
+        like: the extent that these were made to serve.
+        view: what a pinhole sees; None where nothing asks for it.
+        examined: what the layers miss and spare, when that was asked for.
+    """
+
+    layers: Layers
+    like: Extent | None = None
+    view: PinholeView | None = None
+    examined: Examined | None = None
+
+
+def peel_picture(
     table: RenderTable,
     scene: Scene,
     camera: Camera,
     lens: AbstractLens,
     like: Extent | None,
     watch: Stopwatch,
-    tell: Progress,
     *,
-    choose_lens: bool = False,
     moving: Moving | None = None,
-) -> Picture:
-    """Layers, rays and picture as `table` has them.
+) -> Peeled:
+    """What a picture as `table` has it takes of `scene`.
 
     Args:
         table: the `[render]` of a config.
@@ -127,26 +142,54 @@ def make_picture(
         lens: any lens.
         like: `Picture.extent` of another run, whose compiled programs serve again.
         watch: told the stages.
-        tell: told how far the rays are.
         moving: what moves while the shutter is open, if there is one.
-        choose_lens: whether polynomials may take the place of a real lens, if the quality of `table` allows.
     """
-    if moving is not None:
-        return _while_open(table, scene, camera, lens, moving, watch)
-    if table.method == "post":
-        return _post_processed(table, scene, camera, lens, watch)
-    like = like if like is not None and like.serves(camera, table.supersampling) else None
+    post = table.method == "post"
+    serves = moving is None and not post and like is not None and like.serves(camera, table.supersampling)
+    like = like if serves else None
     with watch.stage("peel"):
-        layers = make_layers(table, scene, camera, lens, like)
+        layers = make_layers(table, scene, camera, closed_lens() if post else lens, like)
         jax.block_until_ready(eqx.filter(layers, eqx.is_array))
+    if moving is not None:
+        return Peeled(layers)
     examined = None
-    if table.examine_layers:
+    if table.examine_layers and not post:
         with watch.stage("examine_layers"):
             examined = _examine(layers, scene, camera, lens)
     view = None
-    if table.method == "auto":
+    if table.method in ("auto", "post"):
         with watch.stage("pinhole"):
-            view = _view(layers, scene)
+            view = view_in_layers(layers, scene)
+            jax.block_until_ready(view.image)
+    return Peeled(layers, like, view, examined)
+
+
+def make_picture(
+    table: RenderTable,
+    peeled: Peeled,
+    camera: Camera,
+    lens: AbstractLens,
+    watch: Stopwatch,
+    *,
+    choose_lens: bool = False,
+    moving: Moving | None = None,
+) -> Picture:
+    """Rays and picture as `table` has them.
+
+    Args:
+        table: the `[render]` of a config.
+        peeled: by `peel_picture`, of the same settings.
+        camera: frame and pose.
+        lens: any lens.
+        watch: told the stages.
+        choose_lens: whether polynomials may take the place of a real lens, if the quality of `table` allows.
+        moving: what moves while the shutter is open, if there is one.
+    """
+    if moving is not None:
+        return _while_open(table, peeled.layers, lens, moving, watch)
+    if table.method == "post":
+        return _post_processed(table, peeled, camera, lens, watch)
+    layers, view = peeled.layers, peeled.view
     way, lens_plan = None, None
     if table.quality is not None:
         with watch.stage("plan"):
@@ -180,10 +223,10 @@ def make_picture(
         image=image,
         pinhole=pinhole,
         complete=layers.complete,
-        examined=examined,
+        examined=peeled.examined,
         rays=rays,
         method="trace" if post is None else "post",
-        extent=layers.extent.for_others(like),
+        extent=layers.extent.for_others(peeled.like),
         way=way,
         decibels=decibels,
         lens_plan=lens_plan,
@@ -191,13 +234,10 @@ def make_picture(
 
 
 def _while_open(
-    table: RenderTable, scene: Scene, camera: Camera, lens: AbstractLens, moving: Moving, watch: Stopwatch
+    table: RenderTable, layers: Layers, lens: AbstractLens, moving: Moving, watch: Stopwatch
 ) -> Picture:
     """What the shutter lets in while it is open; the sharp picture is of its instant."""
     post = table.method == "post"
-    with watch.stage("peel"):
-        layers = make_layers(table, scene, camera, closed_lens() if post else lens)
-        jax.block_until_ready(eqx.filter(layers, eqx.is_array))
     rays, spans, complete = table.rays, 1, layers.complete
     if table.quality is not None:
         with watch.stage("plan"):
@@ -236,32 +276,23 @@ def _reached(
     return (estimate() if by_post else estimate(rays=rays)).decibels
 
 
-def _view(layers: Layers, scene: Scene) -> PinholeView:
-    view = view_in_layers(layers, scene)
-    jax.block_until_ready(view.image)
-    return view
-
-
 def _post_processed(
-    table: RenderTable, scene: Scene, camera: Camera, lens: AbstractLens, watch: Stopwatch
+    table: RenderTable, peeled: Peeled, camera: Camera, lens: AbstractLens, watch: Stopwatch
 ) -> Picture:
     """From one sharp view: nothing is peeled but what a pinhole sees."""
-    with watch.stage("peel"):
-        layers = make_layers(table, scene, camera, closed_lens())
-        jax.block_until_ready(eqx.filter(layers, eqx.is_array))
-    with watch.stage("pinhole"):
-        view = _view(layers, scene)
+    view = peeled.view
+    assert view is not None
     with watch.stage("render"):
         image = post_process(view, camera, lens, taps=table.rays)
         image.block_until_ready()
     return Picture(
-        **_facts(layers),
+        **_facts(peeled.layers),
         image=image,
         pinhole=view.image,
         complete=True,
         rays=table.rays,
         method="post",
-        extent=layers.extent.for_others(None),
+        extent=peeled.layers.extent.for_others(None),
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._arguments import require_kind, require_known
+from focusjax._freed import return_after_compiling, return_freed
 from focusjax._stopwatch import Stopwatch
 from focusjax.config import (
     Config,
@@ -36,7 +37,7 @@ from focusjax.job._glass import ThroughGlass, left_to_quality, through_glass
 from focusjax.job._guessed import Guessed, guessed_shares, warn_of_holes
 from focusjax.job._moving import build_moving
 from focusjax.job._photograph import Photograph, take_photograph
-from focusjax.job._picture import Picture, Progress, make_picture
+from focusjax.job._picture import Picture, Progress, make_picture, peel_picture
 from focusjax.job._solving import solved_lens, solved_surface
 from focusjax.job._weigh import metered_before, weighed_depth
 from focusjax.layers import Extent, disparity_map
@@ -126,8 +127,11 @@ def run(
     watch = Stopwatch(on_stage=lambda stage: tell(stage, None))
     camera = build_camera(config)
     lens = build_lens(config, camera, solved=solving)
+    pixels = camera.width * camera.height
+    return_after_compiling(pixels)
     with watch.stage("load"):
         scene = build_scene(config) if scene is None else scene
+        return_freed(pixels)
         moving = build_moving(config, scene)
         if moving is not None:
             # Wishes are about the instant of the picture.
@@ -148,6 +152,7 @@ def run(
         surface = _control_surface(config, scene, camera, lens, disparity)
         if config.scene.photo is not None:
             warn_of_holes(config, config.focus, scene, camera)
+        return_freed(pixels)
     solution = None
     if surface is not None and solving:
         assert points is not None
@@ -181,14 +186,19 @@ def run(
         look = build_look(config, camera, lens) if glass is None else glass.traced
         choose = glass is not None and left_to_quality(config)
         moving = None if moving is None else moving.with_camera(camera)
-        picture = make_picture(
-            config.render, scene, camera, look, like, watch, tell, choose_lens=choose, moving=moving
-        )
+        peeled = peel_picture(config.render, scene, camera, look, like, watch, moving=moving)
+        # Textures of a large photograph take more memory than its layers, and are of no more use.
+        objects, scene = scene.objects, None
+        return_freed(pixels)
+        picture = make_picture(config.render, peeled, camera, look, watch, choose_lens=choose, moving=moving)
         if glass is not None and picture.lens_plan is not None:
             glass = glass.planned(picture.lens_plan)
         if config.scene.photo is not None and picture.method == "trace" and moving is None:
+            return_freed(pixels)
             with watch.stage("guess"):
-                guessed = guessed_shares(config.render, scene, camera, look, picture)
+                render = config.render
+                guessed = guessed_shares(objects, peeled.layers, look, rays=picture.rays, seed=render.seed)
+        del peeled
         if config.exposure is not None or config.film is not None:
             with watch.stage("develop"):
                 middle = _in_the_middle(lens, camera)

@@ -9,6 +9,7 @@ from focusjax.layers._cells import interval as interval
 from focusjax.layers._exr import load_layers as load_layers
 from focusjax.layers._exr import save_layers as save_layers
 from focusjax.layers._extent import Extent as Extent
+from focusjax.layers._faces import faces_of_samples as faces_of_samples
 from focusjax.layers._gloss import GlossSamples as GlossSamples
 from focusjax.layers._gloss import unpack_normal as unpack_normal
 from focusjax.layers._grid import Grid as Grid
@@ -24,6 +25,8 @@ from focusjax.layers._missed import NearestSurface as NearestSurface
 from focusjax.layers._missed import missed_light as missed_light
 from focusjax.layers._places import Places as Places
 from focusjax.layers._pyramid import RangePyramid as RangePyramid
+from focusjax.layers._rows import RowsOfLayers as RowsOfLayers
+from focusjax.layers._rows import by_rows as by_rows
 from focusjax.layers._saving import UmbraSaving as UmbraSaving
 from focusjax.layers._saving import umbra_saving as umbra_saving
 from focusjax.layers._slabs import decompose as decompose

@@ -30,6 +30,8 @@ from focusjax.lens import AbstractLens
 from focusjax.scene import Gloss, Scene
 
 _LEAST_ROOM = 1 << 10
+_MANY = 1 << 22
+"""Samples, beyond which memory counts more than time."""
 _LAYERS_STEP = 4
 """Numbers of layers above this are multiples of it; smaller ones are powers of two."""
 
@@ -62,11 +64,11 @@ def assemble(
 
     outline = _outlined(held, counts, surface, parallax, max_layers, real)
     seen = Seen(
-        outline.index % grid.size,
+        outline.index % np.int32(grid.size),
         np.concatenate([disparity, outline.disparity]),
         outline.low,
         outline.high,
-        np.concatenate([np.arange(len(disparity)), outline.source]),
+        np.concatenate([np.arange(len(disparity), dtype=np.int32), outline.source]),
         outline.line != WHOLE,
         outline.index,
     )
@@ -76,31 +78,35 @@ def assemble(
         apart = gloss is not None
         shade = in_this_precision(mean_radiances)
         shading = pool.submit(shade, scene, camera, held, surface, seen, tolerance, gloss_apart=apart)
+        cell, face = seen.cell, surface.face
+        del surface, seen, held, fragments, triangles
+        if len(cell) > _MANY:
+            # Both at once would hold too much.
+            concurrent.futures.wait([shading])
         # A few more than needed, so that few different numbers occur; an empty layer changes nothing.
         count = min(coarse_number(outline.layers, _LAYERS_STEP), max_layers)
         count = max(count, 1 if like is None else min(like.count, max_layers))
         least, most, scale = in_steps(outline.low, outline.high)
         words = pack_cells(least, most, outline.line)
         places, number = make_places(count * grid.size, outline.index)
-        ranges = _ranges(seen.cell, least, most, scale, grid, real)
+        ranges = _ranges(cell, least, most, scale, grid, real)
         cells = scattered((count, grid.rows, grid.columns), outline.index, words)
         far = background(scene, camera, grid)
         look = shading.result()
-        del words, shading, least, most, seen
-        face = surface.face
-        del surface
+        index, source, links, beyond = outline.index, outline.source, outline.links, outline.disparity
+        del words, shading, least, most, cell, outline
 
     room = max(_room(len(number)), 0 if like is None else like.room)
-    slots = _Slots(number, outline.source, room)
+    slots = _Slots(number, source, room)
     return Layers(
         cells=on_device(cells),
         places=places,
         samples=Samples(
-            index=slots.stored(*np.split(outline.index.astype(np.int32), [len(disparity)])),
-            disparity=slots.stored(disparity, outline.disparity),
+            index=slots.stored(*np.split(index, [len(disparity)])),
+            disparity=slots.stored(disparity, beyond),
             radiance=slots.stored(look.radiance[: len(face)], look.radiance[len(face) :]),
             triangle=slots.stored_where_held(face, -1),
-            links=slots.stored_where_held(outline.links, 0),
+            links=slots.stored_where_held(links, 0),
             opacity=None if opacity is None else slots.stored(opacity),
             gloss=_gloss_samples(slots, scene, gloss, look, face),
         ),
@@ -169,8 +175,12 @@ def _gloss_samples(
 
 
 def _room(count: int) -> int:
-    """Places for `count` samples and up to half as many more, so that few different numbers occur."""
-    step = max(_LEAST_ROOM, 1 << max(count.bit_length() - 2, 0))
+    """Places for `count` samples and some more, so that few different numbers occur.
+
+    Up to half as many more, and of many up to an eighth: memory is dearer then than time to compile.
+    """
+    finer = 2 if count <= _MANY else 4
+    step = max(_LEAST_ROOM, 1 << max(count.bit_length() - finer, 0))
     return -(-max(count, 1) // step) * step
 
 
@@ -211,7 +221,7 @@ def _outlined(
     grid, fragments = held.grid, held.fragments
     planes = Planes(
         (max(1, len(counts)), grid.rows, grid.columns),
-        np.repeat(np.arange(len(counts)) * grid.size, counts) + fragments.sample,
+        np.repeat(np.arange(len(counts), dtype=np.int32) * grid.size, counts) + fragments.sample,
         *(a.astype(real, copy=False) for a in (fragments.disparity, surface.slope_x, surface.slope_y)),
     )
     joins = join(planes, parallax)
@@ -235,11 +245,11 @@ def _with_fringe(planes: Planes, size: int, joins: Joins, fringe: Silhouettes, m
     whole[fringe.cut] = fringe.line
     return _Outline(
         layers=max(planes.shape[0], int(layer[room].max(initial=0)) + 1),
-        index=np.concatenate([planes.held, layer[room] * size + cell[room]]),
+        index=np.concatenate([planes.held, (layer[room] * size + cell[room]).astype(np.int32)]),
         low=np.concatenate([joins.low, fringe.low[added]]),
         high=np.concatenate([joins.high, fringe.high[added]]),
         line=np.concatenate([whole, fringe.fringe_line[added]]),
         links=joins.links,
-        source=fringe.source[added],
+        source=fringe.source[added].astype(np.int32),
         disparity=fringe.disparity[added],
     )

@@ -135,7 +135,7 @@ class _Nearby:
         size = (rows + 2) * (columns + 2)
         # Two columns more in each row above, two rows more in each layer before, and all that is before the
         # first: empty layers, a row and a column.
-        place = planes.held // columns
+        place = planes.held.astype(np.int64) // columns
         place *= 2
         place += planes.held
         before = (_LAYER_WINDOW * size + columns + 3) + np.arange(layers) * (size - (columns + 2) * rows)

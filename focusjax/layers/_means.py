@@ -10,18 +10,21 @@ square inside one triangle, as all around it are, is looked at in its centre alo
 
 import dataclasses
 
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int, UInt
 
-from focusjax._parallel import in_parallel
+from focusjax._parallel import in_parallel, parts
 from focusjax.geometry import Camera
 from focusjax.layers._attributes import SurfaceSamples
 from focusjax.layers._opacity import NEARER
-from focusjax.layers._parts import Parts, Squares, inside_one, square_parts
+from focusjax.layers._parts import Squares, inside_one, square_parts
 from focusjax.layers._picture import Rasterised
 from focusjax.layers._shading import ShadedSamples, shaded
-from focusjax.scene import Scene
+from focusjax.scene import Scene, Shader
 
+_AT_ONCE = 1 << 21
+"""Samples shaded together."""
 _HIDES = 1.0 - 1e-4
 """Of a surface's disparity: what is nearer than this may lie in the same place."""
 
@@ -70,61 +73,111 @@ def mean_radiances(
     several = np.ones(count, dtype=bool)
     several[:number] = ~inside | _beside_another(held, seen.index[:number])
     several = np.flatnonzero(several)
-    clear = None if faces is None else faces[surface.face[seen.source]]
-    squares = _squares(seen, tolerance, held.fragments.triangle[seen.source], clear)
-    if held.opacity is not None:
-        put_back = np.where(held.opacity[seen.source] < 1.0, 1.0 / NEARER, 1.0)
-        squares = dataclasses.replace(squares, low=squares.low * put_back, high=squares.high * put_back)
-    # Behind a triangle that covers all of a square nothing counts.
-    steep = 0.5 * (np.abs(surface.slope_x) + np.abs(surface.slope_y))
-    behind = np.zeros_like(squares.low)
-    behind[:number] = np.where(inside, (seen.disparity[:number] - steep) * _HIDES, 0.0)
-    squares = dataclasses.replace(squares, low=np.maximum(squares.low, behind))
-    parts = square_parts(held.triangles, held.grid, squares.take(several), faces)
-    owner = several[parts.square]
-    total = np.bincount(owner, parts.share, count)
-    centres = np.arange(number) if gloss_apart else np.flatnonzero(total[:number] == 0)
-    look = _shaded_together(
-        scene, camera, held, surface, seen, parts, owner, centres, gloss_apart=gloss_apart
+    squares = _squares(held, surface, seen, inside, several, tolerance, faces)
+    asked = _Asked(held, surface, seen, several, squares, faces, gloss_apart=gloss_apart)
+    per_sample = 1.0 / (float(camera.focal_px) * held.grid.supersampling)
+    shader = scene.shader(camera.position)
+    radiance = np.zeros((count, 3), dtype=jnp.zeros(()).dtype)
+    normals, lone = [], []
+    for part in parts(count, _AT_ONCE):
+        alone, normal = _shade_part(shader, per_sample, asked, part, radiance)
+        lone.append(alone)
+        normals.append(normal)
+    lone = np.concatenate([np.zeros(0, dtype=np.intp), *lone])
+    radiance[lone] = radiance[seen.source[lone]]
+    return ShadedSamples(radiance, np.concatenate(normals) if gloss_apart else None)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Asked:
+    """Samples whose looks are asked for; what is not said here, `mean_radiances` says.
+
+    Attributes:
+        several: samples [k], increasing, whose squares may lie in several triangles.
+        squares: theirs.
+        faces: which of the scene's faces may be seen through; None if none may.
+    """
+
+    held: Rasterised
+    surface: SurfaceSamples
+    seen: Seen
+    several: Int[np.ndarray, " k"]
+    squares: Squares
+    faces: Bool[np.ndarray, " t"] | None
+    gloss_apart: bool
+
+
+def _shade_part(
+    shader: Shader, per_sample: float, asked: _Asked, part: slice, radiance: Float[np.ndarray, "n 3"]
+) -> tuple[Int[np.ndarray, " l"], UInt[np.ndarray, " h"]]:
+    """Writes the radiance of the samples `part`.
+
+    Some at a time, so that no more is held of the others than what they look like. `per_sample` is the width
+    of a sample at one metre.
+
+    Returns:
+        Samples of the fringe that no triangle covers, and packed normals of the samples held, if asked for.
+    """
+    surface, seen, held = asked.surface, asked.seen, asked.held
+    number, length = len(surface.face), part.stop - part.start
+    some = slice(*np.searchsorted(asked.several, (part.start, part.stop)))
+    chosen = asked.several[some]
+    pieces = square_parts(held.triangles, held.grid, asked.squares.take(some), asked.faces)
+    owner = chosen[pieces.square]
+    total = np.bincount(owner - part.start, pieces.share, length)
+    at_centre = max(number - part.start, 0)
+    if asked.gloss_apart:
+        centres = part.start + np.arange(min(at_centre, length))
+    else:
+        centres = part.start + np.flatnonzero(total[:at_centre] == 0)
+    width = per_sample / np.concatenate([seen.disparity[centres], seen.disparity[owner]])
+    width[len(centres) :] *= np.sqrt(pieces.share)
+    look = shaded(
+        shader,
+        np.concatenate([surface.face[centres], pieces.surface.face]),
+        np.concatenate([surface.barycentric[centres], pieces.surface.barycentric]),
+        width,
+        gloss_apart=asked.gloss_apart,
     )
-    radiance = np.zeros((count, 3), dtype=look.radiance.dtype)
     radiance[centres] = look.radiance[: len(centres)]
     there = np.flatnonzero(total)
     for channel in range(3):
-        sums = np.bincount(owner, parts.share * look.radiance[len(centres) :, channel], count)
-        radiance[there, channel] = sums[there] / total[there]
-    lone = number + np.flatnonzero(total[number:] == 0)
-    radiance[lone] = radiance[seen.source[lone]]
-    return ShadedSamples(radiance, None if look.normal is None else look.normal[:number])
+        light = pieces.share * look.radiance[len(centres) :, channel]
+        sums = np.bincount(owner - part.start, light, length)
+        radiance[part.start + there, channel] = sums[there] / total[there]
+    alone = part.start + at_centre + np.flatnonzero(total[at_centre:] == 0)
+    normal = np.zeros(0, dtype=np.uint32) if look.normal is None else look.normal[: len(centres)]
+    return alone, normal
 
 
-def _shaded_together(
-    scene: Scene,
-    camera: Camera,
+def _squares(
     held: Rasterised,
     surface: SurfaceSamples,
     seen: Seen,
-    parts: Parts,
-    owner: np.ndarray,
-    centres: np.ndarray,
-    *,
-    gloss_apart: bool,
-) -> ShadedSamples:
-    """The samples `centres` at their centres and, after them, all parts, `owner` being their samples."""
-    per_sample = 1.0 / (float(camera.focal_px) * held.grid.supersampling)
-    width = per_sample / np.concatenate([seen.disparity[centres], seen.disparity[owner]])
-    width[len(centres) :] *= np.sqrt(parts.share)
-    return shaded(
-        scene.shader(camera.position),
-        np.concatenate([surface.face[centres], parts.surface.face]),
-        np.concatenate([surface.barycentric[centres], parts.surface.barycentric]),
-        width,
-        gloss_apart=gloss_apart,
-    )
+    inside: Bool[np.ndarray, " h"],
+    several: Int[np.ndarray, " k"],
+    tolerance: float,
+    faces: Bool[np.ndarray, " t"] | None,
+) -> Squares:
+    """Those of the samples `several`; `inside` says which of those held lie inside one triangle."""
+    low, high = (end[several] for end in _without_others(seen, tolerance))
+    source = seen.source[several]
+    if held.opacity is not None:
+        put_back = np.where(held.opacity[source] < 1.0, 1.0 / NEARER, 1.0)
+        low, high = low * put_back, high * put_back
+    # Behind a triangle that covers all of a square nothing counts.
+    behind = np.zeros_like(low)
+    number = int(np.searchsorted(several, len(surface.face)))
+    own = several[:number]
+    steep = 0.5 * (np.abs(surface.slope_x[own]) + np.abs(surface.slope_y[own]))
+    behind[:number] = np.where(inside[own], (seen.disparity[own] - steep) * _HIDES, 0.0)
+    clear = None if faces is None else faces[surface.face[source]]
+    triangle = held.fragments.triangle[source]
+    return Squares(seen.cell[several], np.maximum(low, behind), high, triangle, clear)
 
 
-def _squares(seen: Seen, tolerance: float, triangle: np.ndarray, clear: np.ndarray | None) -> Squares:
-    """Of all samples, with the disparities of their surface: without those of others in the same place.
+def _without_others(seen: Seen, tolerance: float) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Least and largest disparity of each sample's surface, without those of others in the same place.
 
     A sample that no line cuts is all that rays see of its square, so it takes in what is right behind it.
     """
@@ -139,7 +192,7 @@ def _squares(seen: Seen, tolerance: float, triangle: np.ndarray, clear: np.ndarr
     cut = seen.cut[nearer]
     nearer, middle = nearer[cut], middle[cut]
     low[nearer] = np.maximum(low[nearer], middle)
-    return Squares(seen.cell, low, high, triangle, clear)
+    return low, high
 
 
 def _beside_another(held: Rasterised, index: Int[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:

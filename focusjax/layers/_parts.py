@@ -47,7 +47,7 @@ class Squares:
     triangle: np.ndarray
     clear: np.ndarray | None
 
-    def take(self, index: Int[np.ndarray, " k"]) -> "Squares":
+    def take(self, index: Int[np.ndarray, " k"] | slice) -> "Squares":
         """The squares at the positions `index`."""
         clear = None if self.clear is None else self.clear[index]
         columns = (a[index] for a in (self.cell, self.low, self.high, self.triangle))

@@ -1,19 +1,27 @@
 """How radiance changes across the square of each sample, from the samples around it."""
 
+from collections.abc import Callable
+from typing import TypeAlias
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._zeros import zeros_after
 from focusjax.layers._joins import NEIGHBOURS, SAME_LAYER, UNJOINED
 from focusjax.layers._layers import Layers
 
 _OPPOSITE = ((0, 1), (2, 3))
 """Right and left, below and above among the neighbours."""
+_AT_ONCE = 1 << 16
+"""Samples."""
+_Colour: TypeAlias = tuple[Float[Array, "*n"], Float[Array, "*n"], Float[Array, "*n"]]
 
 
 @eqx.filter_jit
-def radiance_slopes(layers: Layers) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"]]:
-    """Change of the radiance of `layers.samples` per sample to the right, and downwards.
+def radiance_slopes(layers: Layers) -> tuple[_Colour, _Colour]:
+    """Change of the radiance of `layers.samples` per sample to the right, and downwards; each [n] a colour.
 
     A sample's radiance is the mean over its square. With half the step between its two neighbours,
 
@@ -26,28 +34,62 @@ def radiance_slopes(layers: Layers) -> tuple[Float[Array, "n 3"], Float[Array, "
 
     Differentiable in the radiance; its zeros follow the last sample.
     """
-    radiance, columns = layers.samples.radiance, layers.grid.columns
+    samples, columns = layers.samples, layers.grid.columns
+    radiance = samples.radiance
     size = columns * layers.grid.rows
-    links, index = layers.samples.links, layers.samples.index
 
-    def neighbour(number: int) -> tuple[Bool[Array, " n"], Int[Array, " n"]]:
-        dx, dy = NEIGHBOURS[number]
-        code = ((links >> (4 * number)) & 15).astype(jnp.int32)
-        there = index + jnp.where(code == UNJOINED, 0, (code - SAME_LAYER) * size + dy * columns + dx)
-        return code != UNJOINED, layers.places.number(there)
+    def of_sample(sample: tuple[Array, Array, Array]) -> tuple[_Colour, _Colour]:
+        number, links, index = sample
 
-    sides = [(neighbour(after), neighbour(before)) for after, before in _OPPOSITE]
+        def step(after: int, before: int) -> list[Float[Array, ""]]:
+            (joined, there), (joined_too, back) = neighbour(after), neighbour(before)
+            return [
+                jnp.where(joined & joined_too, 0.5 * (radiance[there, k] - radiance[back, k]), 0.0)
+                for k in range(3)
+            ]
 
-    def of_channel(own: Float[Array, " n"]) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-        x, y = (
-            jnp.where(joined & joined_too, 0.5 * (own[after] - own[before]), 0.0)
-            for (joined, after), (joined_too, before) in sides
-        )
-        most = 2.0 * jnp.maximum(own, 0.0)
-        total = jnp.abs(x) + jnp.abs(y)
-        share = jnp.where(total > most, most / jnp.where(total > most, total, 1.0), 1.0)
-        return x * share, y * share
+        def neighbour(side: int) -> tuple[Bool[Array, ""], Int[Array, ""]]:
+            dx, dy = NEIGHBOURS[side]
+            code = ((links >> (4 * side)) & 15).astype(jnp.int32)
+            there = index + jnp.where(code == UNJOINED, 0, (code - SAME_LAYER) * size + dy * columns + dx)
+            return code != UNJOINED, layers.places.number(there)
 
-    # Colour by colour, as planes.
-    across, down = zip(*(of_channel(radiance[:, channel]) for channel in range(3)), strict=True)
-    return jnp.stack(across, axis=-1), jnp.stack(down, axis=-1)
+        across, down = (step(*sides) for sides in _OPPOSITE)
+        shares = [_positive(radiance[number, k], across[k], down[k]) for k in range(3)]
+        red, green, blue = ((x * by, y * by) for x, y, by in zip(across, down, shares, strict=True))
+        return (red[0], green[0], blue[0]), (red[1], green[1], blue[1])
+
+    numbers = jnp.arange(len(radiance), dtype=jnp.int32)
+    return _in_blocks(of_sample, (numbers, samples.links, samples.index), radiance)
+
+
+def _in_blocks(
+    of_sample: Callable[[tuple[Array, Array, Array]], tuple[_Colour, _Colour]],
+    columns: tuple[Array, Array, Array],
+    radiance: Float[Array, "n 3"],
+) -> tuple[_Colour, _Colour]:
+    """What is found of every row of `columns`, some at a time, to hold little at once."""
+    count = len(radiance)
+    at_once = min(count, _AT_ONCE)
+    if at_once == count:
+        return jax.vmap(of_sample)(columns)
+
+    def add(whole: tuple[_Colour, _Colour], number: Int[Array, ""]) -> tuple[tuple[_Colour, _Colour], None]:
+        # The last block shares rows with the one before.
+        start = jnp.minimum(number * at_once, count - at_once)
+        some = jax.tree.map(lambda a: jax.lax.dynamic_slice_in_dim(a, start, at_once), columns)
+        found = jax.vmap(of_sample)(some)
+        return jax.tree.map(
+            lambda all_, new: jax.lax.dynamic_update_slice_in_dim(all_, new, start, axis=0), whole, found
+        ), None
+
+    nothing = zeros_after(radiance, (count,), radiance.dtype)
+    start = (nothing, nothing, nothing), (nothing, nothing, nothing)
+    return jax.lax.scan(add, start, jnp.arange(-(-count // at_once), dtype=jnp.int32))[0]
+
+
+def _positive(own: Float[Array, ""], x: Float[Array, ""], y: Float[Array, ""]) -> Float[Array, ""]:
+    """By what slopes are multiplied to leave no corner of a square negative."""
+    most = 2.0 * jnp.maximum(own, 0.0)
+    total = jnp.abs(x) + jnp.abs(y)
+    return jnp.where(total > most, most / jnp.where(total > most, total, 1.0), 1.0)

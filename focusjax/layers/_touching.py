@@ -75,9 +75,9 @@ def touching(
         low: least disparity at each.
         high: largest disparity at each.
     """
-    count = np.bincount(cell, minlength=grid.size)
     before = np.zeros(grid.size + 1, dtype=np.int32)
-    np.cumsum(count, out=before[1:])
+    np.cumsum(np.bincount(cell, minlength=grid.size), out=before[1:])
+    wanted = np.diff(before) > 0
     low, high, cell = low.astype(np.float32), high.astype(np.float32), cell.astype(np.int32)
 
     def some(boxes: Boxes) -> tuple[np.ndarray, ...]:
@@ -111,7 +111,7 @@ def touching(
     farthest = _least_disparities(grid, cell, low)
     work = [
         less
-        for part in boxes_on(grid, triangles, wanted=count > 0)
+        for part in boxes_on(grid, triangles, wanted=wanted)
         for less in _not_behind(part, triangles, grid, farthest)
     ]
     types = (np.int32, np.int32, np.uint32, bool, np.float32, np.float32, np.float32)

@@ -1,13 +1,14 @@
 """All textures with their mip pyramids in one flat array, so that a lookup is only gathers."""
 
 import dataclasses
-import functools
 from collections.abc import Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+
+from focusjax._kept import kept
 
 
 class Atlas(eqx.Module):
@@ -94,10 +95,18 @@ class Atlas(eqx.Module):
 def make_atlas(textures: Sequence[Float[np.ndarray, "_ _ 3"]]) -> Atlas:
     """The atlas of linear pictures [h, w, 3], after a white texel as texture 0.
 
-    Those of the last few scenes are kept: of things that move, the same pictures are asked for again and
+    It is kept as long as the first picture is: of things that move, the same ones are asked for again and
     again.
     """
-    return _known_atlas(_Same(tuple(textures)), str(jnp.zeros(()).dtype))
+    white = np.ones((1, 1, 3), dtype=np.float32)
+
+    def make() -> Atlas:
+        return atlas_of([pyramid(picture) for picture in (white, *textures)])
+
+    if not textures:
+        return make()
+    first, *others = textures
+    return kept(first, ("atlas", str(jnp.zeros(()).dtype), _Same(tuple(others))), make)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,13 +122,6 @@ class _Same:
         return isinstance(other, _Same) and [*map(id, self.pictures)] == [*map(id, other.pictures)]
 
 
-@functools.lru_cache(maxsize=2)
-def _known_atlas(textures: _Same, real: str) -> Atlas:
-    del real  # The type of numbers that JAX takes meanwhile.
-    white = np.ones((1, 1, 3), dtype=np.float32)
-    return atlas_of([pyramid(picture) for picture in (white, *textures.pictures)])
-
-
 def atlas_of(pyramids: Sequence[Sequence[Float[np.ndarray, "_ _ c"]]]) -> Atlas:
     """The atlas of pictures given with all their levels."""
     levels = [level for picture in pyramids for level in picture]
@@ -127,13 +129,15 @@ def atlas_of(pyramids: Sequence[Sequence[Float[np.ndarray, "_ _ c"]]]) -> Atlas:
     first = np.cumsum(count) - count
     sizes = np.array([level.shape[:2] for level in levels])
     area = sizes.prod(axis=1)
-    flat = np.concatenate([level.reshape(-1, level.shape[2]) for level in levels])
+
+    def plane(channel: int) -> Float[Array, " n"]:
+        return jnp.asarray(np.concatenate([level[..., channel].ravel() for level in levels]), dtype=float)
 
     def table(values: Sequence[int] | np.ndarray) -> Int[Array, "_"]:
         return jnp.asarray(values, dtype=jnp.int32)
 
     return Atlas(
-        texels=tuple(jnp.asarray(channel, dtype=float) for channel in flat.T),
+        texels=tuple(plane(channel) for channel in range(levels[0].shape[2])),
         first_level=table(first),
         level_count=table(count),
         offset=table(np.cumsum(area) - area),

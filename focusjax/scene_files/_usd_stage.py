@@ -36,8 +36,8 @@ def open_stage(path: Path, within: Sequence[Path] | None) -> Any:
     """The stage in a file.
 
     Raises:
-        SceneFileError: it cannot be read, is put together from files outside `within`, or is a package that
-            holds compressed or damaged files.
+        SceneFileError: it cannot be read, is put together from files outside `within`, includes itself, has a
+            scene unit of no length, or is a package that holds compressed or damaged files.
 
     Warns:
         Layers and references that cannot be found or read.
@@ -56,6 +56,8 @@ def open_stage(path: Path, within: Sequence[Path] | None) -> Any:
     for layer in stage.GetUsedLayers():
         if layer.realPath:
             refuse_outside(layer.realPath, path, within)
+    _refuse_cycles(stage, path)
+    _refuse_unit(stage, path)
     for each in remarks.TakeUncoalescedDiagnostics():
         said = each.commentary.partition(" (instantiating")[0]
         warnings.warn(f"{path}: {said}; what is missing is left out, so check its paths", stacklevel=4)
@@ -75,6 +77,29 @@ def refuse_outside(found: str, path: Path, within: Sequence[Path] | None) -> Non
         raise SceneFileError(
             f"{path}: refers to {file}, outside the folders that may be read; move it there, or allow more"
             " with --root DIR"
+        )
+
+
+def _refuse_cycles(stage: Any, path: Path) -> None:
+    """What includes itself has no end: USD leaves out a part of it, of which nobody knows what was meant."""
+    (Pcp,) = pxr(path, "Pcp")
+    kinds = {Pcp.ErrorType_SublayerCycle: "sublayer", Pcp.ErrorType_ArcCycle: "reference"}
+    for error in stage.GetCompositionErrors():
+        if error.errorType in kinds:
+            kind, site = kinds[error.errorType], error.rootSite.path
+            where = "" if site == site.absoluteRootPath else f" at {site}"
+            raise SceneFileError(
+                f"{path}: includes itself by a {kind}{where}; remove that {kind}, or export the scene again"
+            )
+
+
+def _refuse_unit(stage: Any, path: Path) -> None:
+    UsdGeom = importlib.import_module("pxr.UsdGeom")
+    unit = float(UsdGeom.GetStageMetersPerUnit(stage))
+    if not 0 < unit < np.inf:
+        raise SceneFileError(
+            f"{path}: metersPerUnit is {unit:g}; expected a positive number, so set it to 1 where the scene"
+            " is in metres, or to 0.01 for centimetres"
         )
 
 

@@ -1,5 +1,6 @@
 """What rays bring, summed over the rays of each pixel by circle of confusion."""
 
+import dataclasses
 from collections.abc import Callable
 
 import equinox as eqx
@@ -8,6 +9,7 @@ import jax.numpy as jnp
 from jax.sharding import Mesh
 from jaxtyping import Array, Float, Int
 
+from focusjax._zeros import zeros_after
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 from focusjax.trace._coc_bins import CocBins
@@ -42,6 +44,12 @@ class PixelSums(eqx.Module):
         return jnp.broadcast_to(self.binned[..., 3:].sum(axis=0), self.over.shape)
 
 
+def no_sums(kinds: int, pixels: int, lens: AbstractLens, groups: Array) -> PixelSums:
+    """Those of so many pixels and bins before any ray is traced, when their `groups` are known."""
+    lights = 3 if lens.channels() else 1
+    return PixelSums(zeros_after(groups, (kinds, pixels, 3 + lights)), zeros_after(groups, (pixels, 3)))
+
+
 def traced_sums(
     scene: TracedScene,
     lens: AbstractLens,
@@ -50,21 +58,26 @@ def traced_sums(
     ranges: DisparityRanges,
     bins: CocBins,
     mesh: Mesh | None = None,
+    *,
+    begin: Int[Array, ""] | int = 0,
+    onto: PixelSums | None = None,
 ) -> PixelSums:
     """The sums of the pixels whose rays are in `groups`; 0 in the others.
 
     Groups are traced some at a time, in memory that does not grow with their number. Devices of `mesh` share
-    them.
+    them. `groups` and `bins` may be of some pixels in a row, which count from the picture's pixel `begin`;
+    the rays are then added `onto` sums that are there already.
     """
     camera = scene.camera
 
     def seen(some: SomeGroups, lens: AbstractLens) -> Seen:
+        some = dataclasses.replace(some, pixel=some.pixel + begin)
         column, row, _, starts = starts_of(some, samples, camera)
         least, largest, depth = ranges.at(column, row)
         least, largest = (jnp.tile(end, some.together) for end in (least, largest))
         return seen_along(scene, lens, starts, least, largest, depth.max())
 
-    return summed(seen, lens, groups, bins, camera.width * camera.height, mesh)
+    return summed(seen, lens, groups, bins, groups.pixels, mesh, onto)
 
 
 def starts_of(
@@ -90,8 +103,12 @@ def summed(
     bins: CocBins,
     pixels: int,
     mesh: Mesh | None = None,
+    onto: PixelSums | None = None,
 ) -> PixelSums:
-    """Sums over what the rays of each group have `seen`, a function of some groups and of a lens."""
+    """Sums over what the rays of each group have `seen`, a function of some groups and of a lens.
+
+    They are added `onto` others, if there are some; not where several devices share the groups.
+    """
     kinds, channels = len(bins.least), lens.channels()
     at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // groups.together)
     devices = 1 if mesh is None else mesh.size
@@ -111,9 +128,9 @@ def summed(
 
         return jax.lax.cond(begin < groups.used, jax.checkpoint(traced), lambda sums: sums, sums), None
 
-    real = jnp.zeros(()).dtype
-    nothing = jnp.zeros((kinds * pixels, 6 if channels else 4), real), jnp.zeros((pixels, 3), real)
-    binned, over = summed_over(add, nothing, (size * jnp.arange(chunks, dtype=jnp.int32),), mesh)
+    before = no_sums(kinds, pixels, lens, groups.used) if onto is None else onto
+    start = before.binned.reshape(kinds * pixels, -1), before.over
+    binned, over = summed_over(add, start, (size * jnp.arange(chunks, dtype=jnp.int32),), mesh)
     return PixelSums(binned.reshape(kinds, pixels, -1), over)
 
 

@@ -21,9 +21,10 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from focusjax.geometry import filter_radius
-from focusjax.layers import Layers
+from focusjax.layers import Layers, RowsOfLayers, by_rows
 from focusjax.lens import AbstractLens
 from focusjax.trace._gloss import radiance_from_centre
+from focusjax.trace._in_parts import in_parts
 from focusjax.trace._ranges import EDGE, DisparityRanges
 
 FEWEST = 4
@@ -134,11 +135,16 @@ def contrast(
                 total = [t + across * down * f for t, f in zip(total, found, strict=True)]
         return total
 
-    low, high, blur = _boxes(layers, lens, ranges, pixel_filter)
-    red, green, blue, square = jax.vmap(over_box)(low, high)
-    white = jnp.maximum(jnp.maximum(jnp.maximum(red, green), blue), 1.0)
-    variance = jnp.maximum(square - red**2 - green**2 - blue**2, 0.0) / white**2
-    return variance / (1.0 + (_TAKEN_IN * blur) ** 2) if smooth else variance
+    def of_square(x: Array, y: Array, least: Array, largest: Array) -> Float[Array, ""]:
+        low, high, blur = _box(layers, lens, pixel_filter, jnp.stack([x, y]), least, largest)
+        red, green, blue, square = over_box(low, high)
+        white = jnp.maximum(jnp.maximum(jnp.maximum(red, green), blue), 1.0)
+        variance = jnp.maximum(square - red**2 - green**2 - blue**2, 0.0) / white**2
+        return variance / (1.0 + (_TAKEN_IN * blur) ** 2) if smooth else variance
+
+    x, y = ranges.middles().T
+    squares = x, y, ranges.least, ranges.largest
+    return in_parts(lambda some: (jax.vmap(of_square)(*some),), squares)[0]
 
 
 def _spline(share: Float[Array, ""]) -> tuple[Float[Array, ""], ...]:
@@ -169,40 +175,56 @@ def _at_samples(layers: Layers) -> Float[Array, "h w 4"]:
 
     It stops at a surface of partial opacity with that chance.
     """
-    shape, opacity = layers.cells.shape[1:], layers.opacity
-
-    def with_square(radiance: Float[Array, "h w 3"]) -> Float[Array, "h w 4"]:
-        return jnp.concatenate([radiance, (radiance**2).sum(axis=-1, keepdims=True)], axis=-1)
-
-    far = with_square(jnp.broadcast_to(layers.background, (*shape, 3)))
-    if layers.samples.gloss is not None or opacity is not None:
-        radiance = radiance_from_centre(layers)
-        shares = layers.cells > 0 if opacity is None else opacity
-        moments, through = jnp.zeros_like(far), jnp.ones(shape, dtype=far.dtype)
-        for colour, share in zip(radiance, shares, strict=True):
-            moments += (through * share)[..., None] * with_square(colour)
-            through = through * (1 - share)
-        return moments + through[..., None] * far
-    number = layers.places.number(jnp.arange(layers.cells[0].size, dtype=jnp.int32)).reshape(shape)
-    planes = [layers.samples.radiance[:, k][number] for k in range(3)]
-    return jnp.where((layers.cells[0] > 0)[..., None], with_square(jnp.stack(planes, axis=-1)), far)
+    if layers.samples.gloss is None and layers.samples.opacity is None:
+        return by_rows(layers, _at_first_samples)
+    radiance = radiance_from_centre(layers)
+    return by_rows(layers, lambda rows: _through_samples(rows, radiance))
 
 
-def _boxes(
-    layers: Layers, lens: AbstractLens, ranges: DisparityRanges, pixel_filter: str
-) -> tuple[Float[Array, "q 2"], Float[Array, "q 2"], Float[Array, " q"]]:
-    """Corners, in pixels from that of the grid, of boxes around all places that each square's rays pass.
+def _at_first_samples(rows: RowsOfLayers) -> Float[Array, "r w 4"]:
+    """Of layers that nothing can be seen through."""
+    planes = [rows.spread(plane, 0.0, depth=1)[0] for plane in rows.layers.samples.radiance.T]
+    held = (rows.cells[0] > 0)[..., None]
+    return jnp.where(held, _with_square(jnp.stack(planes, axis=-1)), _far(rows))
 
-    And the least radius of blur there, as far as the ends and the middle of what is there tell.
+
+def _through_samples(rows: RowsOfLayers, radiance: Float[Array, "n 3"]) -> Float[Array, "r w 4"]:
+    """Of layers whose samples have this `radiance`, as the lens centre sees it."""
+    opacity, far = rows.layers.samples.opacity, _far(rows)
+    shares = rows.cells > 0 if opacity is None else rows.spread(opacity, 0.0)
+    moments, through = jnp.zeros_like(far), jnp.ones(far.shape[:2], dtype=far.dtype)
+    for colour, share in zip(rows.spread(radiance, 0.0), shares, strict=True):
+        moments += (through * share)[..., None] * _with_square(colour)
+        through = through * (1 - share)
+    return moments + through[..., None] * far
+
+
+def _far(rows: RowsOfLayers) -> Float[Array, "r w 4"]:
+    """Of the background."""
+    return _with_square(jnp.broadcast_to(rows.background, (*rows.cells.shape[1:], 3)))
+
+
+def _with_square(radiance: Float[Array, "r w 3"]) -> Float[Array, "r w 4"]:
+    return jnp.concatenate([radiance, (radiance**2).sum(axis=-1, keepdims=True)], axis=-1)
+
+
+def _box(
+    layers: Layers,
+    lens: AbstractLens,
+    pixel_filter: str,
+    film: Float[Array, "2"],
+    least: Float[Array, ""],
+    largest: Float[Array, ""],
+) -> tuple[Float[Array, "2"], Float[Array, "2"], Float[Array, ""]]:
+    """Corners, in pixels from that of the grid, of a box around all places that rays of a square pass.
+
+    And the least radius of blur there, as far as the ends and the middle of what is there tell. The square
+    has its middle at `film`, and its rays meet disparities from `least` to `largest`.
     """
     wide = filter_radius(pixel_filter) + 0.5 * (EDGE - 1)
     margin = layers.grid.margin / layers.grid.supersampling
-
-    def one(film: Float[Array, "2"], least: Array, largest: Array) -> tuple[Array, Array, Array]:
-        ends = [lens.footprint(layers.camera, film, disparity) for disparity in (least, largest)]
-        low = jnp.minimum(*(centre - radius for centre, radius in ends)) - wide
-        high = jnp.maximum(*(centre + radius for centre, radius in ends)) + wide
-        _, between = lens.footprint(layers.camera, film, 0.5 * (least + largest))
-        return low + margin, high + margin, jnp.minimum(between, jnp.minimum(*(end[1] for end in ends)))
-
-    return jax.vmap(one)(ranges.middles(), ranges.least, ranges.largest)
+    ends = [lens.footprint(layers.camera, film, disparity) for disparity in (least, largest)]
+    low = jnp.minimum(*(centre - radius for centre, radius in ends)) - wide
+    high = jnp.maximum(*(centre + radius for centre, radius in ends)) + wide
+    _, between = lens.footprint(layers.camera, film, 0.5 * (least + largest))
+    return low + margin, high + margin, jnp.minimum(between, jnp.minimum(*(end[1] for end in ends)))

@@ -43,8 +43,8 @@ def surface_of(layers: Layers) -> Surface:
     return Surface(
         places=layers.places,
         radiance=_colours(layers.samples.radiance),
-        across=_colours(across),
-        down=_colours(down),
+        across=across,
+        down=down,
         disparity=layers.samples.disparity,
         background=_colours(layers.background),
         gloss=gloss_planes(layers),

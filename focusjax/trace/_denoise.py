@@ -105,6 +105,14 @@ def denoised(
     return jnp.moveaxis(picture, 0, -1).reshape(-1, 3)
 
 
+def taken_in(least: tuple[float, ...], rays: int) -> int:
+    """How many pixels away what counts for a pixel is at most; arguments as for `denoised`."""
+    if len(least) == 1:
+        return 0
+    kernels = [len(_kernel_for(blur, rays)) // 2 for blur in least]
+    return max(*kernels, *(reach for reach, _ in _BORROWED))
+
+
 def _kernel_for(blur: float, rays: float | Array) -> Float[np.ndarray, " n"] | Float[Array, " n"]:
     """Weights for what is blurred over a radius in pixels."""
     if not isinstance(rays, Array):

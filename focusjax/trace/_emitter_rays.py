@@ -15,12 +15,11 @@ A ray brings nothing if v lies beside the aperture, or if something hides the em
 first, by the same walk as every ray's, is then no sample of the cluster, and nearer.
 """
 
-from collections.abc import Callable
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt
 
+from focusjax._zeros import zeros_after
 from focusjax.geometry import LensRay, film_offsets
 from focusjax.layers import interval
 from focusjax.lens import AbstractLens, in_colour
@@ -28,6 +27,7 @@ from focusjax.trace._emitter_aim import aim_at
 from focusjax.trace._emitter_slots import SLOTS, within_outline
 from focusjax.trace._emitter_tiles import TILE
 from focusjax.trace._emitters import MOST_PAIRS, Emitters
+from focusjax.trace._in_parts import in_parts
 from focusjax.trace._march import first_hits
 from focusjax.trace._radiances import TracedScene, on_grid
 from focusjax.trace._ranges import DisparityRanges
@@ -36,8 +36,6 @@ from focusjax.trace._sobol import sobol_points, stirred
 from focusjax.trace._walk import path_of
 
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
-_RAYS_IN_CACHE = {"cpu": 1 << 13, "gpu": 1 << 20}
-"""Rays aimed at a time; see `focusjax.trace._starts`."""
 _SHARE = 0.5
 """Of the picture's rays: at most so many more are drawn for emitters."""
 _STREAM = 1 << 21
@@ -108,7 +106,7 @@ def emitter_light(
 
         return jax.lax.cond(chunk * size < used, jax.checkpoint(traced), lambda sums: sums, sums), None
 
-    nothing = jnp.zeros((pixels, 3), dtype=jnp.zeros(()).dtype)
+    nothing = zeros_after(emitters.pairs, (pixels, 3))
     return jax.lax.scan(add, nothing, jnp.arange(-(-most // size), dtype=jnp.int32))[0]
 
 
@@ -222,20 +220,6 @@ class _Drawing:
         least, most = interval(slots.word.at[slot].get(mode="promise_in_bounds"))
         farther = interval(met)[0] <= most + (most - least) + _TOLERANCE
         return (hits < 0) | same | farther
-
-
-def in_parts(
-    function: Callable[[tuple[Array, ...]], tuple[Array, ...]], columns: tuple[Array, ...]
-) -> tuple[Array, ...]:
-    """A function of columns [n], applied to some rows at a time.
-
-    In a loop, as XLA for CPU would otherwise work out anew in every step after what it returns.
-    """
-    count = columns[0].shape[0]
-    parts = -(-count // _RAYS_IN_CACHE.get(jax.default_backend(), 1 << 17))
-    size = -(-count // parts)
-    rows = tuple(jnp.pad(a, (0, parts * size - count), mode="edge").reshape(parts, size) for a in columns)
-    return tuple(a.reshape(-1)[:count] for a in jax.lax.map(function, rows))
 
 
 def _z_order(column: Int[Array, " n"], row: Int[Array, " n"]) -> Int[Array, " n"]:

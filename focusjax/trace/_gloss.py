@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt
 
 from focusjax.geometry import Camera, LensRay
-from focusjax.layers import Grid, Layers, spread, unpack_normal
+from focusjax.layers import Grid, Layers, unpack_normal
 from focusjax.scene import Gloss
 
 _AT_ONCE = 1 << 18
@@ -87,11 +87,11 @@ def _unit(parts: Sequence[Float[Array, ""]]) -> Float[Array, "3"]:
 
 
 @eqx.filter_jit
-def radiance_from_centre(layers: Layers) -> Float[Array, "l h w 3"]:
-    """Radiance of every sample, gloss included, as the lens centre sees it."""
+def radiance_from_centre(layers: Layers) -> Float[Array, "n 3"]:
+    """Radiance of every sample that the layers hold, gloss included, as the lens centre sees it."""
     planes = gloss_planes(layers)
     if planes is None:
-        return layers.radiance
+        return layers.samples.radiance
     columns, rows = layers.grid.columns, layers.grid.rows
     disparity = layers.samples.disparity
 
@@ -107,4 +107,4 @@ def radiance_from_centre(layers: Layers) -> Float[Array, "l h w 3"]:
     # Some at a time, to hold little at once.
     samples = numbers, layers.samples.index, disparity
     gloss = jax.lax.map(one, samples, batch_size=_AT_ONCE)
-    return spread(layers, layers.samples.radiance + gloss, 0.0)
+    return layers.samples.radiance + gloss

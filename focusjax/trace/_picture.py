@@ -18,24 +18,25 @@ from jaxtyping import Array, Bool, Float, UInt
 from focusjax._arguments import ArgumentError
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
-from focusjax.trace._accumulate import PixelSums, traced_sums
-from focusjax.trace._allocate import FEWEST, allocated, allocated_through, contrast, counts_for
+from focusjax.trace._accumulate import PixelSums, no_sums, traced_sums
+from focusjax.trace._allocate import FEWEST, contrast
+from focusjax.trace._bands import Bands, Window, bands_of, picture_in_bands
 from focusjax.trace._coc_bins import CocBins
-from focusjax.trace._denoise import denoised
+from focusjax.trace._denoise import denoised, taken_in
 from focusjax.trace._emitter_rays import emitter_light
 from focusjax.trace._emitters import Emitters, split_emitters
 from focusjax.trace._flux import Rays, Still, picture_flow
 from focusjax.trace._focal_zone import focal_zone
-from focusjax.trace._groups import RayGroups, even_groups, groups_of
+from focusjax.trace._groups import even_groups
 from focusjax.trace._known_light import KnownLight, evened, known_light
-from focusjax.trace._radiances import traced_scene
+from focusjax.trace._radiances import TracedScene, traced_scene
 from focusjax.trace._ranges import DisparityRanges, disparity_ranges
-from focusjax.trace._samples import ray_samples
+from focusjax.trace._ray_counts import RayCounts, adaptive_counts, even_counts, ray_group
+from focusjax.trace._samples import RaySamples, ray_samples
 from focusjax.trace._sobol import stirred
 
 _T = TypeVar("_T")
 
-_TOGETHER = 4
 _DERIVATIVE = 1 << 20
 """Number of the seed's stream for rays of derivatives."""
 _RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
@@ -71,11 +72,6 @@ class RenderSettings:
 def most_rays(pixels: int, together: int = 1) -> int:
     """The most rays per pixel of a picture of so many pixels, traced in groups of `together`."""
     return min(_MOST_RAYS, together * (_MOST_GROUPS // pixels))
-
-
-def ray_group(rays: int, *, even: bool) -> int:
-    """How many rays of a pixel are traced together, where all pixels have as many if `even`."""
-    return max(k for k in range(1, _TOGETHER + 1) if rays % k == 0) if even or rays < FEWEST else _TOGETHER
 
 
 @eqx.filter_jit
@@ -162,8 +158,13 @@ def traced_picture(
         layers, emitters = split_emitters(layers, lens)
     known = known_light(lens, layers.camera)
     bins = coc_bins(layers, lens) if settings.smooth else CocBins(None)
-    sums = picture_sums(layers, lens, seed, settings, bins, known)
-    means = developed(sums, layers.camera.width, bins, settings.rays, known)
+    camera, reach = layers.camera, taken_in(bins.least, settings.rays)
+    bands = bands_of(camera.width, camera.height, reach) if settings.mesh is None else None
+    if bands is not None:
+        means = _in_bands(layers, lens, seed, settings, bins, known, bands)
+    else:
+        sums = picture_sums(layers, lens, seed, settings, bins, known)
+        means = developed(sums, camera.width, bins, settings.rays, known)
     return means if emitters is None else means + light_of(emitters, layers, lens, seed, settings)
 
 
@@ -177,6 +178,35 @@ def light_of(
     return emitter_light(scene, lens, emitters, ranges, seed, rays=rays, pixel_filter=pixel_filter)
 
 
+def _in_bands(
+    layers: Layers,
+    lens: AbstractLens,
+    seed: UInt[Array, ""],
+    settings: RenderSettings,
+    bins: CocBins,
+    known: KnownLight | None,
+    bands: Bands,
+) -> Float[Array, "p 3"]:
+    """The picture of layers without emitters, of which the sums of few rows are held at a time."""
+    trace = _tracing(layers, lens, seed, settings, known)
+    width, pixels = layers.camera.width, bands.window * layers.camera.width
+
+    def traced(window: Window, sums: PixelSums) -> PixelSums:
+        count = jnp.where(window.is_new(pixels), window.of(trace.counts.of_pixel), 0)
+        groups = trace.counts.groups(count, width, bands.window)
+        begin = window.first * width
+        return traced_sums(
+            trace.scene, lens, trace.samples, groups, trace.ranges, window.of(bins), begin=begin, onto=sums
+        )
+
+    def of_window(window: Window, sums: PixelSums) -> Float[Array, "n 3"]:
+        return developed(sums, width, bins, settings.rays, window.of(known))
+
+    return picture_in_bands(
+        bands, no_sums(len(bins.least), pixels, lens, trace.counts.of_pixel), traced, of_window
+    )
+
+
 def picture_sums(
     layers: Layers,
     lens: AbstractLens,
@@ -187,28 +217,46 @@ def picture_sums(
     wanted: Bool[Array, " p"] | None = None,
 ) -> PixelSums:
     """The sums of all pixels, or of those that are `wanted` as they are among all; 0 in the others."""
-    camera = layers.camera
+    trace = _tracing(layers, lens, seed, settings, known)
+    count = trace.counts.of_pixel
+    if wanted is not None:
+        count = jnp.where(wanted, count, 0)
+    groups = trace.counts.groups(count, layers.camera.width, layers.camera.height)
+    return traced_sums(trace.scene, lens, trace.samples, groups, trace.ranges, bins, settings.mesh)
+
+
+class _Tracing(eqx.Module):
+    """What rays of a picture go through, which they are, and how many of each pixel."""
+
+    scene: TracedScene
+    samples: RaySamples
+    ranges: DisparityRanges
+    counts: RayCounts
+
+
+def _tracing(
+    layers: Layers,
+    lens: AbstractLens,
+    seed: UInt[Array, ""],
+    settings: RenderSettings,
+    known: KnownLight | None,
+) -> _Tracing:
+    """All that is the same for every part of a picture."""
     fixed = jax.lax.stop_gradient(layers)
     ranges = disparity_ranges(layers, lens, settings.pixel_filter)
     if settings.even or settings.rays < FEWEST:
-        together = ray_group(settings.rays, even=True)
-        counts = (settings.rays,)
-        if wanted is None:
-            groups = even_groups(camera.width, camera.height, settings.rays, together)
-        else:
-            most = camera.width * camera.height * settings.rays // together
-            chosen = jnp.where(wanted, settings.rays, 0)
-            groups = groups_of(chosen, camera.width, camera.height, together, most=most)
+        counts = even_counts(layers.camera, settings.rays)
     else:
-        groups, counts = _adaptive_groups(fixed, lens, ranges, known, settings, wanted)
+        variance = contrast(fixed, lens, ranges, settings.pixel_filter, smooth=settings.smooth)
+        counts = adaptive_counts(variance, layers.camera, ranges, known, settings.rays)
     samples = ray_samples(
         lens,
-        counts,
+        counts.numbers,
         seed,
         with_chances=layers.samples.opacity is not None,
         pixel_filter=settings.pixel_filter,
     )
-    return traced_sums(traced_scene(layers), lens, samples, groups, ranges, bins, settings.mesh)
+    return _Tracing(traced_scene(layers), samples, ranges, counts)
 
 
 def coc_bins(layers: Layers, lens: AbstractLens) -> CocBins:
@@ -217,30 +265,6 @@ def coc_bins(layers: Layers, lens: AbstractLens) -> CocBins:
     One where rays see highlights and mirrors for themselves: what these show is not blurred as they are.
     """
     return CocBins(None if layers.samples.gloss is not None else focal_zone(lens, layers.camera))
-
-
-def _adaptive_groups(
-    layers: Layers,
-    lens: AbstractLens,
-    ranges: DisparityRanges,
-    known: KnownLight | None,
-    settings: RenderSettings,
-    wanted: Bool[Array, " p"] | None,
-) -> tuple[RayGroups, tuple[int, ...]]:
-    """Groups of rays by what differs in each pixel, and the numbers of rays that pixels may have."""
-    camera, rays = layers.camera, settings.rays
-    variance = contrast(layers, lens, ranges, settings.pixel_filter, smooth=settings.smooth)
-    row, column = jnp.divmod(jnp.arange(camera.width * camera.height, dtype=jnp.int32), camera.width)
-    square = ranges.square(column, row)
-    if known is None:
-        count = allocated(variance, rays, rays, ranges.pixels(camera.width, camera.height))[square]
-    else:
-        count = allocated_through(variance[square], known.share[:, 1], rays)
-    if wanted is not None:
-        count = jnp.where(wanted, count, 0)
-    most = -(-rays * camera.width * camera.height // _TOGETHER)
-    groups = groups_of(count, camera.width, camera.height, _TOGETHER, most=most, nested=FEWEST)
-    return groups, counts_for(rays)
 
 
 def developed(

@@ -4,9 +4,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, UInt
 
-from focusjax.layers import Layers, covered, interval
+from focusjax.layers import Layers, RowsOfLayers, by_rows, covered, interval
 from focusjax.trace._gloss import radiance_from_centre
 
 _PLACES = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
@@ -40,38 +40,47 @@ def render_pinhole(layers: Layers) -> Float[Array, "h w 3"]:
 @eqx.filter_jit
 def _seen(layers: Layers) -> Float[Array, "h w 3"]:
     """Mean radiance of each sample of the grid."""
-    shape, radiances = layers.cells.shape[1:], radiance_from_centre(layers)
-    opacity = layers.opacity
+    radiance = radiance_from_centre(layers)
+    return by_rows(layers, lambda rows: _seen_in(rows, radiance))
 
-    def at_place(place: Float[Array, "2"]) -> Float[Array, "h w 3"]:
+
+def _seen_in(rows: RowsOfLayers, radiance: Float[Array, "n 3"]) -> Float[Array, "r w 3"]:
+    """The same of some rows."""
+    cells, radiances, background = rows.cells, rows.spread(radiance, 0.0), rows.background
+    shape, opacity = cells.shape[1:], rows.layers.samples.opacity
+    shares = None if opacity is None else rows.spread(opacity, 0.0)
+
+    def at_place(place: Float[Array, "2"]) -> Float[Array, "r w 3"]:
         dx, dy = (jnp.broadcast_to(place[k], shape) for k in (0, 1))
-        if opacity is not None:
-            return _blended(layers, radiances, opacity, dx, dy)
+        far = jnp.broadcast_to(background, (*shape, 3))
+        if shares is not None:
+            return _blended(cells, radiances, shares, far, dx, dy)
         nearest = jnp.zeros(shape, dtype=jnp.int32)
-        colour = jnp.broadcast_to(layers.background, (*shape, 3))
-        for words, radiance in zip(layers.cells, radiances, strict=True):
+        colour = far
+        for words, of_layer in zip(cells, radiances, strict=True):
             # Of two within one step of disparity, the one in the earlier layer is nearer.
             most = interval(words)[1]
             shows = covered(words, dx, dy) & (most > nearest)
             nearest = jnp.where(shows, most, nearest)
-            colour = jnp.where(shows[..., None], radiance, colour)
+            colour = jnp.where(shows[..., None], of_layer, colour)
         return colour
 
-    return jax.lax.map(at_place, jnp.asarray(_PLACES, dtype=layers.background.dtype)).mean(axis=0)
+    return jax.lax.map(at_place, jnp.asarray(_PLACES, dtype=background.dtype)).mean(axis=0)
 
 
 def _blended(
-    layers: Layers,
+    cells: UInt[Array, "l h w"],
     radiances: Float[Array, "l h w 3"],
     opacity: Float[Array, "l h w"],
+    far: Float[Array, "h w 3"],
     dx: Float[Array, "h w"],
     dy: Float[Array, "h w"],
 ) -> Float[Array, "h w 3"]:
-    """Every surface at one place of each sample over those behind it, front to back."""
-    shape = layers.cells.shape[1:]
+    """Every surface at one place of each sample over those behind it and what is `far`, front to back."""
+    shape = cells.shape[1:]
     # Layers are in order but for their fringe samples.
-    shows = jax.vmap(lambda words: covered(words, dx, dy))(layers.cells)
-    nearest = jnp.where(shows, interval(layers.cells)[1], 0)
+    shows = jax.vmap(lambda words: covered(words, dx, dy))(cells)
+    nearest = jnp.where(shows, interval(cells)[1], 0)
     order = jnp.argsort(nearest, axis=0, descending=True, stable=True)
 
     def over(seen: tuple[Array, Array], layer: Int[Array, "h w"]) -> tuple[tuple[Array, Array], None]:
@@ -84,6 +93,6 @@ def _blended(
         share = through * jnp.where(of_layer(nearest) > 0, of_layer(opacity), 0.0)
         return (colour + share[..., None] * of_layer(radiances), through - share), None
 
-    nothing = jnp.zeros((*shape, 3), dtype=layers.background.dtype)
+    nothing = jnp.zeros((*shape, 3), dtype=far.dtype)
     (colour, through), _ = jax.lax.scan(over, (nothing, jnp.ones(shape, dtype=nothing.dtype)), order)
-    return colour + through[..., None] * jnp.broadcast_to(layers.background, colour.shape)
+    return colour + through[..., None] * far

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float, Int
 from focusjax.geometry import filter_radius
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
+from focusjax.trace._in_parts import in_parts
 
 _ROUNDS = 4
 EDGE = 2
@@ -70,10 +71,14 @@ def disparity_ranges(layers: Layers, lens: AbstractLens, pixel_filter: str = "bo
     nothing = jnp.zeros(across * down, dtype=jnp.zeros(()).dtype)
     squares = DisparityRanges(nothing, nothing, jnp.zeros(across * down, dtype=jnp.int32), across)
 
-    def one(middle: Float[Array, "2"]) -> tuple[Array, Array, Array]:
-        return disparity_range(layers, lens, middle, filter_radius(pixel_filter) + 0.5 * (EDGE - 1))
+    def one(x: Float[Array, ""], y: Float[Array, ""]) -> tuple[Array, Array, Array]:
+        return disparity_range(
+            layers, lens, jnp.stack([x, y]), filter_radius(pixel_filter) + 0.5 * (EDGE - 1)
+        )
 
-    return DisparityRanges(*jax.vmap(one)(squares.middles()), across)
+    x, y = squares.middles().T
+    least, largest, depth = in_parts(lambda some: jax.vmap(one)(*some), (x, y))
+    return DisparityRanges(least, largest, depth, across)
 
 
 def disparity_range(

@@ -114,11 +114,11 @@ def test_slopes_follow_a_ramp_and_leave_no_darkness_below_none():
     faces = np.array([(0, 1, 2), (0, 2, 3)])
     layers = peeled(placed(corners), faces, ramp)
     held = np.asarray(layers.samples.links) == 0x88888888
-    across, down = (np.asarray(slope)[held] for slope in radiance_slopes(layers))
+    across, down = (np.stack(slope)[:, held] for slope in radiance_slopes(layers))
     assert np.allclose(across, 0.004, atol=1e-5)
     assert np.allclose(down, 0.002, atol=1e-5)
     vertices, faces, colours, _ = checkers(3.4, 0.37)
     layers = peeled(vertices, faces, np.where(colours > 0.5, 50.0, 0.0))
-    across, down = radiance_slopes(layers)
+    across, down = (jnp.stack(slope, axis=-1) for slope in radiance_slopes(layers))
     lowest = layers.samples.radiance - 0.5 * (jnp.abs(across) + jnp.abs(down))
     assert float(lowest.min()) > -1e-4

@@ -1,5 +1,7 @@
 """Stages of USD become scenes: meshes, pictures, lights and frames; what cannot be read is said."""
 
+import json
+import re
 import zipfile
 
 import numpy as np
@@ -172,3 +174,41 @@ def test_files_that_are_up_to_something(tmp_path):
         SceneFileError, match=r"empty\.usda: has no camera; export the scene with one, or give"
     ):
         fj.read_camera(empty)
+
+
+@pytest.mark.parametrize("unit", ["0", "-1", "nan", "inf"])
+def test_a_unit_of_no_length_is_refused(tmp_path, unit):
+    path = write_usd_scene(tmp_path)
+    text = re.sub("metersPerUnit = .*", f"metersPerUnit = {unit}", path.read_text())
+    path.write_text(text)
+    expected = rf"shot\.usda: metersPerUnit is {unit}; expected a positive number, so set it to 1"
+    for read in (read_scene, fj.read_camera):
+        with pytest.raises(SceneFileError, match=expected):
+            read(path)
+
+
+@pytest.mark.parametrize(
+    ("head", "body", "said"),
+    [
+        ("subLayers = [@./shot.usda@]", "", r"by a sublayer; remove that sublayer"),
+        ("subLayers = [@./other.usda@]", "", r"by a sublayer; remove that sublayer"),
+        ("", 'def "more" (references = @./shot.usda@</more>) {}', r"by a reference at /more; remove"),
+    ],
+    ids=["itself", "another that includes it", "a reference"],
+)
+def test_a_stage_that_includes_itself_is_refused(tmp_path, head, body, said):
+    path = write_usd_scene(tmp_path)
+    path.write_text(path.read_text().replace("metersPerUnit", f"{head}\n    metersPerUnit", 1) + body)
+    (tmp_path / "other.usda").write_text("#usda 1.0\n(subLayers = [@./shot.usda@])\n")
+    for read in (read_scene, fj.read_camera):
+        with pytest.raises(SceneFileError, match=rf"shot\.usda: includes itself {said}"):
+            read(path, within=[tmp_path])
+
+
+@pytest.mark.parametrize("below", [[0], [1]], ids=["itself", "its child"])
+def test_gltf_nodes_in_a_cycle_are_refused(tmp_path, below):
+    nodes = [{"mesh": 0, "children": below}, {"children": [0]} if below == [1] else {}]
+    content = {"asset": {"version": "2.0"}, "meshes": [{"primitives": []}], "nodes": nodes}
+    (tmp_path / "loop.gltf").write_text(json.dumps(content))
+    with pytest.raises(SceneFileError, match=r"loop\.gltf .*its own ancestor\); export the scene again"):
+        read_scene(tmp_path / "loop.gltf")

@@ -69,7 +69,7 @@ def test_scenes_without_gloss_are_what_they_were():
 
 def test_gradients_reach_lights_and_materials():
     layers = glossy_layers(True)
-    bright = int(jnp.argmax(radiance_from_centre(layers)[..., 0]))
+    bright = int(layers.samples.index[jnp.argmax(radiance_from_centre(layers)[:, 0])])
     size = layers.grid.rows * layers.grid.columns
     row, column = divmod(bright % size, layers.grid.columns)
     lens, camera, grid = layers.lens, layers.camera, layers.grid

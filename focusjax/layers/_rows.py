@@ -1,0 +1,74 @@
+"""Work on the grid of layers in bands of rows, so that what it needs meanwhile is that of one band."""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, UInt
+
+from focusjax._zeros import zeros_after
+from focusjax.layers._layers import Layers
+
+_SAMPLES_AT_ONCE = 1 << 17
+"""Of a band, of each layer."""
+
+
+class RowsOfLayers(eqx.Module):
+    """Some rows of layers.
+
+    Attributes:
+        layers: all of them.
+        first: number of the first row.
+        count: how many rows (static).
+    """
+
+    layers: Layers
+    first: Int[Array, ""]
+    count: int = eqx.field(static=True)
+
+    @property
+    def cells(self) -> UInt[Array, "l r w"]:
+        """Packed interval and outline of each sample, 0 where nothing is."""
+        return jax.lax.dynamic_slice_in_dim(self.layers.cells, self.first, self.count, axis=1)
+
+    @property
+    def background(self) -> Float[Array, "r w 3"] | Float[Array, "3"]:
+        """Radiance at infinity; one where it is the same all over."""
+        whole = self.layers.background
+        if whole.ndim == 1:
+            return whole
+        return jax.lax.dynamic_slice_in_dim(whole, self.first, self.count, axis=0)
+
+    def spread(self, values: Array, fill: float, depth: int | None = None) -> Array:
+        """Values [n, ...] of the layers' samples at their places [l, r, w, ...], `fill` where none is.
+
+        Of the first `depth` layers; of all if not given.
+        """
+        rows, columns = self.layers.cells.shape[1:]
+        cells = self.cells[:depth]
+        layer, row, column = (jnp.arange(size, dtype=jnp.int32) for size in cells.shape)
+        index = (layer[:, None, None] * rows + (self.first + row)[None, :, None]) * columns
+        number = self.layers.places.number(index + column[None, None])
+        there = (cells > 0).reshape(*cells.shape, *[1] * (values.ndim - 1))
+        return jnp.where(there, values[number], jnp.asarray(fill, dtype=values.dtype))
+
+
+def by_rows(
+    layers: Layers, function: Callable[[RowsOfLayers], Float[Array, "r w c"]]
+) -> Float[Array, "h w c"]:
+    """What `function` makes of the rows of `layers`, some of them at a time."""
+    _, rows, columns = layers.cells.shape
+    count = min(max(1, _SAMPLES_AT_ONCE // columns), rows)
+    if count == rows:
+        return function(RowsOfLayers(layers, jnp.int32(0), rows))
+    shape = jax.eval_shape(lambda: function(RowsOfLayers(layers, jnp.int32(0), count)))
+    nothing = zeros_after(layers.samples.radiance, (rows, *shape.shape[1:]), shape.dtype)
+
+    def add(whole: Float[Array, "h w c"], number: Int[Array, ""]) -> tuple[Float[Array, "h w c"], None]:
+        # The last band shares rows with the one before.
+        first = jnp.minimum(number * count, rows - count)
+        found = function(RowsOfLayers(layers, first, count))
+        return jax.lax.dynamic_update_slice_in_dim(whole, found, first, axis=0), None
+
+    return jax.lax.scan(add, nothing, jnp.arange(-(-rows // count), dtype=jnp.int32))[0]

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from focusjax.studio._gallery import Gallery
+from focusjax.studio._kept_pictures import user_cache
 from focusjax.studio._new_config import open_session
 from focusjax.studio._session import Session
 from focusjax.studio._studio import Studio
@@ -54,5 +55,5 @@ class Desk:
     def _take(self, session: Session) -> None:
         if self.studio is not None:
             self.studio.close()
-        self.studio = Studio(session)
+        self.studio = Studio(session, pictures=user_cache())
         self.studio.warm_up()

@@ -1,8 +1,6 @@
 """Configs to begin with, each with a small sharp view of its scene."""
 
 import dataclasses
-import hashlib
-import os
 import threading
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -11,6 +9,7 @@ from focusjax import job
 from focusjax.config import Config, ConfigError, build_camera, build_scene, load_config, read_toml
 from focusjax.film import to_bytes
 from focusjax.post import closed_lens, view_in_layers
+from focusjax.studio._kept_pictures import keep_picture, kept_picture, user_cache
 from focusjax.studio._overlays import jpeg
 
 _WIDTH = 240
@@ -53,7 +52,7 @@ class Gallery:
         self.folders = tuple(default_folders() if folders is None else folders)
         self.entries = tuple(_entries(self.folders))
         self.version = 0
-        self._cache = _user_cache() if cache is None else cache
+        self._cache = user_cache() if cache is None else cache
         self._thumbnails: dict[int, bytes] = {}
         self._thread = threading.Thread(target=self._make_all, name="focusjax thumbnails", daemon=True)
         self._stopped = False
@@ -86,14 +85,10 @@ class Gallery:
 
     def _made_or_kept(self, entry: Entry) -> bytes:
         config = load_config(entry.path)
-        kept = self._cache / f"{_mark(config)}.jpg"
-        if kept.is_file():
-            return kept.read_bytes()
-        data = thumbnail_of(config)
-        self._cache.mkdir(parents=True, exist_ok=True)
-        unfinished = kept.with_suffix(".new")
-        unfinished.write_bytes(data)
-        os.replace(unfinished, kept)
+        data = kept_picture(self._cache, config, "thumbnail")
+        if data is None:
+            data = thumbnail_of(config)
+            keep_picture(self._cache, config, "thumbnail", data)
         return data
 
 
@@ -136,19 +131,3 @@ def _entries(folders: Iterable[Path]) -> Iterable[Entry]:
                 yield Entry(path, title, problem=str(error))
                 continue
             yield Entry(path, title, 0 if config.shot is None else config.shot.frames)
-
-
-def _mark(config: Config) -> str:
-    """A text that changes with the scene and the camera, and with the files of its objects."""
-    digest = hashlib.sha256(repr((config.scene, config.camera, config.render.exposure)).encode())
-    for table in config.scene.objects:
-        file = config.source.parent / table.file
-        if file.is_file():
-            state = file.stat()
-            digest.update(f"{file.resolve()}{state.st_size}{state.st_mtime_ns}".encode())
-    return digest.hexdigest()[:24]
-
-
-def _user_cache() -> Path:
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return home / "focusjax" / "thumbnails"

@@ -1,32 +1,35 @@
 """A session with its pictures: edits at once, numbers in one thread, pictures in another."""
 
+import contextlib
 import dataclasses
 import functools
 import threading
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from focusjax.config import Config, ConfigError
 from focusjax.exchange import export_config, target_named
 from focusjax.studio._answer import Answer, answer
 from focusjax.studio._document import EditError
 from focusjax.studio._final import Final
+from focusjax.studio._kept_pictures import keep_picture, kept_picture
 from focusjax.studio._latest import Cancelled as IsCancelled
 from focusjax.studio._latest import Latest
 from focusjax.studio._overlays import blur_overlay, depth_overlay, jpeg, layers_overlay, shown_size, webp
 from focusjax.studio._painter import Cancelled, Painter
 from focusjax.studio._reel import Reel
 from focusjax.studio._session import Session
+from focusjax.studio._warm_up import other_configs
 
-_NO_PLACE = dict.fromkeys(("pixel", "point", "direction", "triangle", "barycentric", "mask", "depth_m"))
-_NO_WISH = dict.fromkeys(("sharp", "same_blur_as", "shown_at", "blur_px", "blur_mm", "blur_height"))
 _FIRST_NUMBERS_S = 0.04
 """Seconds that the page has to show marker and numbers, before a draft takes all of the processor."""
 _AFTER_DRAFT_S = 0.3
 """Seconds before it is worked out what stands in the way, so that the draft is not held up."""
 _STILL_S = 0.7
 """Seconds for which a frame is looked at before its picture is refined."""
+_IDLE_S = 8.0
+"""Seconds without a change after which programs are compiled that may be asked for next."""
 KINDS = ("picture", "sharp", "blur", "depth", "layers")
 """Pictures that the studio has."""
 
@@ -85,8 +88,13 @@ class Studio:
         warning: why changes cannot be kept before they are saved; empty where they can.
     """
 
-    def __init__(self, session: Session):
-        """Start working on the config as it is."""
+    def __init__(self, session: Session, *, pictures: Path | None = None):
+        """Start working on the config as it is.
+
+        Args:
+            session: the config.
+            pictures: keeps the last picture of a scene, to be shown first the next time; None keeps none.
+        """
         self.session = session
         self.answer: Answer | None = None
         self.state = State("starting")
@@ -105,8 +113,10 @@ class Studio:
         self._painting = Latest("focusjax pictures", self._failed)
         self._keeping = Latest("focusjax unsaved", self._unkept)
         self._closed = False
+        self._kept_in = pictures
         self._sharp_of: object = None
         self._layers_of = 0
+        self._show_last()
         self.refresh()
 
     def apply(self, edit: Callable[[Session], object]) -> object:
@@ -248,13 +258,21 @@ class Studio:
             return
         if answer_.config.lens.focal_surface is not None:
             return
-        for number, config in enumerate(_other_configs(answer_.config)):
+        for number, config in enumerate(other_configs(answer_.config)):
             if number:
-                # The first picture comes before what is asked for less often.
-                self._painting.wait()
+                # What is asked for less often waits for a time when nothing else is to be done.
+                self._wait_until_still(_IDLE_S)
             if self._closed:
                 return
             answer(config, answer_.stage)
+
+    def _wait_until_still(self, seconds: float) -> None:
+        """Wait until nothing has changed for so long, or all is closed."""
+        version, since = self.version, time.monotonic()
+        while not self._closed and time.monotonic() - since < seconds:
+            time.sleep(0.2)
+            if self.version != version:
+                version, since = self.version, time.monotonic()
 
     def _paint(self, answer: Answer, cancelled: IsCancelled) -> None:
         size = shown_size(answer.config.camera.resolution)
@@ -291,9 +309,27 @@ class Studio:
                 data = jpeg(painted.pixels, size)
                 self._show("picture", answer, lambda data=data: data)
                 done = painted.share >= 1.0
+                if done:
+                    self._keep_last(answer.config, data)
                 self._set(state=State("refined" if done else "refining", painted.share))
         except Cancelled:
             return
+
+    def _show_last(self) -> None:
+        """What the scene looked like the last time, until there is something newer."""
+        config = self.session.document.config
+        if self._kept_in is None or config is None:
+            return
+        last = kept_picture(self._kept_in, config, "picture")
+        if last is not None:
+            self._pictures += 1
+            self.shown = {"picture": Shown(self._pictures, 0, "image/jpeg", lambda: last)}
+
+    def _keep_last(self, config: Config, data: bytes) -> None:
+        if self._kept_in is not None:
+            # Without it the next start shows nothing for a few seconds more.
+            with contextlib.suppress(OSError):
+                keep_picture(self._kept_in, config, "picture", data)
 
     def _lay_layers(self, answer: Answer, size: tuple[int, int]) -> None:
         """The number of layers, once for each time that they are peeled."""
@@ -341,24 +377,3 @@ class Studio:
         known = isinstance(error, ConfigError | EditError | ValueError | RuntimeError | OSError | MemoryError)
         text = str(error) if known else f"internal error, please report it: {error!r}"
         self._set(state=State("problem", detail=" ".join(text.split("\n\n")[0].split())))
-
-
-def _other_configs(config: Config) -> Iterator[Config]:
-    """The config with one more wish, of the kinds that are solved by programs of their own, and tilted."""
-    first = config.focus[0]
-    name = first.name or first.object
-    wishes: list[dict[str, Any]] = [{"at_most_px": 1e3}]
-    if name is not None:
-        wishes.append({"same_blur_as": name})
-    for wish in wishes:
-        more = first.model_copy(update=_NO_WISH | {"name": "warm-up", **wish})
-        yield config.model_copy(update={"focus": (*config.focus, more)})
-    named = [each.name for each in config.scene.objects if each.name]
-    if named:
-        whole = first.model_copy(
-            update=_NO_WISH | _NO_PLACE | {"name": "warm-up", "object": named[0], "sharp": True}
-        )
-        yield config.model_copy(update={"focus": (*config.focus, whole)})
-    if "tilt" not in config.solve.free and config.lens.prescription is None:
-        solve = config.solve.model_copy(update={"free": (*config.solve.free, "tilt")})
-        yield config.model_copy(update={"solve": solve})

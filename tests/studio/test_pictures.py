@@ -13,6 +13,7 @@ from focusjax import job
 from focusjax.config import load_config
 from focusjax.film import to_bytes
 from focusjax.studio import Session, Studio
+from focusjax.studio import _kept_pictures as kept_pictures
 from focusjax.studio._latest import Latest
 from focusjax.studio._overlays import blur_overlay, depth_overlay, jpeg, layers_overlay, shown_size
 from focusjax.studio._painter import Cancelled, Painter
@@ -105,6 +106,34 @@ def test_a_lens_that_reaches_farther_is_peeled_for(session):
     session.fix("f_number", 1.0)
     list(painter.refined(session.solve(), never))
     assert painter.peels == 2
+
+
+def test_the_last_picture_of_a_scene_is_what_is_seen_first_the_next_time(session, tmp_path):
+    pictures = tmp_path / "kept"
+    first = Studio(session, pictures=pictures)
+    assert "picture" not in first.shown or first.shown["picture"].answer
+    assert first.wait(600)
+    last = first.shown["picture"].data
+    first.close()
+    again = Studio(Session(session.document.path), pictures=pictures)
+    assert (again.shown["picture"].number, again.shown["picture"].data) == (1, last)
+    assert again.wait(600)
+    assert again.shown["picture"].number > 1
+    again.close()
+    # Of another scene it would be wrong.
+    session.set_text(WIDE.replace("colour = [0.9, 0.3, 0.2]", "colour = [0.1, 0.3, 0.2]"))
+    other = Studio(session, pictures=pictures)
+    assert other.shown.get("picture") is None or other.shown["picture"].data != last
+    other.close()
+
+
+def test_few_pictures_are_kept(session, tmp_path, monkeypatch):
+    monkeypatch.setattr(kept_pictures, "_MOST", 2)
+    for number in range(4):
+        kept_pictures.keep_picture(tmp_path / "kept", session.config, f"{number}", b"x")
+    assert len(list((tmp_path / "kept").iterdir())) == 2
+    assert kept_pictures.kept_picture(tmp_path / "kept", session.config, "3") == b"x"
+    assert kept_pictures.kept_picture(tmp_path / "kept", session.config, "0") is None
 
 
 def test_a_refined_picture_is_cancelled_between_passes(session):

@@ -1,9 +1,10 @@
 """Memory of large arrays and of compiled programs, for the system to have again when they are freed."""
 
+import contextlib
 import ctypes
 import functools
 import gc
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import jax
@@ -48,26 +49,28 @@ def return_freed(numbers: int) -> None:
         _function("malloc_trim")(0)
 
 
-def return_after_compiling(numbers: int) -> None:
-    """From now on memory that compiling a large program took is given back before the program runs.
+@contextlib.contextmanager
+def returned_after_compiling(numbers: int) -> Iterator[None]:
+    """Within it, memory that compiling a large program took is given back before the program runs.
 
-    XLA takes half a GB for the largest, in pieces that are freed but stay with the process. This goes for the
-    whole process.
+    XLA takes half a GB for the largest, in pieces that are freed but stay with the process.
 
     Args:
         numbers: about how many the arrays will hold that there has to be room for.
     """
-    if numbers >= _MANY:
-        _listen()
 
-
-@functools.cache
-def _listen() -> None:
     def compiled(event: str, duration_secs: float, **details: object) -> None:
         if event == _COMPILED and duration_secs > _LONG:
-            return_freed(_MANY)
+            return_freed(numbers)
 
+    if numbers < _MANY:
+        yield
+        return
     jax.monitoring.register_event_duration_secs_listener(compiled)
+    try:
+        yield
+    finally:
+        jax.monitoring.unregister_event_duration_listener(compiled)
 
 
 def return_programs() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._arguments import require_kind, require_known
-from focusjax._freed import return_after_compiling, return_freed
+from focusjax._freed import return_freed, returned_after_compiling
 from focusjax._stopwatch import Stopwatch
 from focusjax.config import (
     Config,
@@ -126,9 +126,23 @@ def run(
     tell: Progress = progress if progress is not None else lambda stage, share: None
     watch = Stopwatch(on_stage=lambda stage: tell(stage, None))
     camera = build_camera(config)
+    with returned_after_compiling(camera.width * camera.height):
+        return _run(config, camera, watch, solving, rendering, scene, disparity, like)
+
+
+def _run(
+    config: Config,
+    camera: Camera,
+    watch: Stopwatch,
+    solving: bool,
+    rendering: bool,
+    scene: Scene | None,
+    disparity: Float[np.ndarray, "h w"] | None,
+    like: Extent | None,
+) -> Outcome:
+    """As `run`; `scene` is let go where it is made here."""
     lens = build_lens(config, camera, solved=solving)
     pixels = camera.width * camera.height
-    return_after_compiling(pixels)
     with watch.stage("load"):
         scene = build_scene(config) if scene is None else scene
         return_freed(pixels)

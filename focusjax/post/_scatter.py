@@ -77,8 +77,8 @@ def scattered(
 ) -> Float[Array, "h w 3"]:
     """The light of some pixels where the lens sends it.
 
-    From each go a power of two of rays up to 8192: about `taps` for every pixel of the widest circle of
-    confusion, and for all of them together no more than `taps` for every pixel of the picture.
+    From each go a power of two of rays, 16 to 8192: about `taps` for every pixel of the widest circle of
+    confusion, or fewer, so that all together have about `taps` for every pixel of the picture.
 
     Args:
         excess: light to be sent; 0 in all other pixels.

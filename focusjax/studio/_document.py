@@ -107,8 +107,11 @@ class Document:
             change(tables)
             text = tomlkit.dumps(tables)
             kept = tomllib.loads(text) == tables.unwrap()
-        except (TOMLKitError, tomllib.TOMLDecodeError) as error:
-            raise EditError(f"{self.path}: this edit cannot be written as TOML ({error})") from None
+        except (TOMLKitError, ValueError, LookupError) as error:
+            raise EditError(
+                f"{self.path}: this edit cannot be written as TOML ({error}); write inline tables, such as"
+                " lens = {...}, as tables of their own, such as [lens]"
+            ) from None
         if not kept:
             raise EditError(
                 f"{self.path}: the order of its tables leaves this edit no place; put all [[focus]] tables"

@@ -33,8 +33,17 @@ def name_files_from(tables: Any, old: Path, new: Path, root: Path) -> str:
     return ""
 
 
+def texts_in(tables: Any) -> Iterator[str]:
+    """The texts that may name files, in tables of a config."""
+    return (name for _, _, name in _named(tables))
+
+
 def _named(value: Any) -> Iterator[tuple[Any, Any, str]]:
-    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    items: Any = ()
+    if isinstance(value, dict):
+        items = value.items()
+    elif isinstance(value, list | tuple):
+        items = enumerate(value)
     for key, item in list(items):
         if isinstance(item, str) and key not in _NO_FILES and item.strip():
             yield value, key, item

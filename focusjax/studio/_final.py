@@ -1,6 +1,8 @@
 """The final picture, or all frames of a shot, made in a thread of its own while the page goes on."""
 
+import contextlib
 import dataclasses
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -37,7 +39,7 @@ class FinalState:
 
     Attributes:
         word: "" before the first, "rendering", "rendered", "cancelled" or "failed".
-        share: of a shot's frames that are done, 0 to 1; 0 for a still.
+        share: of a shot's frames that are rendered, 0 to 1; 0 for a still.
         detail: what is being done, or a sentence on how it ended.
     """
 
@@ -57,6 +59,7 @@ class Final:
         """Start the thread; `changed` is called whenever there is a new state."""
         self.state = FinalState()
         self._changed = changed
+        self._lock = threading.Lock()
         self._latest = Latest("focusjax final picture", self._failed)
 
     @property
@@ -77,14 +80,19 @@ class Final:
                 f"{folder.absolute()}: pictures cannot be written there ({error.strerror}); start the studio"
                 " in a folder that can be written to"
             ) from None
-        self._set(FinalState("rendering", detail="starting"))
-        self._latest.submit(lambda cancelled: self._make(config, folder, cancelled))
+        with self._lock:
+            self._latest.submit(lambda cancelled: self._make(config, folder, cancelled))
+            self.state = FinalState("rendering", detail="starting")
+        self._changed()
 
     def cancel(self) -> None:
-        """Stop: what is under way is left at its next stage, or frame, and its result is not written."""
-        if self.busy:
+        """Stop: what is under way is left at its next stage or frame. Frames of a shot that are made stay."""
+        with self._lock:
+            if not self.busy:
+                return
             self._latest.cancel()
-            self._set(FinalState("cancelled", detail="The final picture was cancelled."))
+            self.state = FinalState("cancelled", detail="The final picture was cancelled.")
+        self._changed()
 
     def wait(self, seconds: float | None = None) -> bool:
         """Wait until nothing is being made; whether that came within `seconds`."""
@@ -95,10 +103,17 @@ class Final:
         self._latest.close()
 
     def _make(self, config: Config, folder: Path, cancelled: IsCancelled) -> None:
+        def say(state: FinalState) -> None:
+            # What was cancelled meanwhile says nothing more.
+            with self._lock:
+                if cancelled():
+                    raise Cancelled
+                self.state = state
+            self._changed()
+
         def tell(stage: str, share: float | None) -> None:
-            if cancelled():
-                raise Cancelled
-            self._set(FinalState("rendering", share or 0.0, _STAGES.get(stage, stage)))
+            known = share if stage == "render" and share is not None else 0.0
+            say(FinalState("rendering", known, _STAGES.get(stage, stage)))
 
         try:
             if config.shot is not None and config.focus:
@@ -108,16 +123,20 @@ class Final:
                     outcome = job.run(config, solving=bool(config.focus), progress=tell)
                     tell("save", None)
                     save_outcome(made, outcome)
+                    tell("save", None)
+            say(FinalState("rendered", 1.0, f"Report: {folder / 'report.html'}"))
         except Cancelled:
             return
-        if not cancelled():
-            self._set(FinalState("rendered", 1.0, f"Report: {folder / 'report.html'}"))
+        except Exception as error:
+            with contextlib.suppress(Cancelled):
+                say(FinalState("failed", detail=_sentence(error)))
 
     def _failed(self, error: Exception) -> None:
-        known = isinstance(error, ValueError | RuntimeError | OSError | MemoryError)
-        text = str(error) if known else f"internal error, please report it: {error!r}"
-        self._set(FinalState("failed", detail=" ".join(text.split("\n\n")[0].split())))
+        """Nothing comes here: `_make` says itself what goes wrong."""
+        raise error
 
-    def _set(self, state: FinalState) -> None:
-        self.state = state
-        self._changed()
+
+def _sentence(error: Exception) -> str:
+    known = isinstance(error, ValueError | RuntimeError | OSError | MemoryError)
+    text = str(error) if known else f"internal error, please report it: {error!r}"
+    return " ".join(text.split("\n\n")[0].split())

@@ -1,5 +1,6 @@
 """Configs to begin with, each with a small sharp view of its scene."""
 
+import contextlib
 import dataclasses
 import threading
 from collections.abc import Iterable, Sequence
@@ -88,7 +89,9 @@ class Gallery:
         data = kept_picture(self._cache, config, "thumbnail")
         if data is None:
             data = thumbnail_of(config)
-            keep_picture(self._cache, config, "thumbnail", data)
+            # It is shown all the same where it cannot be kept.
+            with contextlib.suppress(OSError):
+                keep_picture(self._cache, config, "thumbnail", data)
         return data
 
 

@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 
 from focusjax.config import Config
+from focusjax.studio._files_named import texts_in
 
 _MOST = 300
 """Pictures in a folder; the oldest ones go."""
@@ -32,7 +33,7 @@ def keep_picture(folder: Path, config: Config, kind: str, data: bytes) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     kept = _file(folder, config, kind)
-    unfinished = kept.with_suffix(".new")
+    unfinished = kept.with_suffix(f".{os.getpid()}.new")
     unfinished.write_bytes(data)
     os.replace(unfinished, kept)
     oldest_first = sorted(folder.glob("*.jpg"), key=lambda file: file.stat().st_mtime)
@@ -41,10 +42,10 @@ def keep_picture(folder: Path, config: Config, kind: str, data: bytes) -> None:
 
 
 def _file(folder: Path, config: Config, kind: str) -> Path:
-    """Its name changes with the scene and the camera, and with the files of the objects."""
+    """Its name changes with the scene and the camera, and with the files that the scene names."""
     digest = hashlib.sha256(repr((config.scene, config.camera, config.render.exposure)).encode())
-    for table in config.scene.objects:
-        file = config.source.parent / table.file
+    for name in texts_in(config.scene.model_dump()):
+        file = config.source.parent / name
         if file.is_file():
             state = file.stat()
             digest.update(f"{file.resolve()}{state.st_size}{state.st_mtime_ns}".encode())

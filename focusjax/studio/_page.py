@@ -57,7 +57,7 @@ class Page:
         self.studio, self._desk = studio, desk
         self._version = -1
         self._refused_edit = False
-        self._words, self._since = ("", ""), time.monotonic()
+        self._words, self._since = ("", studio.final.state.word), time.monotonic()
         self._planned: object = None
         self._plan: tuple[Stage, Plan] | None = None
         self._dark = ui.dark_mode(None)

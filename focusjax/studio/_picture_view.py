@@ -163,7 +163,7 @@ class PictureView:
         answer, number, control = self.studio.answer, self.selected, self.control
         if answer is not None and control is not None and control < len(answer.controls()):
             mark, table = answer.controls()[control].mark, self.studio.session.config.lens.focal_surface
-            if mark is not None and table is not None:
+            if mark is not None and table is not None and control < len(table.points):
                 x, y = table.points[control].pixel or mark
                 self.attempt(lambda s: s.move_control(control, x + dx, y + dy, drag="nudge"))
             return

@@ -202,8 +202,9 @@ class Session:
         wish, name = self.config.focus[number], wishes.called(self.config, number)
         if whole == (wish.object is not None and wish.triangle is None):
             return
-        marks = () if self._answer is None else self._answer.marks()
-        mark = (marks if number < len(marks) else self.solve().marks())[number]
+        marks = (self._answer or self.solve()).marks()
+        # That of a new wish is where it was set, until the answer comes.
+        mark = marks[number] if number < len(marks) else wish.pixel
         if mark is None:
             raise EditError(f"{name!r} is nowhere in the picture; move it there first")
         if not whole:
@@ -274,7 +275,7 @@ class Session:
         self._edit(move, f"move control {number} {drag}" if drag else "")
 
     def set_control(self, number: int, key: str, value: Any) -> None:
-        """Set the "name", "blur_px", "aperture_scale" or "weight" of a control point."""
+        """Set the "blur_px", "aperture_scale" or "weight" of a control point."""
         self._edit(surface.set_control(number, key, value), f"control {number} {key}")
 
     def delete_control(self, number: int) -> None:
@@ -282,7 +283,7 @@ class Session:
         self._edit(surface.delete_control(self.config, number))
 
     def set_surface(self, key: str, value: Any) -> None:
-        """Set the "basis", "smoothness" or "favour_near" of the focal surface."""
+        """Set the "basis" or the "smoothness" of the focal surface."""
         self._edit(surface.set_surface(key, value))
 
     def set_kernel(self, kind: str, *, exponent: float | None = None, size: float | None = None) -> None:

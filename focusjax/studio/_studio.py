@@ -20,7 +20,7 @@ from focusjax.studio._overlays import blur_overlay, depth_overlay, jpeg, layers_
 from focusjax.studio._painter import Cancelled, Painter
 from focusjax.studio._reel import Reel
 from focusjax.studio._session import Session
-from focusjax.studio._warm_up import other_configs
+from focusjax.studio._warm_up import OTHERS
 
 _FIRST_NUMBERS_S = 0.04
 """Seconds that the page has to show marker and numbers, before a draft takes all of the processor."""
@@ -167,8 +167,8 @@ class Studio:
         Raises:
             EditError: there is no usable config, or the folder cannot be written to.
         """
-        self._painting.cancel()
         self.final.start(self.session.config, folder)
+        self._paint_again()
 
     def export(self, to: str, folder: Path) -> tuple[str, ...]:
         """Write the camera for another program into `folder`, as `focusjax export` does; what it says.
@@ -253,25 +253,24 @@ class Studio:
 
     def _warm_up(self) -> None:
         self._numbers.wait()
-        answer_ = self.answer
-        if answer_ is None or not answer_.config.focus or answer_.frame:
-            return
-        if answer_.config.lens.focal_surface is not None:
-            return
-        for number, config in enumerate(other_configs(answer_.config)):
+        for number, change in enumerate(OTHERS):
             if number:
                 # What is asked for less often waits for a time when nothing else is to be done.
                 self._wait_until_still(_IDLE_S)
-            if self._closed:
+            now = self.answer
+            if self._closed or now is None or now.frame:
                 return
-            answer(config, answer_.stage)
+            config = change(now.config)
+            if config is not None:
+                answer(config, now.stage)
 
     def _wait_until_still(self, seconds: float) -> None:
         """Wait until nothing has changed for so long, or all is closed."""
         version, since = self.version, time.monotonic()
         while not self._closed and time.monotonic() - since < seconds:
             time.sleep(0.2)
-            if self.version != version:
+            working = self.final.busy or self.state.word not in ("refined", "no lens", "problem")
+            if working or self.version != version:
                 version, since = self.version, time.monotonic()
 
     def _paint(self, answer: Answer, cancelled: IsCancelled) -> None:
@@ -288,7 +287,8 @@ class Studio:
             if answer.frame and answer.outcome is not None:
                 drafts[answer.frame] = data
         if answer.outcome is None:
-            self._set(state=State("no lens", detail=answer.problem))
+            if answer.problem and not cancelled():
+                self._set(state=State("no lens", detail=answer.problem))
             self._extras(answer, size)
             return
         if cancelled():
@@ -309,7 +309,7 @@ class Studio:
                 data = jpeg(painted.pixels, size)
                 self._show("picture", answer, lambda data=data: data)
                 done = painted.share >= 1.0
-                if done:
+                if done and answer.frame <= 1:
                     self._keep_last(answer.config, data)
                 self._set(state=State("refined" if done else "refining", painted.share))
         except Cancelled:
@@ -350,9 +350,18 @@ class Studio:
     def _final_changed(self) -> None:
         with self._lock:
             self.version += 1
-        answer = self.answer
-        if not self.final.busy and answer is not None:
-            self._painting.submit(functools.partial(self._paint, answer))
+        if not self.final.busy:
+            self._paint_again()
+
+    def _paint_again(self) -> None:
+        """Go on with the picture of the latest answer, unless a newer one is on its way."""
+
+        def paint(cancelled: IsCancelled) -> None:
+            answer, config = self.answer, self.session.document.config
+            if answer is not None and config is not None and answer.number == self.session.number:
+                self._paint(answer, cancelled)
+
+        self._painting.submit(paint)
 
     def _show(self, kind: str, answer: Answer, make: Callable[[], bytes]) -> None:
         media = "image/jpeg" if kind in ("picture", "sharp") else "image/webp"

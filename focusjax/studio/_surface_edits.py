@@ -10,7 +10,7 @@ from focusjax.config import Config, FocalSurfaceTable
 from focusjax.focus import WishResult
 from focusjax.studio._document import Change, EditError, add_row, change_row, delete_row, set_value, together
 from focusjax.studio._lens_settings import set_fixed
-from focusjax.studio._wishes import called, change_wish, free_name, pixel_row, place_row
+from focusjax.studio._wishes import called, change_wish, free_name, pixel_row, place_row, taken_names
 
 _POINTS = ("lens", "focal_surface", "points")
 _PLACES = ("pixel", "point", "direction", "triangle", "barycentric", "object", "mask")
@@ -61,9 +61,11 @@ def use_surface(config: Config, rows: Sequence[WishResult], values: dict[str, fl
         set_value("lens", "focal_surface", "smoothness", value=_SMOOTHNESS),
     ]
     places = [place_row(wish, _PLACES) if wish.weight > 0 else {} for wish in config.focus]
+    taken: set[str] = set()
     for number, place in enumerate(places):
         if place:
-            name = called(config, number)
+            name = free_name(called(config, number), taken)
+            taken.add(name)
             changes.append(change_wish(number, {"name": name}))
             changes.append(_add(name, place, _signed_blur(rows[number]) if number < len(rows) else 0.0))
     if not any(places):
@@ -83,7 +85,8 @@ def use_plane(values: dict[str, float]) -> Change:
 
 def add_control(config: Config, name: str, x: float, y: float) -> Change:
     """A control point at what is under pixel position (`x`, `y`), which is to be sharp there."""
-    return _add(free_name(name, {each.name for each in _table(config).points}), pixel_row(x, y), 0.0)
+    _table(config)
+    return _add(free_name(name, taken_names(config)), pixel_row(x, y), 0.0)
 
 
 def move_control(number: int, x: float, y: float) -> Change:
@@ -92,7 +95,7 @@ def move_control(number: int, x: float, y: float) -> Change:
 
 
 def set_control(number: int, key: str, value: Any) -> Change:
-    """Set the "name", "blur_px", "aperture_scale" or "weight" of a control point."""
+    """Set the "blur_px", "aperture_scale" or "weight" of a control point."""
     return change_row(*_POINTS, number=number, row={key: value})
 
 
@@ -110,7 +113,7 @@ def delete_control(config: Config, number: int) -> Change:
 
 
 def set_surface(key: str, value: Any) -> Change:
-    """Set the "basis", "smoothness" or "favour_near" of the surface."""
+    """Set the "basis" or the "smoothness" of the surface."""
     return set_value("lens", "focal_surface", key, value=value)
 
 

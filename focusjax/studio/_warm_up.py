@@ -1,30 +1,47 @@
 """What is likely to be asked for next, so that its programs are compiled before."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from typing import Any
 
-from focusjax.config import Config
+from focusjax.config import Config, FocusTable
+from focusjax.studio._wishes import WISHES, called
 
-_NO_PLACE = dict.fromkeys(("pixel", "point", "direction", "triangle", "barycentric", "mask", "depth_m"))
-_NO_WISH = dict.fromkeys(("sharp", "same_blur_as", "shown_at", "blur_px", "blur_mm", "blur_height"))
+_PLACES = ("pixel", "point", "direction", "triangle", "barycentric", "mask", "depth_m", "object")
+_WITHOUT = {key: FocusTable.model_fields[key].default for key in (*WISHES, "weight")}
+_NOWHERE = {key: FocusTable.model_fields[key].default for key in _PLACES}
 
 
-def other_configs(config: Config) -> Iterator[Config]:
-    """The config with one more wish, of the kinds that are solved by programs of their own, and tilted."""
-    first = config.focus[0]
-    name = first.name or first.object
-    wishes: list[dict[str, Any]] = [{"at_most_px": 1e3}]
-    if name is not None:
-        wishes.append({"same_blur_as": name})
-    for wish in wishes:
-        more = first.model_copy(update=_NO_WISH | {"name": "warm-up", **wish})
-        yield config.model_copy(update={"focus": (*config.focus, more)})
+def _limited(config: Config) -> Config | None:
+    return _with_wish(config, {"at_most_px": 1e3})
+
+
+def _same(config: Config) -> Config | None:
+    return _with_wish(config, {"same_blur_as": called(config, 0)}) if config.focus else None
+
+
+def _whole_object(config: Config) -> Config | None:
     named = [each.name for each in config.scene.objects if each.name]
-    if named:
-        whole = first.model_copy(
-            update=_NO_WISH | _NO_PLACE | {"name": "warm-up", "object": named[0], "sharp": True}
-        )
-        yield config.model_copy(update={"focus": (*config.focus, whole)})
-    if "tilt" not in config.solve.free and config.lens.prescription is None:
-        solve = config.solve.model_copy(update={"free": (*config.solve.free, "tilt")})
-        yield config.model_copy(update={"solve": solve})
+    return _with_wish(config, _NOWHERE | {"object": named[0], "sharp": True}) if named else None
+
+
+def _tilted(config: Config) -> Config | None:
+    if not config.focus or "tilt" in config.solve.free or config.lens.prescription is not None:
+        return None
+    if config.lens.focal_surface is not None:
+        return None
+    free = (*config.solve.free, "tilt")
+    return config.model_copy(update={"solve": config.solve.model_copy(update={"free": free})})
+
+
+def _with_wish(config: Config, wish: dict[str, Any]) -> Config | None:
+    """The config with one more wish, where the first is; None where it has none, or a focal surface."""
+    if not config.focus or config.lens.focal_surface is not None:
+        return None
+    first = config.focus[0]
+    named = first.model_copy(update={"name": called(config, 0)})
+    more = first.model_copy(update=_WITHOUT | {"name": "compiled ahead"} | wish)
+    return config.model_copy(update={"focus": (named, *config.focus[1:], more)})
+
+
+OTHERS: tuple[Callable[[Config], Config | None], ...] = (_limited, _same, _whole_object, _tilted)
+"""Configs that are solved by programs of their own, made of one; None where that cannot be asked for."""

@@ -21,7 +21,7 @@ _PLACES = ("pixel", "point", "direction", "triangle", "barycentric", "object", "
 MEASURED = ("blur", "at_most", "at_least")
 """Those that have a diameter."""
 _UNITS = ("px", "mm", "height")
-_WISHES = (
+WISHES = (
     "sharp",
     "same_blur_as",
     "shown_at",
@@ -34,10 +34,18 @@ _DECIMALS = 2
 
 def name_for(config: Config, place: str) -> str:
     """A name for a new wish at `place` that no other wish has."""
-    return free_name(place or "background", {wish.name or wish.object for wish in config.focus})
+    return free_name(place or "background", taken_names(config))
 
 
-def free_name(wanted: str, taken: set[Any]) -> str:
+def taken_names(config: Config) -> set[str]:
+    """Names of wishes and of the focal surface's control points."""
+    surface = config.lens.focal_surface
+    controls = () if surface is None else surface.points
+    wishes = {called(config, number) for number in range(len(config.focus))}
+    return wishes | {each.name or each.object or "" for each in controls}
+
+
+def free_name(wanted: str, taken: set[str]) -> str:
     """The name wanted, with a number where it is taken."""
     name, number = wanted, 1
     while name in taken:
@@ -82,7 +90,7 @@ def wish_for(number: int, kind: str, *, pixels: float = 0.0, other: str = "") ->
     """
     value: Any = True if kind == "sharp" else other if kind == "same_blur_as" else round(pixels, _DECIMALS)
     key = kind if kind in ("sharp", "same_blur_as") else f"{kind}_px"
-    return change_wish(number, {key: value}, [each for each in _WISHES if each != key])
+    return change_wish(number, {key: value}, [each for each in WISHES if each != key])
 
 
 def set_number(number: int, key: str, value: float | None) -> Change:
@@ -95,14 +103,14 @@ def rename(config: Config, number: int, name: str) -> Change:
     """Call a wish `name`, also where others refer to it.
 
     Raises:
-        EditError: no name, or that of another wish.
+        EditError: no name, or that of another wish or control point.
     """
     name = name.strip()
     names = [called(config, index) for index in range(len(config.focus))]
     if not name:
         raise EditError("a wish needs a name; give one")
-    if name in names[:number] + names[number + 1 :]:
-        raise EditError(f"another wish is called {name!r}; give each a name of its own")
+    if name != names[number] and name in taken_names(config):
+        raise EditError(f"another wish or control point is called {name!r}; give each a name of its own")
     referring = [k for k, wish in enumerate(config.focus) if wish.same_blur_as == names[number]]
     return together(
         change_wish(number, {"name": name}), *(change_wish(k, {"same_blur_as": name}) for k in referring)

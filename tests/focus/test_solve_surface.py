@@ -9,9 +9,25 @@ import numpy as np
 import pytest
 from gradients import check_gradients
 
-from focusjax.focus import AT_MOST, EQUAL, ImagePoints, SurfaceSolution, diagnose, solve_focal_surface
+from focusjax.focus import (
+    AT_MOST,
+    EQUAL,
+    ImagePoints,
+    SurfaceSolution,
+    _solve_surface,
+    diagnose,
+    solve_focal_surface,
+)
+from focusjax.focus._image_points import anonymous
 from focusjax.geometry import make_camera
-from focusjax.lens import FocalSurface, FocalSurfaceLens, ThinLens, focal_surface, thin_lens
+from focusjax.lens import (
+    FocalSurface,
+    FocalSurfaceLens,
+    ThinLens,
+    focal_surface,
+    focal_surface_lens,
+    thin_lens,
+)
 
 PLACES = np.array([(6.0, 6.0), (50.0, 9.0), (30.0, 40.0), (12.0, 33.0)])
 CAMERA = make_camera(np.eye(4), width=64, height=48, focal_length=0.05)
@@ -49,6 +65,40 @@ def test_as_many_controls_as_wishes_meet_them_all(found):
     # Observed: 3e-8 px.
     assert np.abs(found.error).max() < 1e-6
     assert [row.met for row in found.table()] == [True] * 4
+
+
+@pytest.mark.parametrize("count", [1, 3, 4])
+def test_rows_without_weight_that_fill_a_problem_up_change_nothing(count):
+    surface = focal_surface(PLACES[:count] + 0.3, 0.5)
+    points, smoothness = wishes(), jnp.asarray(1e-3)
+
+    def plain(target):
+        asked = anonymous(dataclasses.replace(points, target=target))
+        return _solve_surface._solve(asked, CAMERA, surface, lens(), smoothness)
+
+    def filled(target):
+        return solve_focal_surface(dataclasses.replace(points, target=target), CAMERA, surface, lens())
+
+    want, found = plain(points.target), filled(points.target)
+    for name in ("blur", "error", "cost", "roughness"):
+        np.testing.assert_allclose(getattr(found, name), getattr(want, name), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.surface.focus_disparity, want.surface.focus_disparity, rtol=1e-9)
+    np.testing.assert_allclose(found.lens.focus_disparity, want.lens.focus_disparity, rtol=1e-9)
+    slopes = [jax.jacrev(lambda t, f=f: f(t).surface.focus_disparity)(points.target) for f in (plain, filled)]
+    np.testing.assert_allclose(slopes[1], slopes[0], rtol=1e-7, atol=1e-12)
+
+
+def test_a_surface_sampled_for_fewer_pixels_is_the_same_surface():
+    fewer = make_camera(np.eye(4), width=32, height=24, focal_length=0.05)
+    surface = focal_surface(PLACES, [0.4, 1.1, 0.6, 0.8], aperture_scale=[1.0, 0.5, 0.0, 2.0])
+    made = focal_surface_lens(surface, CAMERA, lens())
+    found = made.sampled_for(CAMERA, fewer)
+    # Every second corner of a pixel is one of theirs.
+    np.testing.assert_allclose(found.focus_disparity, made.focus_disparity[::2, ::2], rtol=1e-12)
+    np.testing.assert_allclose(found.aperture_scale, made.aperture_scale[::2, ::2], rtol=1e-12)
+    place, w = jnp.array([20.0, 11.0]), jnp.array(0.7)
+    half = found.blur(fewer, place, w)
+    np.testing.assert_allclose(2 * half, made.blur(CAMERA, 2 * place, w), rtol=1e-9)
 
 
 @eqx.filter_jit

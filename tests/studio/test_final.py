@@ -71,13 +71,14 @@ def test_all_frames_of_a_shot_with_their_share_of_time(tmp_path):
     try:
         assert studio.wait(600)
         change = studio.final._changed
-        studio.final._changed = lambda: (shares.append(studio.final.state.share), change())
+        studio.final._changed = lambda: (shares.append(studio.final.state), change())
         studio.render(tmp_path / "out")
         assert studio.wait(600)
         assert studio.final.state.word == "rendered"
         assert len(list((tmp_path / "out").rglob("frame_*.png"))) == 3
         assert (tmp_path / "out" / "report.html").is_file()
-        assert any(0.3 < share < 0.7 for share in shares)
+        rendered = {state.share for state in shares if state.detail == "tracing rays"}
+        assert len(rendered & {0.0, 1 / 3, 2 / 3, 1.0}) >= 3
     finally:
         studio.close()
 
@@ -87,6 +88,7 @@ def test_a_folder_that_cannot_be_written_to_is_refused(studio, tmp_path):
     with pytest.raises(EditError, match="pictures cannot be written there"):
         studio.render(tmp_path / "file" / "out")
     assert not studio.final.busy
+    assert studio.state.word == "refined"
 
 
 def test_what_goes_wrong_is_said(studio, tmp_path, monkeypatch):

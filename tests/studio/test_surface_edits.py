@@ -7,6 +7,7 @@ from boxes_config import write_boxes
 from focusjax import job
 from focusjax.config import load_config
 from focusjax.studio import EditError, Session
+from focusjax.studio._document import change_row
 
 NEAR, FAR = (8, 15), (30, 15)
 
@@ -78,11 +79,17 @@ def test_control_points_follow_the_wishes_of_their_name(with_surface):
 
 def test_a_wish_for_blur_starts_on_the_side_that_it_is_on(with_surface):
     session = with_surface
-    session.solve()
+    behind = session.solve().wishes[1].got
+    assert behind > 2.5
     session.wish_for(1, "blur", pixels=2.0)
     assert points(session)[1].blur_px == 2.0
-    session.wish_for(0, "blur", pixels=2.0)
-    assert abs(points(session)[0].blur_px) == 2.0
+    number = session.add_point(*NEAR)
+    session.document.edit(
+        change_row("focus", number=number, row={"blur_px": -4.0, "signed": True}, without=["sharp"])
+    )
+    assert session.solve().wishes[number].got < -2.0
+    session.wish_for(number, "blur", pixels=2.0)
+    assert points(session)[number].blur_px == -2.0
 
 
 def test_control_points_of_their_own(with_surface):
@@ -100,6 +107,34 @@ def test_control_points_of_their_own(with_surface):
     session.delete_control(0)
     with pytest.raises(EditError, match="one control point at least"):
         session.delete_control(0)
+
+
+def test_a_point_and_a_control_point_of_one_place_have_names_of_their_own(with_surface):
+    session = with_surface
+    alone = session.add_control(*NEAR)
+    number = session.add_point(*NEAR)
+    assert session.config.focus[number].name == "near box 2"
+    assert [point.name for point in points(session)] == ["box's front", "far box", "near box", "near box 2"]
+    assert session.solve().outcome is not None
+    with pytest.raises(EditError, match="another wish or control point is called 'near box'"):
+        session.rename(number, "near box")
+    # A wish that is off has no control point, and gets none by its name.
+    session.delete_control(alone)
+    session.use_plane()
+    session.switch(number, on=False)
+    session.use_surface()
+    other = session.add_control(*NEAR)
+    assert points(session)[other].name == "near box"
+    session.move_point(number, *FAR)
+    assert points(session)[other].pixel == NEAR
+
+
+def test_a_lens_in_an_inline_table_is_refused_in_words(session):
+    text = session.document.text.replace("[lens]\nf_number = 2.0\nfocus_distance_m = 4.0\n", "")
+    session.set_text("lens = {f_number = 2.0, focus_distance_m = 4.0}\n" + text)
+    session.solve()
+    with pytest.raises(EditError, match=r"such as \[lens\]"):
+        session.use_surface()
 
 
 def test_the_shape_between_control_points(with_surface):

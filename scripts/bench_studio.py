@@ -24,6 +24,7 @@ import numpy as np
 from _studio_browser import Tab, chromium, server
 
 from focusjax.config import load_config
+from focusjax.studio._kept import kept_file
 
 # Notes the time of the press, of the first change of the numbers, and of every picture that is loaded.
 _WATCH = """
@@ -68,6 +69,8 @@ def _opened(config: Path, driver: Any) -> Iterator[Tab]:
         words = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in stages.items())
         print(f"{config.stem}: from the command: {words}", flush=True)
         yield tab
+    # Clicks that were taken back are nobody's unsaved changes.
+    kept_file(config).unlink(missing_ok=True)
 
 
 def measured(config: Path, events: int, seed: int) -> dict[str, np.ndarray]:

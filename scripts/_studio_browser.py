@@ -38,10 +38,14 @@ class Tab:
 
     def open(self, address: str) -> None:
         """Open a studio's page, and wait until what is typed there reaches the server."""
-        self.wait(lambda: self._reached(address), 60, "the server to listen")
+        self.reach(address)
         self.wait(
             lambda: self.driver.execute_script("return window.did_handshake === true"), 60, "the server"
         )
+
+    def reach(self, address: str) -> None:
+        """Open a page as soon as the server listens."""
+        self.wait(lambda: self._reached(address), 60, "the server to listen")
 
     def _reached(self, address: str) -> bool:
         """Whether the server answers: it prints its address just before it listens."""

@@ -222,7 +222,7 @@ def test_the_start_page_opens_a_config_and_unsaved_changes_outlive_the_command(t
 def test_other_hosts_need_the_token_of_the_address(tmp_path, browser):
     with server(write_boxes(tmp_path), "--host", "127.0.0.1") as address:
         assert "?token=" in address
-        browser.get(address.split("?")[0])
+        Tab(browser).reach(address.split("?")[0])
         assert "not the studio's own page" in browser.find_element("tag name", "body").text
         browser.get(address)
         Tab(browser).wait(lambda: Tab(browser).all("state"), 60, "the page")

@@ -18,6 +18,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from focusjax._console import sentence
 from focusjax.bench._case import Case, load_case
 from focusjax.bench._makers import maker_named
 from focusjax.bench._measure import Measured, Timing, measure
@@ -119,7 +120,6 @@ if __name__ == "__main__":
     try:
         main(Path(sys.argv[1]), Path(sys.argv[2]))
     except Exception as error:
-        sentence = " ".join(str(error).split("\n\n")[0].split()) or type(error).__name__
         # The process that asked reads the last line.
-        sys.stderr.write(f"\n{sentence}\n")
+        sys.stderr.write(f"\n{sentence(error)}\n")
         sys.exit(1)

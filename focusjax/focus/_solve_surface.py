@@ -264,6 +264,15 @@ def linear_surface(
     slope: Float[Array, ""],
     smoothness: Float[Array, ""],
 ) -> LinearSurface:
+    """The residuals of wishes and of the smoothness term, which are linear in the control values.
+
+    Args:
+        points: wishes for sharpness or blurs.
+        camera: the pinhole that frames the picture.
+        surface: control points, and the values from which changes count.
+        slope: 2 f E, px of blur per 1/m of focal disparity.
+        smoothness: weight of the smoothness term.
+    """
     root = root_weight(points.weight)
     shares = surface.shares(points.xy.T).T
     _, scale = surface.at(points.xy.T)

@@ -75,9 +75,7 @@ class FocalSurfaceLens(AbstractLens):
     def thin_lens_at(self, camera: Camera, film_point: Float[Array, "2"]) -> ThinLens:
         """The thin lens that one film point looks through."""
         scale, offset = self._at(camera, film_point)
-        open_ = scale > 0
-        focus = jnp.where(open_, offset / jnp.where(open_, scale, 1.0), jnp.mean(self.focus_disparity))
-        return ThinLens(focus, scale * self.aperture_radius, self.aperture)
+        return ThinLens(self._focus(scale, offset), scale * self.aperture_radius, self.aperture)
 
     def sampled_for(self, camera: Camera, other: Camera) -> "FocalSurfaceLens":
         """The same surface at the pixel corners of another camera.
@@ -92,9 +90,12 @@ class FocalSurfaceLens(AbstractLens):
         )
         places = jnp.stack(jnp.meshgrid(x, y), axis=-1).astype(self.focus_disparity.dtype)
         scale, offset = jax.vmap(jax.vmap(lambda place: self._at(camera, place)))(places)
+        return FocalSurfaceLens(self._focus(scale, offset), scale, self.aperture_radius, self.aperture)
+
+    def _focus(self, scale: Float[Array, "*p"], offset: Float[Array, "*p"]) -> Float[Array, "*p"]:
+        """The focal disparity w_f of s and s w_f; where nothing is open, the mean of all."""
         open_ = scale > 0
-        focus = jnp.where(open_, offset / jnp.where(open_, scale, 1.0), jnp.mean(self.focus_disparity))
-        return FocalSurfaceLens(focus, scale, self.aperture_radius, self.aperture)
+        return jnp.where(open_, offset / jnp.where(open_, scale, 1.0), jnp.mean(self.focus_disparity))
 
     def _full_parallax(self, camera: Camera) -> Float[Array, ""]:
         return camera.focal_px * self.aperture_radius

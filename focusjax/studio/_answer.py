@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 
 from focusjax import job
+from focusjax._console import sentence
 from focusjax._settings import metres
 from focusjax.config import Config
 from focusjax.focus import Solution, SurfaceSolution, WishResult, diagnose
@@ -203,7 +204,7 @@ def answer(config: Config, stage: Stage, number: int = 0) -> Answer:
             config, solving=solving, rendering=False, scene=stage.scene, disparity=stage.disparity
         )
     except (ValueError, RuntimeError) as error:
-        return Answer(number, config, stage, None, " ".join(str(error).split("\n\n")[0].split()))
+        return Answer(number, config, stage, None, sentence(error))
     if {"focal_length", "shift", "rise"} & set(config.solve.free):
         stage = stage.seen_from(outcome.camera)
     return Answer(number, config, stage, outcome)

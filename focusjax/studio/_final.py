@@ -1,6 +1,5 @@
 """The final picture, or all frames of a shot, made in a thread of its own while the page goes on."""
 
-import contextlib
 import dataclasses
 import threading
 from collections.abc import Callable
@@ -13,7 +12,7 @@ from focusjax.report import FILES, save_outcome
 from focusjax.shot import film
 from focusjax.studio._document import EditError
 from focusjax.studio._latest import Cancelled as IsCancelled
-from focusjax.studio._latest import Latest
+from focusjax.studio._latest import Latest, what_failed
 from focusjax.studio._painter import Cancelled
 
 _STAGES = {
@@ -125,18 +124,11 @@ class Final:
                     save_outcome(made, outcome)
                     tell("save", None)
             say(FinalState("rendered", 1.0, f"Report: {folder / 'report.html'}"))
-        except Cancelled:
-            return
-        except Exception as error:
-            with contextlib.suppress(Cancelled):
-                say(FinalState("failed", detail=_sentence(error)))
+        except Exception:
+            if not cancelled():
+                raise
 
     def _failed(self, error: Exception) -> None:
-        """Nothing comes here: `_make` says itself what goes wrong."""
-        raise error
-
-
-def _sentence(error: Exception) -> str:
-    known = isinstance(error, ValueError | RuntimeError | OSError | MemoryError)
-    text = str(error) if known else f"internal error, please report it: {error!r}"
-    return " ".join(text.split("\n\n")[0].split())
+        with self._lock:
+            self.state = FinalState("failed", detail=what_failed(error))
+        self._changed()

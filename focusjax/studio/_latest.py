@@ -3,9 +3,21 @@
 import threading
 from collections.abc import Callable
 
+from focusjax._console import sentence
+
 Cancelled = Callable[[], bool]
 """Says whether a newer request has come."""
 Work = Callable[[Cancelled], None]
+
+
+_KNOWN = (ValueError, RuntimeError, OSError, MemoryError)
+
+
+def what_failed(error: Exception) -> str:
+    """What work raised, in a sentence; errors that nobody foresaw say that they are ours."""
+    if isinstance(error, _KNOWN):
+        return sentence(error)
+    return f"internal error, please report it: {error!r}"
 
 
 class Latest:

@@ -9,6 +9,7 @@ from typing import Any
 from nicegui import events, run, ui
 from nicegui.elements.mixins.value_element import ValueElement
 
+from focusjax._console import sentence
 from focusjax.exchange import TARGETS
 from focusjax.studio._desk import Desk
 from focusjax.studio._document import EditError
@@ -246,7 +247,7 @@ class Page:
         try:
             said = await run.io_bound(self.studio.export, to, folder)
         except (ValueError, RuntimeError, OSError) as error:
-            ui.notify(" ".join(str(error).split("\n\n")[0].split()), type="warning", position="bottom")
+            ui.notify(sentence(error), type="warning", position="bottom")
             return
         ui.notify(" ".join(said or ()), type="positive", position="bottom", multi_line=True, timeout=8000)
 

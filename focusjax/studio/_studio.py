@@ -8,14 +8,14 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from focusjax.config import Config, ConfigError
+from focusjax._console import sentence
+from focusjax.config import Config
 from focusjax.exchange import export_config, target_named
 from focusjax.studio._answer import Answer, answer
-from focusjax.studio._document import EditError
 from focusjax.studio._final import Final
 from focusjax.studio._kept_pictures import keep_picture, kept_picture
 from focusjax.studio._latest import Cancelled as IsCancelled
-from focusjax.studio._latest import Latest
+from focusjax.studio._latest import Latest, what_failed
 from focusjax.studio._overlays import blur_overlay, depth_overlay, jpeg, layers_overlay, shown_size, webp
 from focusjax.studio._painter import Cancelled, Painter
 from focusjax.studio._reel import Reel
@@ -220,8 +220,7 @@ class Studio:
         except Cancelled:
             return
         except (ValueError, RuntimeError) as error:
-            problem = " ".join(str(error).split("\n\n")[0].split())
-            unsolved = self.session.before_shot(config, self.frame, number, problem)
+            unsolved = self.session.before_shot(config, self.frame, number, sentence(error))
             self.reel = None
             self._set(answer=unsolved)
             self._painting.submit(functools.partial(self._paint, unsolved))
@@ -383,6 +382,4 @@ class Studio:
             self.version += 1
 
     def _failed(self, error: Exception) -> None:
-        known = isinstance(error, ConfigError | EditError | ValueError | RuntimeError | OSError | MemoryError)
-        text = str(error) if known else f"internal error, please report it: {error!r}"
-        self._set(state=State("problem", detail=" ".join(text.split("\n\n")[0].split())))
+        self._set(state=State("problem", detail=what_failed(error)))

@@ -178,9 +178,9 @@ def control_renamed(config: Config, number: int, name: str) -> Change:
 def control_deleted(config: Config, number: int) -> Change:
     """The control point of a wish goes with it, unless it is the last one."""
     control = control_of(config, number)
-    return (
-        together() if control is None or len(_table(config).points) == 1 else delete_control(config, control)
-    )
+    if control is None or len(_table(config).points) == 1:
+        return together()
+    return delete_control(config, control)
 
 
 def control_blurred(config: Config, number: int, blur: float) -> Change:

@@ -32,29 +32,13 @@ class Guessed:
     depth: float
 
 
-def guessed_shares(
-    objects: Mapping[str, range], layers: Layers, lens: AbstractLens, *, rays: int, seed: int
-) -> Guessed:
-    """Shares of guesses in a picture of a photograph.
-
-    The layers are rendered again in grey: what is guessed in red alone, what has no measured depth in green
-    alone, everything in blue, so that the shares are R / B and G / B of sums over the picture.
+def in_grey(objects: Mapping[str, range], layers: Layers) -> Layers:
+    """The layers of a photograph in grey: guesses in red, what has no measured depth in green, all in blue.
 
     Args:
         objects: faces of the photograph's objects by name, as its scene has them.
         layers: of that scene.
-        lens: whose picture it is.
-        rays: per pixel of the picture.
-        seed: its seed.
     """
-    picture = render(_tinted(objects, layers), lens, rays=min(_RAYS, rays), seed=seed)
-    red, green, blue = np.asarray(picture).sum(axis=(0, 1))
-    whole = max(float(blue), 1e-30)
-    return Guessed(light=float(red) / whole, depth=float(green) / whole)
-
-
-def _tinted(objects: Mapping[str, range], layers: Layers) -> Layers:
-    """The layers in grey, with guesses in red alone and holes in green alone beside everything in blue."""
     face = faces_of_samples(layers)
     grey = layers.samples.radiance.mean(axis=1)
     shown = [
@@ -63,6 +47,21 @@ def _tinted(objects: Mapping[str, range], layers: Layers) -> Layers:
     ]
     samples = dataclasses.replace(layers.samples, radiance=jnp.stack([*shown, grey], axis=1))
     return dataclasses.replace(layers, samples=samples)
+
+
+def guessed_shares(grey: Layers, lens: AbstractLens, *, rays: int, seed: int) -> Guessed:
+    """Shares of guesses in a picture of a photograph: R / B and G / B of sums over the picture of `in_grey`.
+
+    Args:
+        grey: the photograph's layers, as `in_grey` has them.
+        lens: whose picture it is.
+        rays: per pixel of the picture.
+        seed: its seed.
+    """
+    picture = render(grey, lens, rays=min(_RAYS, rays), seed=seed)
+    red, green, blue = np.asarray(picture).sum(axis=(0, 1))
+    whole = max(float(blue), 1e-30)
+    return Guessed(light=float(red) / whole, depth=float(green) / whole)
 
 
 def warn_of_holes(config: Config, wishes: Sequence[FocusTable], scene: Scene, camera: Camera) -> None:

@@ -34,7 +34,7 @@ from focusjax.focus import (
 from focusjax.geometry import Camera
 from focusjax.job._exposed import ExposedLens, ExposedSolution
 from focusjax.job._glass import ThroughGlass, left_to_quality, through_glass
-from focusjax.job._guessed import Guessed, guessed_shares, warn_of_holes
+from focusjax.job._guessed import Guessed, guessed_shares, in_grey, warn_of_holes
 from focusjax.job._moving import build_moving
 from focusjax.job._photograph import Photograph, take_photograph
 from focusjax.job._picture import Picture, Progress, make_picture, peel_picture
@@ -207,12 +207,16 @@ def _run(
         picture = make_picture(config.render, peeled, camera, look, watch, choose_lens=choose, moving=moving)
         if glass is not None and picture.lens_plan is not None:
             glass = glass.planned(picture.lens_plan)
-        if config.scene.photo is not None and picture.method == "trace" and moving is None:
+        shares = config.scene.photo is not None and picture.method == "trace" and moving is None
+        # Of the layers of a large photograph, nothing else stays.
+        grey_layers = in_grey(objects, peeled.layers) if shares else None
+        del peeled
+        if grey_layers is not None:
             return_freed(pixels)
             with watch.stage("guess"):
-                render = config.render
-                guessed = guessed_shares(objects, peeled.layers, look, rays=picture.rays, seed=render.seed)
-        del peeled
+                seed = config.render.seed
+                guessed = guessed_shares(grey_layers, look, rays=picture.rays, seed=seed)
+            del grey_layers
         if config.exposure is not None or config.film is not None:
             with watch.stage("develop"):
                 middle = _in_the_middle(lens, camera)

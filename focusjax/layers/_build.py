@@ -92,14 +92,15 @@ def peel(
     )
     counts = [len(some) for some in chosen]
     check_layers(picture.grid, counts, "max_layers")
-    picture = picture.held(chosen)
-    del chosen
+    handed_over = [picture.held(chosen)]
+    del chosen, picture
     return_freed(sum(counts))
+    # Nothing here holds on to the fragments, so that they are freed once their layers are made of them.
     layers = assemble(
         scene,
         camera,
         lens,
-        picture,
+        handed_over.pop(),
         counts,
         max_layers=max_layers,
         left_out=left_out,
@@ -107,7 +108,6 @@ def peel(
         view_dependent=view_dependent,
         pixel_filter=pixel_filter,
     )
-    del picture
     return_freed(sum(counts))
     return layers
 

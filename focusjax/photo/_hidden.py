@@ -8,10 +8,13 @@ step by step, up to that width. Disparity and colour are then the harmonic funct
 
 on what was carried, with the values of the visible far side as boundary and no flow across other edges: the
 smoothest membrane that continues what is seen, separately for every surface that goes on behind another.
-Such a fill has no detail of its own, which is right on the average where nothing is known.
+Such a fill has no detail of its own, which is right on the average where nothing is known. Pixels at tears
+mix both sides and count as boundary by `MIXED` only: where thin things stand close together there are no
+others. Lamps are cut out first: brighter than white and narrow, they do not go on behind anything.
 """
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
 
 from focusjax.photo._tears import GAP
@@ -19,6 +22,12 @@ from focusjax.photo._tears import GAP
 _BEYOND = 2
 """Pixels that the guess reaches farther than any ray."""
 _TOLERANCE, _STEPS = 1e-3, 300
+_UNKNOWN = 1e-6
+"""Weight of the first guess against the boundary."""
+MIXED, MIXED_EXACT = 2e-4, 0.02
+"""Weight of pixels at tears as boundary of a membrane; the second where depth is right to the pixel."""
+_LAMP = 0.03
+"""Share of the picture's width that a lamp takes at most."""
 _SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
 
@@ -27,6 +36,7 @@ def carried_behind(
     band: Bool[np.ndarray, "h w"],
     far_band: Bool[np.ndarray, "h w"],
     near_band: Bool[np.ndarray, "h w"],
+    far_sides: Bool[np.ndarray, "h w"],
     parallax: float,
 ) -> Float[np.ndarray, "h w"]:
     """Disparity [h, w] of the surface behind, as carried from the nearest tear; NaN where there is none.
@@ -36,17 +46,18 @@ def carried_behind(
         band: pixels at tears, of which no colour is trusted.
         far_band: those of them that show the far side: their own depth is the one behind.
         near_band: those that show the near side.
+        far_sides: pixels on the far side of a tear; what stands between two silhouettes is on both sides.
         parallax: pixels per dioptre at the lens rim.
     """
     hidden = np.where(far_band, disparity, np.nan)
-    front = far_band
+    front = far_band | far_sides
     least = GAP / max(parallax, 1e-12)
     reach = parallax * (disparity.max() - disparity.min())
     step = 0
     while front.any() and step <= reach + _BEYOND + 1:
         step += 1
         best = np.full(disparity.shape, np.inf, dtype=disparity.dtype)
-        known = np.where(front, hidden, np.inf)
+        known = np.where(front, disparity if step == 1 else hidden, np.inf)
         for dy, dx in _SIDES:
             np.minimum(best, _shifted(known, dy, dx, np.inf), out=best)
         # A tear at first, and then anything that hides what is carried.
@@ -61,17 +72,26 @@ def carried_behind(
 def _shifted(a: np.ndarray, dy: int, dx: int, fill: float) -> np.ndarray:
     """Value at (y + dy, x + dx)."""
     out = np.full_like(a, fill)
-    height, width = a.shape
+    height, width = a.shape[:2]
     to = np.s_[max(0, -dy) : height - max(0, dy), max(0, -dx) : width - max(0, dx)]
     of = np.s_[max(0, dy) : height + min(0, dy), max(0, dx) : width + min(0, dx)]
     out[to] = a[of]
     return out
 
 
+def without_lamps(light: Float[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w 3"]:
+    """The picture with lights brighter than 1 that are narrower than 3 % of its width, dimmed."""
+    top = light.max(axis=2)
+    if top.max() <= 1.0:
+        return light
+    surround = scipy.ndimage.grey_opening(top, size=max(3, int(_LAMP * light.shape[1])))
+    return light * (np.maximum(surround, 1.0) / np.maximum(top, 1.0))[..., None]
+
+
 def membrane(
     hidden: Float[np.ndarray, "h w"],
     visible: Float[np.ndarray, "h w"],
-    trusted: Bool[np.ndarray, "h w"],
+    weight: Float[np.ndarray, "h w"],
     values: Float[np.ndarray, "h w c"],
     start: Float[np.ndarray, "h w c"],
     step: float,
@@ -81,7 +101,7 @@ def membrane(
     Args:
         hidden: disparity of what is to be filled, NaN elsewhere.
         visible: disparity of what is seen.
-        trusted: pixels that may serve as boundary where they are as far away.
+        weight: how much a pixel counts as boundary, 0 to 1, for what is as far away as what it shows.
         values: what is known.
         start: a first guess, kept where a piece has no boundary.
         step: dioptres by which neighbours of one surface differ at most.
@@ -95,20 +115,22 @@ def membrane(
     number = np.cumsum(inside.ravel()).reshape(inside.shape) - 1
     count = int(inside.sum())
     rows, columns = [], []
-    degree = np.full(count, 1e-4)
-    right = 1e-4 * start[inside].astype(np.float64)
-    depth = np.where(inside, hidden, visible)
+    degree = np.full(count, _UNKNOWN)
+    right = _UNKNOWN * start[inside].astype(np.float64)
+
+    def bound(where: np.ndarray, by: np.ndarray, to: np.ndarray) -> None:
+        degree[number[where]] += by[where]
+        right[number[where]] += by[where][:, None] * to[where]
+
+    bound(inside & (np.abs(visible - hidden) <= step), weight, values)
     for dy, dx in _SIDES:
-        there = _shifted(depth, dy, dx, np.nan)
-        close = inside & (np.abs(there - depth) <= step)
-        joined = close & (_shifted(inside.astype(np.int8), dy, dx, 0) > 0)
-        edge = close & ~joined & (_shifted(trusted.astype(np.int8), dy, dx, 0) > 0)
+        joined = np.abs(_shifted(hidden, dy, dx, np.nan) - hidden) <= step
         rows.append(number[joined])
         columns.append(_shifted(number, dy, dx, 0)[joined])
-        np.add.at(degree, number[joined | edge], 1.0)
-        for channel in range(values.shape[2]):
-            of = _shifted(values[..., channel], dy, dx, 0.0)
-            np.add.at(right[:, channel], number[edge], of[edge])
+        degree[number[joined]] += 1.0
+        by = _shifted(weight, dy, dx, 0.0)
+        edge = (by > 0) & (np.abs(_shifted(visible, dy, dx, np.nan) - hidden) <= step)
+        bound(edge, by, _shifted(values, dy, dx, 0.0))
     flow = coo_matrix(
         (np.ones(sum(map(len, rows))), (np.concatenate(rows), np.concatenate(columns))), (count, count)
     ).tocsr()

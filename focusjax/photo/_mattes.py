@@ -10,9 +10,9 @@ the rest: a is a_0 +- t with a_0 = 0.85 on the near and 0.15 on the far side of 
 Where F and B are too alike to tell mixtures, a is 1 or 0: whichever of the two normal distributions with
 the means and variances above is likelier to make I, at prior odds of a_0 to 1 - a_0. So the edge stays
 where the depth has it, except for pixels that plainly are not what the depth says, such as a highlight on a
-spoke that the depth map missed. What is left over of I is given to F and B by their shares, so that the
-sharp view is the photograph again (Porter and Duff 1984 for the mixture; Hasinoff, Kang and Szeliski 2006
-for mattes along depth edges).
+spoke that the depth map missed. What is left over of I is given to F and B by a s_F^2 and (1 - a) s_B^2, as
+the likeliest colours have it, so that the sharp view is the photograph again (Porter and Duff 1984 for the
+mixture; Hasinoff, Kang and Szeliski 2006 for mattes along depth edges).
 """
 
 from dataclasses import dataclass
@@ -64,9 +64,13 @@ def mattes(
         band: pixels to take apart.
         near_band: those of them whose depth is the foreground's.
     """
-    weight = np.where(near_side & ~band, 1.0, np.where(near_band, _UNSURE, 0.0)).astype(light.dtype)
+    # A lamp seen through twigs is brighter than white in pixels of theirs, too: they count last.
+    lamp = light.max(axis=2) > 1.0
+    doubt = np.where(lamp, _UNSURE**2, _UNSURE)
+    weight = np.where(near_side & ~band, 1.0, np.where(near_band, doubt, 0.0)).astype(light.dtype)
     front, front_variance, found = _around(light, weight, band)
-    ground = (~near_side & ~band).astype(light.dtype)
+    far_lamp = lamp & band & ~near_band
+    ground = np.where(~near_side & ~band, 1.0, np.where(far_lamp, _UNSURE, 0.0)).astype(light.dtype)
     _, back_variance, ground_found = _around(light, ground, band)
     back_variance = np.where(ground_found, back_variance, front_variance)
     own, behind = light[band], far[band]
@@ -85,9 +89,11 @@ def mattes(
     front = np.where(found[:, None], front, own)
     share = np.round(share * 255.0) / 255.0
     left = own - share[:, None] * front - (1.0 - share[:, None]) * behind
-    spread = (share**2 + (1.0 - share) ** 2)[:, None]
-    front = np.maximum(front + share[:, None] / spread * left, 0.0)
-    behind = np.maximum(behind + (1.0 - share[:, None]) / spread * left, 0.0)
+    front_part = share * (front_variance + _NOISE)
+    back_part = (1.0 - share) * (back_variance + _NOISE)
+    spread = share * front_part + (1.0 - share) * back_part
+    front = np.maximum(front + (front_part / spread)[:, None] * left, 0.0)
+    behind = np.maximum(behind + (back_part / spread)[:, None] * left, 0.0)
     # Where one of them would be negative, the other has it all.
     a = share[:, None]
     front = np.where(behind > 0.0, front, own / np.maximum(a, _LEAST))

@@ -3,7 +3,7 @@
 Four objects: `photograph`, what is seen and opaque; `holes`, the same where the depth was not measured;
 `edges`, the foreground in pixels that hold a mixture at silhouettes; `guess`, what nobody photographed:
 behind foregrounds, and beyond the frame, where the photograph goes on as its mirror image. See `_tears`,
-`_hidden`, `_mattes` and `_mesh`.
+`_hidden`, `_beyond`, `_mattes` and `_mesh`.
 """
 
 import dataclasses
@@ -13,7 +13,8 @@ import scipy
 from jaxtyping import Bool, Float
 
 from focusjax.geometry import Camera
-from focusjax.photo._hidden import carried_behind, membrane
+from focusjax.photo._beyond import extended
+from focusjax.photo._hidden import MIXED, MIXED_EXACT, carried_behind, membrane, without_lamps
 from focusjax.photo._mattes import Mattes, mattes
 from focusjax.photo._mesh import Squares, squares, triangles
 from focusjax.photo._tears import GAP, links, torn_sides
@@ -68,18 +69,18 @@ def sheets(
     disparity = np.maximum(disparity, least).astype(np.float32)
     border = min(int(np.ceil(parallax * (disparity.max() - disparity.min()))) + _BORDER, *disparity.shape)
     depth = np.pad(disparity, border, mode="symmetric")
-    picture = np.pad(light, ((border, border), (border, border), (0, 0)), mode="symmetric").astype(np.float32)
-    near_band, far_band = torn_sides(depth, links(depth, parallax))
-    near_band, far_band = _widened(depth, near_band, far_band, parallax, edge_px)
+    picture = extended(light, border)
+    near_sides, far_sides = torn_sides(depth, links(depth, parallax))
+    near_band, far_band = _widened(depth, near_sides, far_sides, parallax, edge_px)
     band = near_band | far_band
     step = GAP / max(parallax, 1e-12)
-    carried = carried_behind(depth, band, far_band, near_band, parallax)
+    carried = carried_behind(depth, band, far_band, near_band, far_sides, parallax)
     behind = np.isfinite(carried)
     far_depth = np.where(behind, carried, depth)
     trusted = ~band
     only_hidden = np.where(far_band, np.nan, carried)
     start = far_depth[..., None]
-    known = trusted | far_band
+    known = ((trusted | far_band) & np.isnan(only_hidden)).astype(np.float32)
     far = membrane(only_hidden, depth, known, start, start, step)[..., 0].astype(np.float32)
     near = np.where(far_band & behind, _near_depth(depth, near_band, edge_px), depth)
     # A membrane may swing before what hides it; layers take surfaces that are closer together for one.
@@ -88,8 +89,11 @@ def sheets(
     behind &= (near - far >= 0.999 * apart) & (far >= least)
     band, seen_behind = band & behind, far_band & behind
     near, far = np.where(behind, near, depth), np.where(behind, far, depth)
-    nearest = _spread_colours(picture, behind, trusted)
-    back = membrane(np.where(behind, far, np.nan), depth, trusted, picture, nearest, step)
+    surfaces = without_lamps(picture)
+    nearest = _spread_colours(surfaces, behind, trusted)
+    weight = np.where(trusted, 1.0, MIXED_EXACT if edge_px == 1 else MIXED).astype(np.float32)
+    back = membrane(np.where(behind, far, np.nan), depth, weight, surfaces, nearest, step)
+    back = np.where(behind[..., None], back, picture)
     near_side = near_band | (
         scipy.ndimage.binary_dilation(near_band, iterations=_NEAR_SIDE) & _as_near(depth, near_band, step)
     )

@@ -12,6 +12,8 @@ from focusjax.geometry import make_camera
 from focusjax.layers import disparity_map, peel
 from focusjax.lens import thin_lens
 from focusjax.photo import GUESS, HOLES, SEEN, Photo
+from focusjax.photo._beyond import extended
+from focusjax.photo._hidden import without_lamps
 from focusjax.photo._mattes import mattes
 from focusjax.photo._scene import sheets
 from focusjax.photo._tears import links
@@ -166,3 +168,72 @@ def test_colours_overrule_depth_only_where_they_plainly_contradict_it():
     assert share[4, 6] == 1
     np.testing.assert_array_equal(share[[0, 2, 6, 8], 6], 0)
     np.testing.assert_array_equal(share[:, 5], 1)
+
+
+def bars_at(width, height, levels):
+    """Upright bar of `levels[0]` before level bars of `levels[1]`, four pixels each, before a wall."""
+    disparity = np.full((height, width), levels[2])
+    disparity[::8] = disparity[1::8] = disparity[2::8] = disparity[3::8] = levels[1]
+    disparity[:, 30:34] = levels[0]
+    colours = {levels[0]: [0.8, 0.1, 0.1], levels[1]: [0.1, 0.8, 0.1], levels[2]: [0.1, 0.1, 0.8]}
+    return np.array([colours[value] for value in disparity.ravel()]).reshape(height, width, 3), disparity
+
+
+def test_bars_that_stand_before_a_wall_go_on_behind_a_nearer_bar():
+    """Their pixels are on the near side of the wall's tears and on the far side of the nearer bar's."""
+    light, disparity = bars_at(64, 48, (2.0, 1.0, 0.25))
+    found = sheets(light.astype(np.float32), disparity, 10.0, 1)
+    inner = np.s_[found.border : found.border + 48, found.border : found.border + 64]
+    behind, depth, colour = found.behind[inner], found.far[inner], found.matte.far[inner]
+    rows = np.arange(8, 40)
+    middle = rows[(rows % 8 == 1) | (rows % 8 == 2)]
+    assert behind[middle, 31:33].all()
+    # Observed 1.0 and green to 0.002.
+    np.testing.assert_allclose(depth[middle, 31:33], 1.0, atol=0.02)
+    green = np.broadcast_to([0.1, 0.8, 0.1], (len(middle), 2, 3))
+    np.testing.assert_allclose(colour[middle, 31:33], green, atol=0.02)
+
+
+def test_lamps_do_not_go_on_behind_what_hides_them():
+    light = np.full((HEIGHT, WIDTH, 3), 0.25, np.float32)
+    _, depth = disk_scene(WIDTH, HEIGHT)
+    light[HEIGHT // 2, WIDTH // 2 + 13] = 80.0
+    disk = depth == NEAR_M
+    assert not disk[HEIGHT // 2, WIDTH // 2 + 13]
+    light[disk] = [0.9, 0.1, 0.1]
+    found = sheets(light, 1 / depth, float(CAMERA.focal_px) * 0.035 / (2 * 0.5), 1)
+    inner = np.s_[found.border : found.border + HEIGHT, found.border : found.border + WIDTH]
+    # Observed 0.33, and 8.5 when the lamp is part of the boundary.
+    assert found.matte.far[inner][disk & (found.behind & ~found.band)[inner]].max() < 0.5
+    wide = np.full((40, 60, 3), 0.5)
+    wide[5:25, 10:40] = 3.0
+    np.testing.assert_array_equal(without_lamps(wide), wide)
+    wide[30, 50] = 9.0
+    assert without_lamps(wide)[30, 50].tolist() == [1.0, 1.0, 1.0]
+
+
+def test_lamps_seen_through_twigs_are_as_far_as_their_brightest_part():
+    """A twig one pixel wide crosses a lamp: its pixel is brighter than white, by the lamp's light."""
+    light = np.full((HEIGHT, WIDTH, 3), 0.25, np.float32)
+    disparity = np.full((HEIGHT, WIDTH), 0.5)
+    disparity[:, 30] = 2.0
+    light[:, 30] = [0.1, 0.2, 0.05]
+    light[20:23, 28:33] = 60.0
+    light[20:23, 30] = 20.0
+    found = sheets(light, disparity, 12.0, 1)
+    inner = np.s_[found.border : found.border + HEIGHT, found.border : found.border + WIDTH]
+    near, share = found.matte.near[inner], found.matte.share[inner]
+    # Observed 0, and 20 where a twig's own pixels count as much as others.
+    assert (near[20:23, 30].max(axis=-1) * share[20:23, 30]).max() < 1.0
+
+
+def test_beyond_the_frame_the_mirror_image_fades_to_its_mean():
+    texture = np.random.default_rng(0).uniform(0, 1, (120, 160, 3)).astype(np.float32)
+    wide = extended(texture, 40)
+    np.testing.assert_array_equal(wide[40:-40, 40:-40], texture)
+    spread = [wide[40 - away, 40:-40].std() for away in (1, 4, 16, 40)]
+    # Observed 0.11, 0.025, 0.008 and 0.004; 0.29 inside.
+    assert spread[0] < 0.2
+    assert (np.diff(spread) < 0).all()
+    assert abs(wide[:40, 40:-40].mean() - 0.5) < 0.02
+    np.testing.assert_allclose(extended(np.full((9, 7, 3), 0.3), 7), 0.3, rtol=1e-6)

@@ -17,10 +17,10 @@ from focusjax._console import (
     fail,
     fail_inside,
     say,
-    warnings_told,
+    warnings_printed,
 )
 from focusjax._progress import progress
-from focusjax._tell import tell_outcome, tell_shot
+from focusjax._summary import print_outcome, print_shot
 from focusjax.config import Config, ConfigError
 from focusjax.io import staged_folder
 from focusjax.many import ManyError, chosen_workers
@@ -52,14 +52,14 @@ def carry_out(
         config = read()
         with (
             staged_folder(folder, owned=FILES) as stage,
-            progress(errors, talk) as tell,
-            warnings_told(errors),
+            progress(errors, talk) as report,
+            warnings_printed(errors),
         ):
-            outcome = job.run(config, solving=solving, rendering=rendering, progress=tell)
-            tell("save", None)
+            outcome = job.run(config, solving=solving, rendering=rendering, progress=report)
+            report("save", None)
             save_outcome(stage, outcome)
     if talk is not Talk.QUIET:
-        tell_outcome(console, outcome, folder)
+        print_outcome(console, outcome, folder)
     if outcome.solution is not None and not all(
         row.met or not row.counts for row in outcome.solution.table()
     ):
@@ -92,18 +92,18 @@ def carry_out_shot(
         workers = chosen_workers(errors, jobs, scheduler)
         config = read()
         chosen = None if frames is None else _frames(frames)
-        with progress(errors, talk) as tell, warnings_told(errors):
+        with progress(errors, talk) as report, warnings_printed(errors):
             solved, _ = film(
                 config,
                 folder,
                 rendering=rendering,
                 frames=chosen,
                 workers=workers,
-                progress=tell,
+                progress=report,
                 on_note=lambda text: say(errors, f"Note: {text}"),
             )
     if talk is not Talk.QUIET:
-        tell_shot(console, solved)
+        print_shot(console, solved)
         say(console, f"Report: {folder / 'report.html'}")
     if solved.missed():
         raise typer.Exit(MISSED)

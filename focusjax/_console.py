@@ -76,7 +76,7 @@ def sentence(error: BaseException, place: Path | None = None) -> str:
 
 
 @contextmanager
-def warnings_told(console: Console) -> Iterator[None]:
+def warnings_printed(console: Console) -> Iterator[None]:
     """Our own warnings as one line each; those of other libraries say nothing to a user."""
 
     def show(message: Warning | str, category: type[Warning], *rest: object, **more: object) -> None:

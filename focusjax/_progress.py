@@ -34,7 +34,7 @@ _PAUSE = 10.0
 
 @contextmanager
 def progress(console: Console, talk: Talk = Talk.NORMAL) -> Iterator[job.Progress]:
-    """What is told of stages and of the share that is done of them, said on `console`.
+    """A callback that shows the stages, and the share of them that is done, on `console`.
 
     On a terminal it is a bar with the time left, which is gone at the end; elsewhere a line for each stage,
     and one every ten seconds of those that know how far they are.
@@ -48,7 +48,7 @@ def progress(console: Console, talk: Talk = Talk.NORMAL) -> Iterator[job.Progres
         return
     if not console.is_terminal:
         lines = _Lines(console, timed=talk is Talk.VERBOSE)
-        yield lines.tell
+        yield lines.report
         lines.end()
         return
     bar = Progress(
@@ -63,7 +63,7 @@ def progress(console: Console, talk: Talk = Talk.NORMAL) -> Iterator[job.Progres
     lines = _Lines(console, timed=True) if talk is Talk.VERBOSE else None
     current = None
 
-    def tell(stage: str, share: float | None) -> None:
+    def report(stage: str, share: float | None) -> None:
         nonlocal current
         if stage != current:
             bar.reset(task, total=None, description=STAGES.get(stage, stage))
@@ -71,11 +71,11 @@ def progress(console: Console, talk: Talk = Talk.NORMAL) -> Iterator[job.Progres
         if share is not None:
             bar.update(task, total=1.0, completed=min(share, 1.0))
         if lines is not None:
-            lines.tell(stage, None)
+            lines.report(stage, None)
 
     try:
         bar.start()
-        yield tell
+        yield report
         if lines is not None:
             lines.end()
     finally:
@@ -101,7 +101,7 @@ class _Lines:
         self._stage: str | None = None
         self._began = self._said = time.monotonic()
 
-    def tell(self, stage: str, share: float | None) -> None:
+    def report(self, stage: str, share: float | None) -> None:
         now = time.monotonic()
         if stage != self._stage:
             self.end()

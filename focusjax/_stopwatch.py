@@ -1,4 +1,4 @@
-"""Seconds per stage of a run, with JAX's compile time told apart from the work."""
+"""Seconds per stage of a run, with JAX's compile time counted apart from the work."""
 
 import contextlib
 import math

@@ -73,7 +73,7 @@ def _bench() -> None:
     """Measure focusjax beside other methods."""
 
 
-def _tell_versions(wanted: bool) -> bool:
+def _print_versions(wanted: bool) -> bool:
     """Prints what a report of a fault needs, and ends the program."""
     if wanted:
         from focusjax import __version__
@@ -89,7 +89,7 @@ def focusjax(
     version: Annotated[
         bool,
         typer.Option(
-            "--version", callback=_tell_versions, is_eager=True, help="Show the versions, and exit."
+            "--version", callback=_print_versions, is_eager=True, help="Show the versions, and exit."
         ),
     ] = False,
 ) -> None:
@@ -284,14 +284,14 @@ def keys(
     ] = "",
 ) -> None:
     """List the keys of a config: type, unit, default and meaning; all of them, or those of a table."""
-    from focusjax._tell_keys import tell_keys
+    from focusjax._print_keys import print_keys
     from focusjax.config import ConfigError, config_keys
 
     try:
         found = config_keys(table)
     except ConfigError as error:
         fail(Console(stderr=True), error, BAD_INPUT)
-    tell_keys(Console(), found)
+    print_keys(Console(), found)
 
 
 @app.command()

@@ -205,14 +205,14 @@ ALLOWED = {
         "_whole_file",
     },
     "_show": {"focus", "lens", "layers", "scene", "trace", "film", "_arguments", "_settings"},
-    "_tell_keys": {"config"},
-    "_tell": {"focus", "lens", "job", "report", "shot", "_console", "_words"},
+    "_print_keys": {"config"},
+    "_summary": {"focus", "lens", "job", "report", "shot", "_console", "_words"},
     "_refocus": {"config"},
     "_later": set(),
     "_options": set(),
     "_progress": {"job", "_console"},
     "_templates": set(),
-    "_carry_out": {"io", "config", "job", "many", "report", "shot", "_console", "_progress", "_tell"},
+    "_carry_out": {"io", "config", "job", "many", "report", "shot", "_console", "_progress", "_summary"},
     # Commands import what they need when they run; those of packages are in its table.
     "__main__": {"cli"},
     "cli": {
@@ -225,7 +225,7 @@ ALLOWED = {
         "_later",
         "_options",
         "_refocus",
-        "_tell_keys",
+        "_print_keys",
     },
 }
 # The public face re-exports from everywhere below the command line.

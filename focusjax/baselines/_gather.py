@@ -127,7 +127,7 @@ def _gathered(
         return jnp.stack(colour), depth, reach
 
     def one(point: Array, w: Array, turn: Array, level: Array, number: Array) -> tuple[Array, Array]:
-        # A step of the turn in both coordinates tells the patterns of neighbours apart.
+        # A step of the turn in both coordinates makes the patterns of neighbours differ.
         sample = jnp.mod((number + 0.5) * jnp.asarray(_STEPS, w.dtype) + turn * jnp.asarray([1.0, 7.0]), 1.0)
         ray = lens.ray(camera, point, lens.pupil_point(sample.astype(w.dtype)))
         place = ray.a + ray.b * w

@@ -40,7 +40,7 @@ class RayScene:
     def __init__(self, scene: Scene):
         self.background: AbstractBackground = scene.background
         self.caster = RayCaster(scene.vertices, scene.faces)
-        # Every ray brings its own eye.
+        # The eye is given anew for every ray.
         self.shader: Shader = scene.shader(np.zeros(3))
 
 

@@ -109,7 +109,7 @@ def _run(
     with bar:
         task = bar.add_task("Solving" if solve_only else "Solving and rendering", total=len(items))
 
-        def tell(result: ItemResult) -> None:
+        def report(result: ItemResult) -> None:
             bar.advance(task)
             for warning in result.facts.get("warnings") or ():
                 say(aside, f"Warning: {result.item.name}: {warning}")
@@ -124,7 +124,7 @@ def _run(
             workers=workers,
             existing=existing,
             solve_only=solve_only,
-            on_result=tell,
+            on_result=report,
             on_note=note,
         )
 

@@ -1,4 +1,4 @@
-"""What an item's result depends on, so that a result from before can be told from one that is out of date."""
+"""What an item's result depends on, by which an earlier result that is out of date is recognised."""
 
 import hashlib
 import json

@@ -124,7 +124,7 @@ def _plain(text: str) -> str:
 
 
 def _identity(plan: _Plan) -> str:
-    """What tells a plan from all others, wherever it is asked for."""
+    """A text that identifies a plan, wherever it is asked for."""
     return "\n".join([str(plan.path.resolve()), plan.label, *map(_override, plan.changes)])
 
 

@@ -26,7 +26,7 @@ def safe_names(wanted: Sequence[str], identities: Sequence[str]) -> list[str]:
         ['town,lens.f_number=2', 'a_b']
     """
     cleaned = [re.sub(r"[^\w.,=+-]+", "_", name).strip("._-, ") for name in wanted]
-    # Some file systems do not tell capitals from small letters.
+    # Some file systems do not distinguish capitals from small letters.
     times = Counter(name.casefold() for name in cleaned)
     return [
         name

@@ -83,9 +83,9 @@ class BatchResults:
 
 def result_of(item: Item, folder: Path, *, kept: bool) -> ItemResult:
     """The result of an item whose folder lies, whole, in `folder`."""
-    told = done_before(folder / item.name) or {}
+    before = done_before(folder / item.name) or {}
     report = load_json(folder / item.name / "report.json") or {}
-    facts = {key: told.get(key) for key in ("seconds", "warnings")}
+    facts = {key: before.get(key) for key in ("seconds", "warnings")}
     idle = [wish for wish in report.get("wishes") or () if not wish["counts"] and wish.get("note")]
     message = "; ".join(f"{wish['name']} is {wish['note']} and does not count" for wish in idle)
     return ItemResult(

@@ -161,4 +161,4 @@ class _Batch:
 
 
 def _silent(_: Any) -> None:
-    """Tell nobody."""
+    """Ignore a result or a note."""

@@ -56,7 +56,7 @@ class DoItem:
         if before is not None and not changed_since(before.get("fingerprint", {}), fingerprint):
             return
         start = time.perf_counter()
-        with finished_folder(journal, item.name, self.folder) as stage, warnings_kept() as told:
+        with finished_folder(journal, item.name, self.folder) as stage, warnings_kept() as warned:
             scene = self._scene_of(item, fingerprint)
             like = self._kept.get("extent")
             outcome = job.run(item.config, rendering=not self.solve_only, scene=scene, like=like)
@@ -68,7 +68,7 @@ class DoItem:
                 "name": item.name,
                 "changes": dict(item.changes),
                 "seconds": time.perf_counter() - start,
-                "warnings": told,
+                "warnings": warned,
                 "fingerprint": fingerprint,
             }
             (stage / ITEM_FILE).write_text(json_text(facts), encoding="utf-8")

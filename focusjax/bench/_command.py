@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from focusjax._console import BAD_INPUT, FAILED, caches, duration, fail, say, warnings_told
+from focusjax._console import BAD_INPUT, FAILED, caches, duration, fail, say, warnings_printed
 from focusjax._options import RootOption
 from focusjax._progress import progress
 from focusjax._words import printable
@@ -55,10 +55,10 @@ def command(
         read = [load_config(path, root=root) for path in configs]
         with (
             staged_folder(out, owned=FILES) as stage,
-            progress(errors) as tell,
-            warnings_told(errors),
+            progress(errors) as report,
+            warnings_printed(errors),
         ):
-            tell("load", None)
+            report("load", None)
             results = speed_error(
                 [case_from_config(config, pixels) for config in read],
                 chosen,
@@ -66,9 +66,9 @@ def command(
                 maker=reference,
                 samples=reference_samples,
                 repeats=repeats,
-                progress=tell,
+                progress=report,
             )
-            tell("save", None)
+            report("save", None)
             save_results(stage, results)
     except (ConfigError, ChoiceError) as error:
         fail(errors, error, BAD_INPUT)

@@ -21,7 +21,7 @@ class Timing:
     """One setting of a method.
 
     Attributes:
-        setting: what the method was told.
+        setting: what the method was given.
         first_seconds: of the first call, which compiles.
         seconds: median of the calls after it.
         best_seconds: least of them.

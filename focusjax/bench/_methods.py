@@ -29,7 +29,7 @@ from focusjax.post import PinholeView, closed_lens, post_process, view_in_layers
 from focusjax.trace import render
 
 Setting = int | float | str
-"""What a method is told: a number of rays, or a name for a quality."""
+"""The setting of a method: a number of rays, or a name for a quality."""
 
 
 class ChoiceError(ValueError):
@@ -45,7 +45,7 @@ class Method:
         title: how reports call it.
         knob: what its setting is called.
         settings: those measured when nothing else is asked for, from quick to slow.
-        prepare: set-up that all settings share; its time is told apart.
+        prepare: set-up that all settings share; its time is measured apart.
         render: the picture [h, w, 3] from the case, what `prepare` returned and a setting.
         needs: modules that have to be installed.
         default: measured when no methods are named, if what it needs is installed.

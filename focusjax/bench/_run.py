@@ -21,7 +21,7 @@ from focusjax.bench._worker import measured_apart
 from focusjax.layers import disparity_map
 
 Progress = Callable[[str, float | None], None]
-"""Told what runs and the share of all that is done."""
+"""Called with what runs and the share of all that is done."""
 
 ANCHORS = (("mitsuba+oidn", 16), ("mitsuba", 64), ("mitsuba-scalar", 64))
 """Method and setting whose error the others are timed to; the first that was measured."""
@@ -166,7 +166,7 @@ def speed_error(
         maker: who makes the reference, `mitsuba` or `raycast`; the first that is installed if not given.
         samples: of the reference, per pixel.
         repeats: timed calls after the first.
-        progress: told how far it is.
+        progress: called with what runs and the share of all that is done.
 
     Raises:
         ChoiceError: no cases or methods, repeats below 1, or a maker that is unknown or not installed.
@@ -176,7 +176,7 @@ def speed_error(
         raise ChoiceError("there is nothing to measure; give at least one config and one method")
     if repeats < 1:
         raise ChoiceError(f"repeats is {repeats}; expected at least 1 timed call after the first")
-    tell: Progress = progress if progress is not None else lambda stage, share: None
+    report: Progress = progress if progress is not None else lambda stage, share: None
     machine = _machine()
     chosen = maker or best_maker()
     results, failures = [], {}
@@ -186,7 +186,7 @@ def speed_error(
         def share(step: int, number: int = number, steps: int = steps) -> float:
             return (number * steps + step) / (len(cases) * steps)
 
-        tell(f"{case.title}: reference", share(0))
+        report(f"{case.title}: reference", share(0))
         try:
             reference = reference_picture(case, maker=chosen, samples=samples, cache=cache)
         except ChoiceError:
@@ -197,7 +197,7 @@ def speed_error(
         band = near_silhouettes(disparity_map(case.scene, case.camera), case.camera, case.lens)
         found = CaseResults(case, reference, float(band.mean()), [], {}, {})
         for step, method in enumerate(methods, start=1):
-            tell(f"{case.title}: {method.title}", share(step))
+            report(f"{case.title}: {method.title}", share(step))
             _add(found, method, band, repeats)
         results.append(found)
     if not results:

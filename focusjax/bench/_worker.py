@@ -44,10 +44,10 @@ def measured_apart(
         file = Path(folder) / "measured.json"
         if not file.exists():
             return None, [], failure
-        told = json.loads(file.read_text())
-        timings = tuple(Timing(**timing) for timing in told.pop("timings"))
+        found = json.loads(file.read_text())
+        timings = tuple(Timing(**timing) for timing in found.pop("timings"))
         pictures = [_picture(Path(folder), number) for number in range(len(timings))]
-    return Measured(**told, timings=timings), pictures, failure
+    return Measured(**found, timings=timings), pictures, failure
 
 
 def made_apart(maker: str, case: Case, parts: Sequence[tuple[int, int]]) -> list[tuple[np.ndarray, int]]:
@@ -106,16 +106,16 @@ def main(task_file: Path, folder: Path) -> None:
         return
     method = dataclasses.replace(method_named(task["method"]), settings=tuple(task["settings"]))
 
-    def note(told: Measured) -> None:
+    def note(measured: Measured) -> None:
         # Renamed, so that it is never there in part.
-        (folder / "unfinished.json").write_text(json.dumps(dataclasses.asdict(told)))
+        (folder / "unfinished.json").write_text(json.dumps(dataclasses.asdict(measured)))
         (folder / "unfinished.json").replace(folder / "measured.json")
 
     measure(method, case, repeats=task["repeats"], keep=keep, note=note)
 
 
 if __name__ == "__main__":
-    # Compiling is measured, so that programs kept from earlier runs would tell too little.
+    # Compiling is measured, so that programs kept from earlier runs would make it too short.
     jax.config.update("jax_enable_compilation_cache", False)
     try:
         main(Path(sys.argv[1]), Path(sys.argv[2]))

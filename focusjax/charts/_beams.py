@@ -1,4 +1,4 @@
-"""Rays from points of the scene through a real lens, and what they tell of it. Lengths are millimetres."""
+"""Rays from points of the scene through a real lens, and what they show of it. Lengths are millimetres."""
 
 import dataclasses
 

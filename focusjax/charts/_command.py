@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from focusjax._console import fail, say, warnings_told
+from focusjax._console import fail, say, warnings_printed
 from focusjax.charts._beams import field_curves, film_at, largest_field
 from focusjax.charts._figures import cross_section, curves, highlights, spots
 from focusjax.io import staged_folder
@@ -53,13 +53,13 @@ def command(
     """Draw a real lens: cross-section, spots, highlights, focus and distortion; list its first-order data."""
     console, errors = Console(), Console(stderr=True)
     try:
-        with jax.enable_x64(True), warnings_told(errors):
+        with jax.enable_x64(True), warnings_printed(errors):
             chosen = _chosen(lens, glass or [], focal_length, f_number)
     except ValueError as error:
         fail(errors, error, _BAD_INPUT)
     folder = out if out is not None else Path("out") / Path(lens).stem
     try:
-        with warnings_told(errors):
+        with warnings_printed(errors):
             facts = draw_lens(chosen, folder)
     except (ValueError, RuntimeError, OSError, MemoryError) as error:
         fail(errors, error, _FAILED, folder)

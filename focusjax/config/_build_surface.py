@@ -58,7 +58,7 @@ def build_focal_surface(
     A point of wished blur d and disparity w is passed at w + d / (2 f E s), where it has that blur. Its
     weight is its own times what `points` has: less when farther away, and less the more it is hidden, so
     that of points which overlap and contradict each other the near and the visible one wins (Lee10 section
-    5.2). Points outside the frame have none, unless told otherwise.
+    5.2). Points outside the frame have none, unless `even_outside` is true.
 
     Args:
         config: has a focal surface.

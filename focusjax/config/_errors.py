@@ -122,7 +122,7 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _tags(model: type[BaseModel]) -> set[str]:
-    """The texts that tell `model` from others in a union."""
+    """The literal texts that identify `model` in a union."""
     arguments = [argument for field in model.model_fields.values() for argument in get_args(field.annotation)]
     return {argument for argument in arguments if isinstance(argument, str)}
 

@@ -267,8 +267,8 @@ def parse_config(text: str, source: Path | str, *, root: Path | str | None = Non
 def config_of(data: dict[str, Any], reach: Reach) -> Config:
     """The config that `data` says; `reach.source` is its file, or what stands for one in messages.
 
-    A `[scene.photo]` brings the camera that took it, a file with a camera that camera and its lens, and a
-    `[scene] file` that moves the frames of a `[shot]`; what the tables say themselves goes before.
+    A `[scene.photo]` gives the camera that took it, a file with a camera gives that camera and its lens, and
+    a `[scene] file` that moves gives the frames of a `[shot]`; what the tables themselves say goes before.
 
     Raises:
         ConfigError: as `load_config`.

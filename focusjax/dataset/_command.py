@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from focusjax._console import FAILED, say, warnings_told
+from focusjax._console import FAILED, say, warnings_printed
 from focusjax._options import JobsOption, SchedulerOption
 from focusjax.config import ConfigError
 from focusjax.dataset._run import DatasetResults, make_dataset
@@ -37,7 +37,7 @@ def command(
     with failures(errors, ConfigError, go_on="--resume goes on with what is not done"):
         read = load_spec(spec, root=root)
         workers = chosen_workers(errors, jobs, scheduler)
-        with progress_bar(console) as bar, warnings_told(errors):
+        with progress_bar(console) as bar, warnings_printed(errors):
             task = bar.add_task("Making pictures", total=count)
             results = make_dataset(
                 read,

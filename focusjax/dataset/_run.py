@@ -78,11 +78,11 @@ def make_dataset(
     if not 1 <= count <= _MOST:
         raise ConfigError(f"count is {count}; expected the number of pictures, from 1 to {_MOST}")
     check_workers(workers, folder)
-    tell = on_done or _silent
+    report = on_done or _silent
     failed: list[str] = []
     with dataset_folder(folder, spec, resume=resume):
         there = {number for number in numbers_in(folder) if number < count}
-        tell(len(there))
+        report(len(there))
         missing = [number for number in range(count) if number not in there]
         tasks = [_task(missing[k : k + GROUP]) for k in range(0, len(missing), GROUP)]
         work = MakePictures(spec, folder.absolute())
@@ -91,7 +91,7 @@ def make_dataset(
                 for each in ended:
                     if each.error:
                         failed.append(each.error)
-                    tell(len(each.task.argument))
+                    report(len(each.task.argument))
         finally:
             total = write_manifest(folder)
     return DatasetResults(folder, total, len(there), tuple(failed))
@@ -133,4 +133,4 @@ class MakePictures:
 
 
 def _silent(_: int) -> None:
-    """Tell nobody."""
+    """Ignore a count."""

@@ -7,7 +7,7 @@ import typer
 from rich.console import Console
 
 from focusjax._arguments import ArgumentError
-from focusjax._console import BAD_INPUT, FAILED, fail, say, warnings_told
+from focusjax._console import BAD_INPUT, FAILED, fail, say, warnings_printed
 from focusjax._options import ConfigArgument, RootOption, SetOption
 from focusjax._progress import progress
 from focusjax.config import ConfigError, load_config
@@ -35,9 +35,9 @@ def command(
         suffix = target_named(to).suffix
         file = Path("out") / f"{config.stem}{suffix}" if out is None else out
         read = load_config(config, set_ or (), root=root)
-        with progress(errors) as tell, warnings_told(errors):
+        with progress(errors) as report, warnings_printed(errors):
             exported = export_config(
-                read, file, to=to, shot=with_shot, approximate=approximate, progress=tell
+                read, file, to=to, shot=with_shot, approximate=approximate, progress=report
             )
     except (ConfigError, ExportError, ArgumentError) as error:
         fail(errors, error, BAD_INPUT)

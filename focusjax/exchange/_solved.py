@@ -28,12 +28,12 @@ def export_config(
         to: as `export_camera`.
         shot: solve all frames of its `[shot]`.
         approximate: as `export_camera`.
-        progress: told how far it is.
+        progress: called with the stage that runs and the share of it that is done.
 
     Raises:
         ValueError: as `run`, `solve_shot` and `export_camera`.
     """
-    # Shots bring the reports along, which are slow to load.
+    # Shots import the reports, which are slow to load.
     from focusjax.shot import build_shot, solve_shot
 
     target_named(to)

@@ -1,4 +1,4 @@
-"""From the light that a lens brings to a picture: exposure, film and sensor, and what a screen shows."""
+"""From linear radiance to a picture: exposure, film and sensor, and what a screen shows."""
 
 from focusjax.film._choose import MOST_STOPS as MOST_STOPS
 from focusjax.film._choose import ChosenSettings as ChosenSettings

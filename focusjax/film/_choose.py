@@ -83,7 +83,7 @@ def choose_settings(
 ) -> ChosenSettings:
     """The time and the speed that expose radiance `grey` as a metered grey, at the settings' f-number.
 
-    The speed stays as low as the longest time allows, since it brings noise; what is not free stays as it is.
+    The speed stays as low as the longest time allows, since it adds noise; what is not free stays as it is.
     Where the limits leave the exposure wrong, it is as near as they let it. Differentiable in `grey` and the
     settings, with derivative 0 of what is at a limit.
 

@@ -72,7 +72,7 @@ def fit_settings(
 
     Raises:
         ValueError: other names, more than one or none of the three, pictures of two sizes, or a target that
-            is black or full everywhere, so that it tells nothing.
+            is black or full everywhere, so that the exposure cannot be estimated from it.
 
     Example:
         >>> settings = fj.camera_settings(f_number=8, time=1 / 60, iso=100)
@@ -103,7 +103,7 @@ def fit_settings(
     stops = jnp.asarray(_STOPS, dtype=image.dtype)
     errors = _scan(stops, known)
     if not float(errors.max() - errors.min()) > 0.0:
-        raise ValueError("the pictures tell nothing of the exposure: one is black, or full, everywhere")
+        raise ValueError("the exposure cannot be estimated: a picture is black, or full, everywhere")
     first = jnp.zeros(3 if balanced else 1, dtype=image.dtype).at[0].set(stops[jnp.argmin(errors)])
     found = _refined(first, known, max_steps)
     value = jnp.asarray(found.x, dtype=image.dtype)

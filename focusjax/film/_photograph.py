@@ -1,4 +1,4 @@
-"""From the radiance that a lens brings to a developed picture."""
+"""From linear radiance to a developed picture."""
 
 from typing import SupportsFloat
 

@@ -94,8 +94,8 @@ def diagnose_surface(solution: SurfaceSolution, controls: Sequence[str] = ()) ->
             *missed_sentences(table, unreachable),
             *conflict_sentences(conflicts),
             *_smoothness_sentences(costs),
-            *_open_sentences(_told(open_controls, controls), float(asked.smoothness)),
-            *_beyond_sentences(_told(beyond, controls)),
+            *_open_sentences(_in_words(open_controls, controls), float(asked.smoothness)),
+            *_beyond_sentences(_in_words(beyond, controls)),
             *idle_sentences(table),
         ),
     )
@@ -136,7 +136,7 @@ def _smoothness_sentences(costs: dict[str, float]) -> list[str]:
     return [f"Smoothness costs {what}: a smaller one lets the surface bend more."]
 
 
-def _told(numbers: tuple[int, ...], names: Sequence[str]) -> str:
+def _in_words(numbers: tuple[int, ...], names: Sequence[str]) -> str:
     """Some control points in words, by name where they have names; nothing for none of them."""
     if not numbers:
         return ""

@@ -27,7 +27,7 @@ _WALKS = 16
 """The most divisions that are walked from."""
 
 _LIMIT_WEIGHT = 0.1
-"""What a limit counts, against a wish for a blur, in telling which divisions are worth a walk."""
+"""Weight of a limit, relative to a wish for a blur, in the choice of the divisions to walk from."""
 
 
 def plane_starts(

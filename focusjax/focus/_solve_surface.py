@@ -35,7 +35,7 @@ _ROUNDS = 8
 """Turns in which unsigned wishes choose sides and the surface follows."""
 
 _STEP_PX = 100.0
-"""Distance in the picture over which roughness tells the change of blur."""
+"""Distance in the picture over which roughness measures the change of blur."""
 
 
 class SurfaceAsked(eqx.Module):

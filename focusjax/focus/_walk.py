@@ -140,8 +140,8 @@ def _damped(
 ) -> Float[Array, "k"]:
     """The least-squares change; of equally good ones the least, times `scale`; 0 for columns of zeros.
 
-    By QR, and not by the normal equations: damping as small as rounding squared then tells what is weakly
-    determined from what is open.
+    By QR, and not by the normal equations: damping as small as rounding squared then still separates
+    what is weakly determined from what is undetermined.
     """
     scaled = jacobian / scale[None]
     size = jnp.max(jnp.sum(scaled**2, axis=0))

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from focusjax._console import BAD_INPUT, FAILED, fail, say, warnings_told
+from focusjax._console import BAD_INPUT, FAILED, fail, say, warnings_printed
 from focusjax._templates import template
 from focusjax.hard_cases._check import Check
 from focusjax.hard_cases._run import NAMES, hard_cases
@@ -39,7 +39,7 @@ def command(
         error = ValueError(f"--only is {unknown[0]!r}; expected one of {', '.join(NAMES)}")
         fail(errors, error, BAD_INPUT)
     try:
-        with staged_folder(out, owned=FILES) as stage, warnings_told(errors):
+        with staged_folder(out, owned=FILES) as stage, warnings_printed(errors):
             with errors.status("Starting") as status:
                 checks = hard_cases(only or NAMES, lambda name, share: status.update(Text(name)))
             save_checks(stage, checks)
@@ -51,8 +51,8 @@ def command(
     say(console, f"Page: {out / 'hard_cases.html'}")
     broken = [check for check in checks if not check.kept]
     if broken:
-        told = "; ".join(f"{each.case}: {each.quantity}, {each.error:.2g}" for each in broken)
-        fail(errors, ValueError(f"{len(broken)} of {len(checks)} bounds are broken: {told}"), FAILED)
+        listed = "; ".join(f"{each.case}: {each.quantity}, {each.error:.2g}" for each in broken)
+        fail(errors, ValueError(f"{len(broken)} of {len(checks)} bounds are broken: {listed}"), FAILED)
 
 
 def save_checks(folder: Path, checks: list[Check]) -> None:

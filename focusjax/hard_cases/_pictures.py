@@ -59,7 +59,7 @@ class PictureCase:
         slopes: bound of float32 against float64, of the derivatives.
         differences: bound of the derivatives against differences of the truth.
         flat: bounds of the derivatives by settings, of 0 to 2, that change nothing.
-        closed_form: radiance of every pixel, where rays cast at triangles do not tell.
+        closed_form: radiance of every pixel, where rays cast at triangles cannot give it.
         why: what makes a bound wider than in other cases.
     """
 
@@ -207,11 +207,11 @@ def picture_checks(case: PictureCase) -> Iterator[Check]:
 
     double, single = (_found(case, double=double) for double in (True, False))
     truth, slopes = _truth(case)
-    told = "Embree" if case.closed_form is None else "closed form"
+    reference = "Embree" if case.closed_form is None else "closed form"
     light = np.linalg.norm(double.picture)
     moved = np.array([case.settings[1], 1.0, case.settings[1]])
     unit = light * np.maximum(moved, 1e-6)
-    yield check("picture, float64", told, _off(double.picture, truth), case.picture, PictureCase.picture)
+    yield check("picture, float64", reference, _off(double.picture, truth), case.picture, PictureCase.picture)
     yield check("picture, float32", "float64", _off(single.picture, double.picture), case.single)
     weights = _weights(double.picture.shape)
     for found, name, bound in ((double, "float64", 1e-10), (single, "float32", case.modes)):
@@ -258,7 +258,7 @@ def _picture(layers: Layers, settings: Float[Array, "3"]) -> Float[Array, "h w 3
 
 
 def _truth(case: PictureCase) -> tuple[np.ndarray, np.ndarray | None]:
-    """The picture, and its derivatives by the settings; None where rays cast at triangles do not tell."""
+    """The picture, and its derivatives by the settings; the latter are None where it is a closed form."""
     if case.closed_form is not None:
         return np.full(_shape(case.stage), case.closed_form()), None
     with jax.enable_x64(True):

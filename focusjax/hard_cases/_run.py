@@ -7,8 +7,8 @@ from focusjax._freed import return_programs
 from focusjax.hard_cases import _glass, _pictures, _wishes
 from focusjax.hard_cases._check import Check
 
-Tell = Callable[[str, float | None], None]
-"""Told which case runs, and the share of all that is done."""
+Progress = Callable[[str, float | None], None]
+"""Called with the name of the case that runs, and the share of all that is done."""
 
 _SLOPES = "slopes of contradictory wishes"
 
@@ -26,7 +26,7 @@ NAMES = tuple(_cases())
 """Of all cases, in the order in which they run."""
 
 
-def hard_cases(names: Sequence[str] = NAMES, tell: Tell = lambda name, share: None) -> list[Check]:
+def hard_cases(names: Sequence[str] = NAMES, progress: Progress = lambda name, share: None) -> list[Check]:
     """What is looked at in the cases `names`, in float32 and float64, and how far each is off.
 
     Raises:
@@ -39,7 +39,7 @@ def hard_cases(names: Sequence[str] = NAMES, tell: Tell = lambda name, share: No
             raise ValueError(f"there is no case {name!r}; the cases are {', '.join(cases)}")
     checks = []
     for number, name in enumerate(names):
-        tell(name, number / len(names))
+        progress(name, number / len(names))
         checks += cases[name]()
         return_programs()
     return checks

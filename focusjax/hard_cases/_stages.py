@@ -33,7 +33,7 @@ class Stage:
         place: where the camera stands, in metres; the scene is moved with it.
         background: radiance where nothing is.
         max_layers: of the layers.
-        solid: whether nothing may be seen through, so that casting rays at its triangles tells the truth.
+        solid: whether nothing may be seen through, so that casting rays at its triangles gives the truth.
         common: whether its layers have room for those of other stages; they are larger where they need to be.
             Not where the wider margin, by which positions are rounded, is as much as what is looked at.
     """

@@ -53,8 +53,8 @@ def fit_image(
     The lens is sought among those that the layers serve: those whose rays go no farther than the rays of the
     lens that was peeled for. Peel for `widest_lens(...)`, which serves every focus from a least distance to
     infinity at every opening up to a widest one. Layers of an ordinary lens hold the lenses of the same or a
-    smaller opening whose focus is near its own; how near, the margin decides. `ImageFit.at_limits` tells when
-    the best lens would lie beyond.
+    smaller opening whose focus is near its own; how near, the margin decides. `ImageFit.at_limits` names
+    the parameters whose best value would lie beyond.
 
     Pictures of layers are true to a share of a sample, which `exact` takes away for pictures that are not
     made of the same layers.
@@ -83,7 +83,7 @@ def fit_image(
         max_steps: steps allowed on each level.
 
     Raises:
-        ValueError: a target of another size, of display codes (of 8 bits; others cannot be told), not finite
+        ValueError: a target of another size, of display codes (those of 8 bits are recognised), not finite
             or of no light; no free parameter or an unknown one; a pinhole to focus; a picture that does not
             depend on a free one; layers that do not hold the rays of `lens` where its opening is not free; a
             scan of other layers; an exact picture of another size.

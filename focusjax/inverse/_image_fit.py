@@ -42,10 +42,10 @@ class ImageFit:
         rms_error: root mean square of picture less target, over the values that count, by their weight.
         standard_errors: of each free parameter by name, from the residual and the slopes of the picture at
             the solution, whatever part of it is noisier: "focus" in 1/m (of the disparity), "f_number",
-            "tilt" and "swing" in radians, and "gain". Infinite where nothing tells. They count what differs
-            from pixel to pixel only: errors of the geometry are not in them, nor is the bias of a picture
-            traced through layers, by which a fit without `exact` may be off by several of them. With `exact`
-            those of the f-number may still be too small.
+            "tilt" and "swing" in radians, and "gain". Infinite for a parameter that the picture does not
+            depend on. They count what differs from pixel to pixel only: errors of the geometry are not in
+            them, nor is the bias of a picture traced through layers, by which a fit without `exact` may be
+            off by several of them. With `exact` those of the f-number may still be too small.
         at_limits: parameters that ended at a limit of what they may be: of the focus range, of the opening
             that the layers serve (peel for a wider lens), or of 45 degrees of tilt.
         levels: how each level went, the last that of single pixels.
@@ -100,8 +100,8 @@ def covariance(found: Polished, weight: np.ndarray) -> tuple[Float[np.ndarray, "
     """The covariance of the settings that were fitted, and which the picture depends on [k].
 
     (J' W K)^-1 J' W diag(r^2) W J (J' W K)^-1 n / (n - k), where noise may differ from value to value
-    (White 1980): pictures of few rays are noisiest along blurred silhouettes, which is also where they tell
-    most of the lens. J and K are slopes by different rays.
+    (White 1980): pictures of few rays are noisiest along blurred silhouettes, which is also where they
+    depend most on the lens. J and K are slopes by different rays.
     """
     inverse = inverse_of(found.square)
     noisy = np.einsum("hwck,hwc->hwck", found.slopes, weight * found.residual).reshape(-1, len(inverse))

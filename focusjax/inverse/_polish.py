@@ -29,7 +29,7 @@ _FAR = 0.5
 _LEAST = 0.25
 """The least share of a step that is taken."""
 _CERTAIN = 1e-5
-"""Least eigenvalue of products of slopes of unit length that tells something."""
+"""Least eigenvalue, of the products of slopes of unit length, whose direction counts as determined."""
 _APART = (32, 48)
 """Of the seeds of slopes from that of the picture: their noise must not be that of the residual."""
 _SERVED = 1.0 - 1e-6

@@ -58,7 +58,7 @@ def checked_target(target: ArrayLike, camera: Camera, mask: ArrayLike | None) ->
             f"the target holds multiples of 1/255 only, which suggests display codes over 255{_TO_LINEAR}"
         )
     if not (np.ptp(picture[counts], axis=0) > 0).any():
-        raise ValueError("the target is the same everywhere, so that it tells nothing of the lens")
+        raise ValueError("the target is the same everywhere, so that the lens cannot be estimated from it")
     if not picture[counts].mean() > 0:
         raise ValueError(
             f"the target's mean is {picture[counts].mean():.4g}; expected light, of positive radiance, from"

@@ -82,17 +82,17 @@ class ExposedLens(eqx.Module):
         limit = light.narrowest if apart > 0 else light.widest
         off = float(self.chosen.stops_off)
         wrong = f"{abs(off):.1f} stops too {'dark' if off < 0 else 'bright'}"
-        told = (
+        text = (
             f"The wishes for focus take f/{float(self.wanted):.2g}; at {shutter(float(settings.time))} and"
             f" ISO {float(settings.iso):.0f} the light is right for f/{float(limit):.2g}, {abs(apart):.1f}"
             f" stops {'wider' if apart > 0 else 'narrower'}."
         )
         if self.priority == "focus":
-            return f"{told} Exposure gives way: the picture is {wrong}."
-        told = f"{told} Focus gives way: {lost or self._depth_left()}."
+            return f"{text} Exposure gives way: the picture is {wrong}."
+        text = f"{text} Focus gives way: {lost or self._depth_left()}."
         if abs(off) > 10 * _STOP:
-            told += f" The lens goes to f/{float(settings.f_number):.2g}, where the picture is {wrong}."
-        return told
+            text += f" The lens goes to f/{float(settings.f_number):.2g}, where the picture is {wrong}."
+        return text
 
     def _depth_left(self) -> str:
         sharp = depth_of_field(self.camera, self.lens)
@@ -245,7 +245,7 @@ def _settled(
             start = within(float(light.widest), narrowest)
         else:
             break
-        # From there, since a range that ends there would be told as a limit in the way.
+        # From there, since a range that ends there would be reported as a limit in the way.
         wished = within(widest, narrowest, start.lens)
         if abs(2.0 * math.log2(float(wished.lens.f_number(wished.camera)) / number)) < 10 * _STOP:
             break

@@ -1,4 +1,4 @@
-"""What the camera makes of a run's picture: exposed, developed, and told in a photographer's words."""
+"""What the camera makes of a run's picture: exposed, developed, and described in a photographer's words."""
 
 from dataclasses import dataclass
 

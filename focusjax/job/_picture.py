@@ -40,7 +40,7 @@ from focusjax.trace import (
 )
 
 Progress = Callable[[str, float | None], None]
-"""Told the stage that runs and, where that is known, the share of it that is done."""
+"""Called with the stage that runs and, where that is known, the share of it that is done."""
 
 _EVERY_LAYER = 4096
 _OTHER_RAYS = 10
@@ -141,7 +141,7 @@ def peel_picture(
         camera: frame and pose.
         lens: any lens.
         like: `Picture.extent` of another run, whose compiled programs serve again.
-        watch: told the stages.
+        watch: times the stages.
         moving: what moves while the shutter is open, if there is one.
     """
     post = table.method == "post"
@@ -181,7 +181,7 @@ def make_picture(
         peeled: by `peel_picture`, of the same settings.
         camera: frame and pose.
         lens: any lens.
-        watch: told the stages.
+        watch: times the stages.
         choose_lens: whether polynomials may take the place of a real lens, if the quality of `table` allows.
         moving: what moves while the shutter is open, if there is one.
     """
@@ -241,7 +241,7 @@ def _while_open(
     rays, spans, complete = table.rays, 1, layers.complete
     if table.quality is not None:
         with watch.stage("plan"):
-            # What moves and is sharp is not smoothed, which layers of one instant do not tell.
+            # What moves and is sharp is not smoothed, but layers of one instant do not show what moves.
             rays = plan_rays(layers, lens, table.quality, smooth=False, seed=table.seed).rays
     with watch.stage("render"):
         if post:
@@ -297,7 +297,7 @@ def _post_processed(
 
 
 def _facts(layers: Layers) -> dict[str, Any]:
-    """What a `Picture` tells of the layers that it is made of."""
+    """What a `Picture` records of the layers that it is made of."""
     return {
         "layer_count": layers.filled,
         "samples_kept": layers.samples_kept,

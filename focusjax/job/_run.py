@@ -118,13 +118,13 @@ def run(
         disparity: what `disparity_map` gives for the scene and the config's camera, where it is at hand.
         like: `Picture.extent` of another run, whose compiled programs serve again where the pictures are of
             one size; the picture is the same.
-        progress: told how far the run is.
+        progress: called with the stage that runs and the share of it that is done.
 
     Raises:
         ValueError: something in the config turns out impossible; one sentence says what and what to do.
     """
-    tell: Progress = progress if progress is not None else lambda stage, share: None
-    watch = Stopwatch(on_stage=lambda stage: tell(stage, None))
+    report: Progress = progress if progress is not None else lambda stage, share: None
+    watch = Stopwatch(on_stage=lambda stage: report(stage, None))
     camera = build_camera(config)
     with returned_after_compiling(camera.width * camera.height):
         return _run(config, camera, watch, solving, rendering, scene, disparity, like)
@@ -220,9 +220,9 @@ def _run(
         if config.exposure is not None or config.film is not None:
             with watch.stage("develop"):
                 middle = _in_the_middle(lens, camera)
-                told = None if exposed is None else exposed.sentence()
+                compromise = None if exposed is None else exposed.sentence()
                 photograph = take_photograph(
-                    config, camera, middle, picture.image, picture.pinhole, grey=grey, weighed=told
+                    config, camera, middle, picture.image, picture.pinhole, grey=grey, weighed=compromise
                 )
     return Outcome(
         config=config,
@@ -335,6 +335,6 @@ def _find(
     camera: Camera,
     disparity: Float[np.ndarray, "h w"],
 ) -> ImagePoints:
-    """The wishes of a config in its picture; what cannot be found is told with its key."""
+    """The wishes of a config in its picture; the error for one that cannot be found names its key."""
     with refusals_located(config):
         return find_points(wishes, scene, camera, disparity=disparity, favour_near=config.solve.favour_near)

@@ -48,7 +48,7 @@ class ScreenTriangles:
     def quarters(self) -> tuple[np.ndarray, np.ndarray]:
         """Grid x and y [v] in quarters of a sample, odd where they are neither whole nor half.
 
-        They tell on which side of a point centres and squares of samples lie.
+        They decide on which side of a point centres and squares of samples lie.
         """
         far = 1 << 28
         doubled = (np.clip(2.0 * self.points[:, k], -far, far) for k in (0, 1))

@@ -1,11 +1,11 @@
-"""Functions that tell what a triangle covers on screen, and its disparity there.
+"""What a triangle covers on screen, and its disparity there, as functions of the place.
 
 Over a triangle with corners p_i, the function
 
     e_i(x, y) = distance to the side opposite p_i in samples, positive inside,
 
-tells coverage; divided by the height h_i over that side it is the screen barycentric weight of p_i,
-so that the disparity, affine on screen, is w = sum e_i w_i / h_i. Places are counted from an origin near
+gives coverage by its sign; divided by the height h_i over that side it is the screen barycentric weight of
+p_i, so that the disparity, affine on screen, is w = sum e_i w_i / h_i. Places are counted from an origin near
 the triangle, so that single precision holds them to about 1e-6 samples; those of triangles whose corners
 may be far away are made in double precision.
 """

@@ -67,7 +67,7 @@ def frame(
         widest = needed_margin(outside.take(np.flatnonzero(reachable(outside, inner, reach))), inner, reach)
         if not isinstance(scene.background, ConstantBackground):
             widest = max(widest, float(reach(np.zeros(1))[0]))
-        # One empty ring more, so that a ray outside the grid is told of nothing.
+        # One empty ring more, so that a ray outside the grid meets nothing.
         needed = int(np.ceil(widest)) + 1
         # Whole pixels, so that blocks of the range pyramid line up with them.
         pixels = -(-needed // supersampling)

@@ -62,7 +62,7 @@ def needed_margin(
     Corners give a lower bound and whole triangles an upper one; triangles that could still raise the
     bound are split in (x, y, w), where they stay flat, until the two bounds are within one
     sample. A ground plane that runs under the camera comes close to the lens, where blur is
-    huge, but outside the frame by even more: only splitting tells.
+    huge, but outside the frame by even more: only splitting shows whether rays reach it.
     """
     corners = triangles.take(leaving(triangles, frame)).corners
     best, upper = 0.0, np.zeros(0)

@@ -57,7 +57,7 @@ def _rounded(value: float) -> str:
 def check_fragments(triangles: ScreenTriangles, boxes: Sequence[Boxes], grid: Grid) -> None:
     """Refuse triangles that cover the samples so many times that all of it does not fit.
 
-    Boxes are larger than what is in them, so that nearly always they alone tell that there is room.
+    Boxes are larger than what is in them, so that nearly always they alone show that there is room.
 
     Raises:
         ValueError: naming what they need, and what would fit.
@@ -124,7 +124,7 @@ def check_held(held: int, what: str, remedy: str) -> None:
 
 
 def machine_memory() -> int | None:
-    """Bytes of memory that this machine, or the container on it, has; None where the system does not tell.
+    """Bytes of memory that this machine, or the container on it, has; None if the system reports none.
 
     Not those that are free: most of what is not can be had back at once, as it holds copies of files.
     """

@@ -12,7 +12,7 @@ even for rays through the lens rim, on which peeling with the umbra and joins be
 Both make M too small, by what a border one sample wide at occlusions holds.
 
 Surfaces that no sample's centre shows, such as leaves smaller than a sample, are missed by any layers on
-the same grid. Compare with the layers of plain peeling to tell them apart.
+the same grid. Compare with the layers of plain peeling, which miss them too, to find what else is missed.
 """
 
 import dataclasses
@@ -70,8 +70,8 @@ def missed_light(
 
         standard error = sqrt(M (1 - M) / n),    n = (sum of W)^2 / sum of W^2.
 
-    Only the nearest surface of a ray counts, and what may be seen through is a surface like any other: of
-    layers behind glass nothing is told.
+    Only the nearest surface of a ray counts, and what may be seen through is a surface like any other:
+    layers behind glass are not examined.
 
     Args:
         layers: what is examined.

@@ -61,8 +61,8 @@ def decompose(
 
     The slabs divide the disparities of all that the lens can reach, evenly. Of two surfaces behind one
     another within a slab only the nearer is kept, so that light is missed where slabs are thick; peeling
-    misses nothing but cannot tell how many layers that takes. A layer of the result is not one slab:
-    the surfaces at a sample fill the layers from the front, nearest first, as they do after `peel`.
+    misses nothing, but how many layers that takes is not known beforehand. A layer of the result is not one
+    slab: the surfaces at a sample fill the layers from the front, nearest first, as they do after `peel`.
 
     Args:
         scene: what is in front of the camera.

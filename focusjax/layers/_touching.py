@@ -154,7 +154,7 @@ def _not_behind(
 
 
 def _table(edges: Edges, w: Sequence[np.ndarray]) -> Float[Array, "14 boxes"]:
-    """What tells where a triangle is, of each box, in single precision: places are near its first sample.
+    """Where the triangle of each box is, in single precision: places are near the box's first sample.
 
     The three coefficients of each side; disparity at the first sample, its changes, its least and largest.
     """

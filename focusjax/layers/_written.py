@@ -37,10 +37,10 @@ def written(value: Any) -> tuple[Any, bytes]:
             array = np.asarray(part)
             block = np.ascontiguousarray(array).tobytes()
             block += bytes(-len(block) % _ALIGNED)
-            told = {"dtype": array.dtype.name, "shape": list(array.shape), "at": length}
+            header = {"dtype": array.dtype.name, "shape": list(array.shape), "at": length}
             blocks.append(block)
             length += len(block)
-            return {"array": told, "host": not isinstance(part, jax.Array)}
+            return {"array": header, "host": not isinstance(part, jax.Array)}
         if isinstance(part, tuple | list):
             return {"tuple" if isinstance(part, tuple) else "list": [encode(each) for each in part]}
         if _classes().get(type(part).__name__) is type(part):
@@ -66,7 +66,7 @@ def read(said: Any, data: bytes) -> Any:
             "float": float.fromhex,
             "tuple": lambda parts: tuple(read(each, data) for each in parts),
             "list": lambda parts: [read(each, data) for each in parts],
-            "array": lambda told: _array(told, data, host=said["host"]),
+            "array": lambda header: _array(header, data, host=said["host"]),
             "class": lambda name: _made(name, said["fields"], data),
         }
         kind = next(iter(said), None)
@@ -75,11 +75,11 @@ def read(said: Any, data: bytes) -> Any:
     raise ValueError(f"there is {said!r:.40}, which focusjax does not write")
 
 
-def _array(told: dict[str, Any], data: bytes, *, host: bool) -> Any:
-    dtype, shape = np.dtype(told["dtype"]), tuple(told["shape"])
+def _array(header: dict[str, Any], data: bytes, *, host: bool) -> Any:
+    dtype, shape = np.dtype(header["dtype"]), tuple(header["shape"])
     if dtype.kind not in "biuf" or not all(isinstance(n, int) and n >= 0 for n in shape):
         raise ValueError(f"there is an array of {dtype} with shape {shape}")
-    array = np.frombuffer(data, dtype, count=int(np.prod(shape)), offset=told["at"]).reshape(shape)
+    array = np.frombuffer(data, dtype, count=int(np.prod(shape)), offset=header["at"]).reshape(shape)
     if host:
         return array.copy()
     found = jax.device_put(array)

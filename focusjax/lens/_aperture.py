@@ -1,7 +1,7 @@
 """The shape of the lens opening, and how much light passes where.
 
 An opening is an outline around the middle, perhaps with a hole of the same shape in it, and a density of
-light between the two. Rays are drawn with that density, so that each brings the same light and a bright
+light between the two. Rays are drawn with that density, so that each carries the same light and a bright
 opening never brightens the picture: exposure is that of the f-number, whatever the shape.
 """
 
@@ -62,7 +62,7 @@ class AbstractAperture(eqx.Module):
         """Light per area at any point, as a share of all of it; 0 beside the opening."""
         turn = jnp.full_like(point[0], 0.1)
         outline, along = jax.jvp(self.rim, (turn,), (jnp.ones_like(turn),))
-        # Equal turns sweep equal areas, so any tells how much it is for a whole one.
+        # Equal turns sweep equal areas, so that the rate at any turn is the area of the whole outline.
         area = 0.5 * (outline[0] * along[1] - outline[1] * along[0])
         hole = self.hole()
         if hole is not None:

@@ -18,9 +18,9 @@ _Picture = TypeVar("_Picture", Float[Array, "*n 3"], Float[np.ndarray, "*n 3"])
 class AbstractLens(eqx.Module):
     """A source of lens rays. One ray, one film point, one pupil point: callers vmap.
 
-    The picture is the mean over rays of what each brings back times its weight: rays through points of the
-    opening that are drawn with the density of its light, so that a weight is only what is lost beyond it
-    (vignetting), 1 where nothing is.
+    The picture is the mean over rays of the radiance along each times its weight: rays through points of
+    the opening that are drawn with the density of its light, so that a weight is only what is lost beyond
+    it (vignetting), 1 where nothing is.
     """
 
     @abc.abstractmethod

@@ -133,7 +133,7 @@ def require_reach(what: str, reach: float, camera: Camera, *, slack: float) -> N
         slack: share of the way to the farthest corner that may be missing.
 
     Raises:
-        ValueError: telling how much is missing.
+        ValueError: more than that is missing; the message says how much.
     """
     corner = corner_height(camera)
     if reach < corner * (1.0 - slack):

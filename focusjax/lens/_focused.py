@@ -35,7 +35,7 @@ _RADII = 33
 _FRAME_MARGIN = 4.0
 """Pixels beyond the frame from which rays may start, for wide filters."""
 _EDGE = 128
-"""Rays along and across an opening that tell how much light passes one that is not round."""
+"""Rays along and across the unit square that measure the light through an opening that is not round."""
 _ROUND = Disk()
 _SHORTEST, _LONGEST = 300.0, 2500.0
 """Wavelengths in nm for which catalogues of glass are made."""

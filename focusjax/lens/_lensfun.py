@@ -49,7 +49,7 @@ def load_lensfun(
         path: an XML file; focusjax comes with none.
         lens: the model's name as the file has it, or part of it that no other has.
         focal_length: metres; within the range that was measured.
-        f_number: range of the profile, which lensfun does not tell.
+        f_number: range of the profile, which lensfun does not give.
         aperture: f-number whose vignetting it has; no vignetting if None, or where none was measured.
         focus_distance: metres, at which vignetting is wanted.
 

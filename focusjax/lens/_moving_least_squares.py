@@ -9,7 +9,7 @@ and Salkauskas 1981). The kernel k grows without bound towards a control point, 
 
 The polynomial is built up by degree. What a lower degree explains is taken out of the terms of the next
 one, A, and of the values, v; their coefficients then solve (A' Omega A) c = A' Omega v. Few or collinear
-points leave A without one direction or all of them. There is no case to tell apart: with
+points leave A without one direction or all of them. No case distinction is needed: with
 
     lambda = eta (sum_i omega_i (1 - omega_i) |t_i|^(2 n) + delta sum_i omega_i |t_i|^(2 n))
 

@@ -42,7 +42,7 @@ def lens_profile(name: str) -> LensProfile:
     """A lens profile that comes with the package, by name (`profile_names`).
 
     Raises:
-        ValueError: no such profile; the nearest name is told.
+        ValueError: no such profile; the message gives the nearest name.
 
     Example:
         >>> round(float(lens_profile("gauss_f1.8").focal_length), 4)

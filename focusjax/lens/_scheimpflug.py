@@ -18,7 +18,7 @@ from focusjax._arguments import real_number, real_numbers
 from focusjax.geometry import Camera
 
 MAX_TILT = math.pi / 4
-"""The most that constructors let the lens's axis turn from the sensor's normal, unless told otherwise."""
+"""Default limit of constructors for the angle from the sensor's normal to the lens's axis, in radians."""
 
 _THROUGH = 1e-6
 """Sine of the angle below which a plane through a point is taken to contain the lens centre as well."""

@@ -22,7 +22,7 @@ def vignetted_like(lens: AbstractLens, real: AbstractLens, camera: Camera) -> Da
     Kyaw (2013, section 4.4) takes the rims of the first and the last element for the disks. Pupils of real
     lenses move and grow with the angle, so that rims seen by first-order optics are 10 % off; here radii and
     places of the disks, and the power of the cosine that natural vignetting follows, are fitted to the light
-    that `real` brings to the picture's diagonal, relative to the axis. So a lens without glass gets the
+    through `real` along the picture's diagonal, relative to the axis. So a lens without glass gets the
     vignetting of one that has it, at a fraction of the cost. They are its own at this opening.
 
     Args:

@@ -184,4 +184,4 @@ def _interrupts(note: Callable[[str], None]) -> Iterator[Stop]:
 
 
 def _silent(_: str) -> None:
-    """Tell nobody."""
+    """Ignore a note."""

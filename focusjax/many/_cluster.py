@@ -69,7 +69,7 @@ def connected(workers: Workers, tasks: int, folder: Path) -> Iterator[distribute
 
 @contextmanager
 def _local_cluster(count: int) -> Iterator[distributed.LocalCluster]:
-    # What ends in the middle of its work is told by us.
+    # We report a process that ends in the middle of its work, so that Dask need not.
     silent = {"silence_logs": logging.CRITICAL + 1, "scheduler_kwargs": {"dashboard": False}}
     spawned = {name: value for name, value in dask.config.get(_SPAWNED).items() if name != _RETURNED}
     try:

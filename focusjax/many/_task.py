@@ -45,7 +45,7 @@ class Ended:
 
 
 def sentence(error: Exception) -> str:
-    """What a person is told of `error`: its first paragraph, on one line."""
+    """The message of `error` for a person: its first paragraph, on one line."""
     if not isinstance(error, _OURS):
         return f"internal error, please report it: {error!r}"
     return _console.sentence(error)

@@ -77,7 +77,7 @@ class Settings:
 
 
 def attempt(work: Work, task: Task, journal: Journal) -> Ended:
-    """Do a task; what goes wrong is told, and goes no further."""
+    """Do a task; what it raises becomes `Ended.error`, and goes no further."""
     with _ONE_AT_A_TIME:
         try:
             journal.started(task.name)
@@ -96,17 +96,17 @@ def attempt(work: Work, task: Task, journal: Journal) -> Ended:
 @contextmanager
 def warnings_kept() -> Iterator[list[str]]:
     """Our own warnings as texts; those of other libraries say nothing to a user."""
-    told: list[str] = []
+    texts: list[str] = []
 
     def keep(message: Warning | str, category: type[Warning], *rest: object, **more: object) -> None:
-        if category is UserWarning and str(message) not in told:
-            told.append(str(message))
+        if category is UserWarning and str(message) not in texts:
+            texts.append(str(message))
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         warnings.filterwarnings("always", category=UserWarning, module="focusjax|__main__")
         warnings.showwarning = keep
-        yield told
+        yield texts
 
 
 def versions() -> dict[str, str]:

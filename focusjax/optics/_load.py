@@ -49,7 +49,7 @@ PRESETS = {
 def load_lens(path: str | Path, *, glass: Sequence[str | Path] = ()) -> Prescription:
     """A lens file: pbrt (.dat), Zemax sequential (.zmx) or DeepLens (.json).
 
-    What is not taken as it stands in the file is told by a `UserWarning`, by file and line.
+    A `UserWarning` reports, by file and line, what is not taken as it stands in the file.
 
     Args:
         path: the lens file.
@@ -79,7 +79,7 @@ def lens_preset(name: str) -> Prescription:
     """A lens that comes with the package, as its source has it: see `PRESETS`.
 
     Raises:
-        ValueError: no such lens; the nearest names are told.
+        ValueError: no such lens; the message gives the nearest names.
 
     Example:
         >>> lens_preset("planar_us583336_f4.5_1897").stop

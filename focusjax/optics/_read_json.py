@@ -22,7 +22,7 @@ def read_json(text: LensText) -> Prescription:
     `r` is the semi-diameter, `roc` the radius; `c`, the curvature, is read where there is no `roc`. Aspheres
     have the conic constant `k` and the factors `ai` of r^2, r^4 and so on. Materials (`mat2`) are catalogue
     names or "n_d/V_d"; a stop without one is in the medium before it. What a Spheric says of an asphere is
-    taken as such; a warning tells of it.
+    taken as such; a warning reports it.
 
     Raises:
         LensFileError: JSON that is malformed, keys that are missing, a surface type that is not supported, an

@@ -15,7 +15,7 @@ _MODEL = "___BLANK"
 _PLACEHOLDER = (1.5, 40.0)
 """The n_d and V_d that Zemax writes beside the name of a glass whose numbers are in a catalogue."""
 _DISAGREE = 1e-3
-"""Of n_d between file and catalogue that is told of."""
+"""Difference of n_d between file and catalogue above which there is a warning."""
 _POWERS = 8
 """Of r^2 that the parameters of an even asphere are factors of."""
 
@@ -41,7 +41,7 @@ def read_zemax(text: LensText) -> Prescription:
     Read are UNIT, MODE, FNUM, ENPD, NAME and, of surfaces, TYPE, STOP, CURV, CONI, PARM, DISZ, GLAS and DIAM.
     The stop is as wide as FNUM or ENPD say, or DIAM; if none says, as wide as the other surfaces let an axial
     beam be. Surfaces of the type STANDARD are planes, spheres and conics, whatever PARM says of them; a
-    warning tells of what is not zero.
+    warning reports what is not zero.
 
     Raises:
         LensFileError: a surface type, mode or unit that is not supported, a mirror, numbers that are none, an

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from focusjax._counts import require_counts
 
 _LEAST_TILE = 16
-"""Pixels along a tile's side; twice that is the farthest way that the tiles around a pixel tell of."""
+"""Pixels along a tile's side; twice that is the longest motion that the tiles around a pixel cover."""
 _SOFT = 0.05
 """Share of a disparity by which surfaces may differ and still count as one."""
 _STILL = 0.5
@@ -29,14 +29,14 @@ def motion_blur(
     """A sharp view, blurred as things move across each pixel.
 
     At each of some moments a pixel shows what then covers it: what is in front, among things as fast as the
-    fastest around (McGuire's tiles), if it has moved that far; else what its own velocity brings there, or,
-    where that is hidden by something before it, what the other direction brings. What
-    a moving thing hides is made up from what is beside it. Right for one thing that moves before another, but
-    for what is hidden; things of many velocities at one place are not told apart.
+    fastest around (McGuire's tiles), if it has moved that far; else what its own velocity moves there, or,
+    where that is hidden by something before it, what the opposite velocity moves there. What a moving thing
+    hides is made up from what is beside it. Right for one thing that moves before another, but for what is
+    hidden; things of many velocities at one place are not separated.
 
     Args:
         image: linear radiance.
-        disparity: 1/m, which tells what is in front.
+        disparity: 1/m, which decides what is in front.
         velocity: pixels over the time the shutter is open; the view is in the middle of that.
         taps: places to look at per pixel.
 

@@ -62,7 +62,7 @@ def plan_post(
         seed: chooses pixels and rays of the trial.
 
     Raises:
-        ValueError: no such quality; a view that moves, which layers of one moment cannot tell of; or as
+        ValueError: no such quality; a view that moves, which layers of one moment do not hold; or as
             `post_process` and `estimate_quality`.
 
     Example:

@@ -1,4 +1,4 @@
-"""What a run tells of the real lens that its picture was made with."""
+"""What a run reports of the real lens that its picture was made with."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What a run tells of the quality that was asked for, and of the ways to it."""
+"""What a run reports of the quality that was asked for, and of the ways to it."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ def quality_facts(outcome: Outcome) -> dict[str, Any] | None:
     """What was wanted, expected and reached; None where no quality was asked for.
 
     Under `weighed` is what was expected of each way where there was a choice. Of rays that were not planned,
-    since even the fewest would take longer than post-processing, only their seconds are told.
+    since even the fewest would take longer than post-processing, only their seconds are given.
     """
     picture = outcome.picture
     if picture is None or picture.way is None:

@@ -1,4 +1,4 @@
-"""Shading normals of meshes that bring none: smooth across shallow edges, split at sharp ones."""
+"""Shading normals of meshes that have none: smooth across shallow edges, split at sharp ones."""
 
 import numpy as np
 from jaxtyping import Bool, Float, Int

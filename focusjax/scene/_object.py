@@ -17,7 +17,7 @@ DEFAULT_ALBEDO = 0.8
 """Linear grey of surfaces that say nothing about their colour."""
 
 DEFAULT_SMOOTH_ANGLE = 40.0
-"""Degrees up to which edges are shaded smooth when a mesh brings no normals."""
+"""Degrees up to which edges are shaded smooth when a mesh has no normals of its own."""
 
 
 @dataclass(frozen=True)

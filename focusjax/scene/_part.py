@@ -10,7 +10,7 @@ from focusjax._arguments import ArgumentError
 from focusjax.scene._material import Material
 
 _FARTHEST = 1e12
-"""Metres from the origin within which single precision still tells directions apart after squaring."""
+"""Metres from the origin within which single precision still separates directions after squaring."""
 _SMALLEST = 1e-12
 """Metres from end to end, for the same reason."""
 

@@ -50,7 +50,7 @@ def part_of(mesh: trimesh.Trimesh, textures: TextureTable, *, linear_colours: bo
             colours, material = np.asarray(beside), replace(material, base_colour=np.ones(3))
     else:
         assert isinstance(visual, ColorVisuals)
-        # No colours at all, per-vertex and per-face ones: trimesh tells them apart by `kind`.
+        # No colours at all, per-vertex and per-face ones: trimesh names them by `kind`.
         if visual.kind == "face":
             colours, in_corners = np.repeat(np.asarray(visual.face_colors), 3, axis=0), True
         elif visual.kind == "vertex":

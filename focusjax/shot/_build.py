@@ -71,7 +71,7 @@ def build_shot(config: Config, scene: MovingScene | None = None) -> Shot:
     points = build_focus_points(config, still) if solving else ()
     of_lens = config.lens.focal_surface is None
     options = build_solve_options(config) if solving and of_lens else {}
-    _tell_keys_outside(config, table)
+    _warn_of_keys_outside(config, table)
     try:
         if scene is None:
             scene = MovingScene(still, objects, _motions(config, table, objects))
@@ -174,7 +174,7 @@ def _development(config: Config) -> Development | None:
     return development
 
 
-def _tell_keys_outside(config: Config, table: ShotTable) -> None:
+def _warn_of_keys_outside(config: Config, table: ShotTable) -> None:
     """Warns of keyframes that no frame of the shot reaches."""
     keys = [("shot.camera", table.camera), ("shot.lens", table.lens)]
     keys += [(f"shot.objects ({each.name})", each.keys) for each in table.objects]

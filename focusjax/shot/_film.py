@@ -44,7 +44,7 @@ def film(
         frames: numbers of the frames to render, from 1; all when None. Always all are solved, and a film
             is made only of all.
         workers: who makes the frames; see `focusjax.many.carry_out`. All see the folder.
-        progress: told how far it is.
+        progress: called with the stage that runs and the share of it that is done.
         on_note: called with a sentence on what a user should know.
 
     Returns:
@@ -55,8 +55,8 @@ def film(
         ManyError: workers that cannot be used, or are lost.
         RuntimeError: frames that failed; all others were made.
     """
-    tell: Progress = progress if progress is not None else lambda stage, share: None
-    watch = Stopwatch(on_stage=lambda stage: tell(stage, None))
+    report: Progress = progress if progress is not None else lambda stage, share: None
+    watch = Stopwatch(on_stage=lambda stage: report(stage, None))
     formats = () if config.shot is None or not rendering else config.shot.formats
     wants_film = "mp4" in formats and frames is None
     if wants_film:
@@ -70,7 +70,7 @@ def film(
             check_workers(workers, pictures)
             pictures.mkdir(exist_ok=True)
         with watch.stage("solve"), refusals_located(config):
-            solved = solve_shot(shot, progress=tell)
+            solved = solve_shot(shot, progress=report)
         rendered: RenderedFrames | None = None
         if rendering:
             settings = build_settings(config)
@@ -84,7 +84,7 @@ def film(
                     formats=formats,
                     frames=frames,
                     workers=workers,
-                    progress=tell,
+                    progress=report,
                     on_note=on_note,
                 )
             if (missing := left_out_of_frames(config, rendered)) is not None:
@@ -96,7 +96,7 @@ def film(
             assert rendered is not None
             with watch.stage("film"):
                 save_mp4(stage / "shot.mp4", [files[0] for files in rendered.files], config.shot.fps)
-        tell("save", None)
+        report("save", None)
         facts = save_report(stage, config, solved, rendered, watch.seconds, watch.compile_seconds)
     return solved, facts
 

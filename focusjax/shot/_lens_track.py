@@ -43,7 +43,7 @@ class LensTrack:
         changes: dict[str, Any] = {}
         for key in ("f_number", "focus_distance_m", "tilt_deg", "swing_deg"):
             if key in self._numbers:
-                changes[key] = _told(key, float(self._numbers[key](frame)))
+                changes[key] = _in_own_unit(key, float(self._numbers[key](frame)))
         changes |= {key: track(frame) for key, track in self._tables.items()}
         if not changes:
             return self._config
@@ -94,7 +94,7 @@ def _setting(key: str, values: dict[float, float], between: str) -> Keyframes:
     return keyframes(values, between=between)
 
 
-def _told(key: str, value: float) -> float:
+def _in_own_unit(key: str, value: float) -> float:
     """An interpolated setting in its own unit."""
     if key == "focus_distance_m":
         return 1.0 / value if value > 0 else math.inf

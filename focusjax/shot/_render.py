@@ -33,7 +33,7 @@ FORMATS = ("png", "exr", "mp4")
 _SHOT = ".shot-"
 """Begins the names of files that workers read a shot from; a process that is killed leaves one behind."""
 _LOOKS = 5
-"""Times of the shutter's interval by which frames with other motion are told apart."""
+"""Times within the shutter's interval at which the motion enters the mark of a frame."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,7 +92,7 @@ def render_frames(
         formats: "png", "exr" or both; frames of an mp4 are PNG files.
         frames: numbers of the frames to make, from 1; all when None.
         workers: who makes them; see `focusjax.many.carry_out`. Frames are the same bit for bit, whoever does.
-        progress: told how far it is.
+        progress: called with the stage that runs and the share of it that is done.
         on_note: called with a sentence on what a user should know.
 
     Raises:
@@ -100,7 +100,7 @@ def render_frames(
         ManyError: workers that cannot be used, or are lost.
         RuntimeError: frames that failed, after all others were made.
     """
-    tell: Progress = progress if progress is not None else lambda stage, share: None
+    report: Progress = progress if progress is not None else lambda stage, share: None
     count = solved.shot.count
     wanted = tuple(range(1, count + 1)) if frames is None else tuple(dict.fromkeys(frames))
     for number in wanted:
@@ -117,7 +117,7 @@ def render_frames(
         else:
             tasks.append(Task(_name(number), (number, mark)))
     kept = len(facts)
-    tell("render", kept / len(wanted))
+    report("render", kept / len(wanted))
     for abandoned in (*folder.glob(f"{_SHOT}*"), *folder.glob(f"{UNFINISHED}*.*")):
         abandoned.unlink(missing_ok=True)
     if tasks:
@@ -137,7 +137,7 @@ def render_frames(
                 else:
                     facts[each.task.argument[0]] = each.value
                     log.unlink(missing_ok=True)
-                tell("render", (len(facts) + len(failed)) / len(wanted))
+                report("render", (len(facts) + len(failed)) / len(wanted))
         if failed:
             raise RuntimeError(_failures(failed, len(facts)))
     for sentence in dict.fromkeys(text for each in facts.values() for text in each.warnings):
@@ -158,7 +158,7 @@ def _make_frame(
         layers, lens = _widest(solved, wanted, settings)
         widest = layers.extent
         if settings.quality is not None:
-            # What moves and is sharp is not smoothed, which layers of one instant do not tell.
+            # What moves and is sharp is not smoothed, but layers of one instant do not show what moves.
             smooth = settings.smooth and settings.motion is None
             rays = plan_rays(layers, lens, settings.quality, smooth=smooth, seed=settings.seed).rays
     return MakeFrame(solved, folder.absolute(), settings, kinds, rays, widest)

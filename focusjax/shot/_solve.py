@@ -32,7 +32,7 @@ from focusjax.shot._surfaces import TimedSurface, find_surfaces
 from focusjax.shot._wishes import TimedWish, find_wishes
 
 Progress = Callable[[str, float | None], None]
-"""Told the stage that runs and, where that is known, the share of it that is done."""
+"""Called with the stage that runs and, where that is known, the share of it that is done."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -215,21 +215,21 @@ def solve_shot(
     Args:
         shot: what to solve.
         throw: raise an error when the solver fails.
-        progress: told how far it is.
+        progress: called with the stage that runs and the share of it that is done.
         disparities: `disparity_map` of a frame by its number, where these are at hand.
 
     Raises:
         ValueError: as `find_wishes` and `solve_frames`.
         RuntimeError: the solver failed, and `throw` is true.
     """
-    tell: Progress = progress if progress is not None else lambda stage, share: None
+    report: Progress = progress if progress is not None else lambda stage, share: None
     depths: list[tuple[float, float]] = []
 
     def views() -> Iterator[dict[str, Any]]:
         """What each frame shows; a frame that is as the one before it is not looked at again."""
         known: tuple[Scene, Camera, np.ndarray] | None = None
         for number, camera in enumerate(shot.cameras):
-            tell("locate", number / shot.count)
+            report("locate", number / shot.count)
             scene = shot.scene.at(number + 1)
             if disparities is not None:
                 known = scene, camera, disparities(number + 1)
@@ -254,7 +254,7 @@ def solve_shot(
             shot.wishes, shot.cameras, views(), fade_frames=shot.fade_frames, favour_near=shot.favour_near
         )
         share = found.share
-        tell("solve", None)
+        report("solve", None)
         over_time = {"smoothness": shot.smoothness, "steadiness": shot.steadiness}
         if surfaces is None:
             solution = solve_frames(

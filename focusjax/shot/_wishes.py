@@ -133,7 +133,7 @@ def find_wishes(
     found = []
     for number, (camera, view) in enumerate(zip(cameras, views, strict=True), start=1):
         points = [wish.at(number) for wish in wishes]
-        # The share that is to be seen is told from a weight of 1, whatever the weight over time is.
+        # The share that is visible is found with a weight of 1, whatever the weight over time is.
         unit = [dataclasses.replace(point, weight=1.0) for point in points]
         try:
             seen = locate(unit, camera, may_be_idle=True, **view)
@@ -154,11 +154,11 @@ def find_wishes(
         near = 1.0 + favour_near * disparity / max(nearest, np.finfo(float).tiny)
         weight = np.asarray(seen.weight) * factor[wish] * near
         out.append(dataclasses.replace(seen, weight=jnp.asarray(weight, dtype=float)))
-    _tell_idle(wishes, found, acting, visible, share, called)
+    _warn_of_idle(wishes, found, acting, visible, share, called)
     return FoundWishes(tuple(out), share)
 
 
-def _tell_idle(
+def _warn_of_idle(
     wishes: Sequence[TimedWish],
     found: Sequence[tuple[Sequence[FocusPoint], ImagePoints]],
     acting: Bool[np.ndarray, "t m"],
@@ -172,7 +172,7 @@ def _tell_idle(
         ArgumentError: none counts in any frame.
     """
     weight = np.array([[float(point.weight) for point in points] for points, _ in found])
-    # Where a wish does not act its weight is 0 for that; its own tells whether one was wanted.
+    # A wish that does not act has weight 0 there, so that its own weight decides whether it is wanted.
     wanted = np.array([
         float(wish.point.weight) > 0 if wish.weight is None else bool(wish.weight.values.max() > 0)
         for wish in wishes

@@ -98,7 +98,7 @@ def render_moving(
         seed: chooses them.
         turn: radians, by which a body may be seen from elsewhere than by its layers; less is more exact.
         step_px: pixels, more for what is blurred, by which deforming things may move from span to span.
-        most_spans: no more than these; `step_px` of the result tells what was left then.
+        most_spans: no more than these; `step_px` of the result is the step that this leaves.
         make: makes layers, by `peel` if not given.
         like: `extents` of another picture, whose compiled programs serve again.
 

@@ -7,7 +7,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from focusjax._console import say, warnings_told
+from focusjax._console import say, warnings_printed
 from focusjax._options import JobsOption, SchedulerOption
 from focusjax.config import ConfigError, load_config
 from focusjax.many import chosen_workers, failures
@@ -41,7 +41,7 @@ def command(
     with failures(errors, ConfigError, go_on="the same command begins anew"):
         read = load_config(config, set_ or (), root=root)
         workers = chosen_workers(errors, jobs, scheduler)
-        with warnings_told(errors):
+        with warnings_printed(errors):
             plan = take_stack(
                 read,
                 folder,
@@ -50,13 +50,13 @@ def command(
                 workers=workers,
                 on_note=lambda text: say(errors, f"Note: {text}"),
             )
-    _tell(console, plan)
+    _print_plan(console, plan)
     say(console, f"Table: {folder / 'stack.csv'}")
     if not plan_only:
         say(console, f"Picture: {folder / 'merged.png'}")
 
 
-def _tell(console: Console, plan: StackPlan) -> None:
+def _print_plan(console: Console, plan: StackPlan) -> None:
     shown = Table("Shot", "Focus", "Sharp from", "to", "Overlap, 1/m", "Wishes", box=None)
     for number, (shot, overlap) in enumerate(zip(plan.shots, (*plan.overlaps(), None), strict=True), start=1):
         apart = "" if overlap is None else f"{overlap:.3g}"

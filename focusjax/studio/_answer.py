@@ -34,11 +34,11 @@ class Under:
     def sentence(self) -> str:
         """For a person who points at it."""
         name = self.object or "background"
-        told = f"{name}, {metres(self.distance)} away" if np.isfinite(self.distance) else name
+        text = f"{name}, {metres(self.distance)} away" if np.isfinite(self.distance) else name
         if self.blur is None:
-            return told
+            return text
         side = "" if abs(self.blur) < 0.05 else " behind the focus" if self.blur > 0 else " before the focus"
-        return f"{told}, blur {abs(self.blur):.1f} px{side}"
+        return f"{text}, blur {abs(self.blur):.1f} px{side}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -193,7 +193,7 @@ class Answer:
 def answer(config: Config, stage: Stage, number: int = 0) -> Answer:
     """The lens that `focusjax run` finds for `config`; without wishes, the config's own.
 
-    What cannot be solved is told in `Answer.problem`.
+    `Answer.problem` says what cannot be solved.
     """
     solving = bool(config.focus)
     has_focus = config.lens.focus_distance_m is not None or config.lens.sharp_from_m is not None

@@ -118,5 +118,5 @@ def command(
         host=host,
         port=chosen,
         show=show,
-        tell=lambda address: say(console, f"Studio: {address}  (Ctrl-C stops it)"),
+        announce=lambda address: say(console, f"Studio: {address}  (Ctrl-C stops it)"),
     )

@@ -33,7 +33,7 @@ class ExposurePanel:
             self._film = ui.select(["", *film_names()], label="film").props("dense options-dense")
             self._film.classes("w-full at-film").mark("film").tooltip("The film that the light falls on")
             self._film.on_value_change(lambda e: self._set("film", "preset", e.value or None))
-            self._told = ui.label().classes("fj-dim").mark("exposed").classes("at-exposed")
+            self._summary = ui.label().classes("fj-dim").mark("exposed").classes("at-exposed")
 
     def show(self) -> None:
         """Show what is new."""
@@ -53,8 +53,8 @@ class ExposurePanel:
             self._film.value = "" if film is None else film.preset or ""
             taken = self._studio.painter.taken
             settings = None if taken is None else taken.settings
-            told = "" if settings is None else f"{_seconds(settings.time)}, ISO {settings.iso:.0f}. "
-            self._told.text = told + ("" if taken is None else taken.sentence() or "")
+            numbers = "" if settings is None else f"{_seconds(settings.time)}, ISO {settings.iso:.0f}. "
+            self._summary.text = numbers + ("" if taken is None else taken.sentence() or "")
         finally:
             self._quiet = False
 

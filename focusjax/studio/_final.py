@@ -110,19 +110,19 @@ class Final:
                 self.state = state
             self._changed()
 
-        def tell(stage: str, share: float | None) -> None:
+        def report(stage: str, share: float | None) -> None:
             known = share if stage == "render" and share is not None else 0.0
             say(FinalState("rendering", known, _STAGES.get(stage, stage)))
 
         try:
             if config.shot is not None and config.focus:
-                film(config, folder, progress=tell)
+                film(config, folder, progress=report)
             else:
                 with staged_folder(folder, owned=FILES) as made:
-                    outcome = job.run(config, solving=bool(config.focus), progress=tell)
-                    tell("save", None)
+                    outcome = job.run(config, solving=bool(config.focus), progress=report)
+                    report("save", None)
                     save_outcome(made, outcome)
-                    tell("save", None)
+                    report("save", None)
             say(FinalState("rendered", 1.0, f"Report: {folder / 'report.html'}"))
         except Exception:
             if not cancelled():

@@ -31,7 +31,7 @@ class Latest:
 
         Args:
             name: of the thread.
-            on_error: told what work raises.
+            on_error: called with the exception that work raises.
         """
         self._condition = threading.Condition()
         self._waiting: Work | None = None
@@ -43,14 +43,14 @@ class Latest:
         self._thread.start()
 
     def submit(self, work: Work) -> None:
-        """Do `work` next; what waits is dropped, and what has begun is told."""
+        """Do `work` next; drop what waits, and mark what has begun as overtaken."""
         with self._condition:
             self._waiting = work
             self._newest += 1
             self._condition.notify_all()
 
     def cancel(self) -> None:
-        """Drop what waits, and tell what has begun."""
+        """Drop what waits, and mark what has begun as overtaken."""
         with self._condition:
             self._waiting = None
             self._newest += 1

@@ -7,7 +7,7 @@ from focusjax.studio._answer import Answer
 from focusjax.studio._wishes import kind_of
 
 SIGNS = {"sharp": "◎", "blur": "●", "at_most": "≤", "at_least": "≥", "same_blur_as": "=", "": "·"}
-"""One for each kind of wish, told apart without colours."""
+"""One for each kind of wish, so that kinds differ without colours."""
 
 
 def radius(width: int) -> float:

@@ -37,8 +37,7 @@ def open_session(
 ) -> Session:
     """The session of a config, of meshes, or of a photograph with depth, as their suffixes say.
 
-    The config of the latter two is new: it is written where the user saves it, beside the files unless told
-    otherwise.
+    The config of the latter two is new: it is written where the user saves it, by default beside the files.
 
     Args:
         paths: one config, one photograph, or any number of meshes.

@@ -10,7 +10,7 @@ _WIDEST = 1600
 """Pixels of a picture that is sent; wider ones are made smaller."""
 _QUALITY = 92
 _BEHIND, _BEFORE = np.array([230, 126, 34]), np.array([52, 120, 246])
-"""Orange behind the focus and blue before it, which most colour-blind people tell apart."""
+"""Orange behind the focus and blue before it, which most colour-blind people can distinguish."""
 _SHARP = np.array([255, 255, 255])
 _FULL_PX = 24.0
 """Blur in pixels from which on the blur map is as strong as it gets."""

@@ -88,7 +88,7 @@ class Page:
         ui.timer(_EVERY, self.look)
 
     def attempt(self, edit: Callable[[Session], object]) -> object:
-        """Change the session; what cannot be is told, and changes nothing."""
+        """Change the session; a notice says why an edit is refused, which then changes nothing."""
         try:
             return self.studio.apply(edit)
         except EditError as error:
@@ -128,7 +128,7 @@ class Page:
         self.wishes.show()
         self.text.show()
         if self._refused_edit:
-            # A browser's field keeps what was typed unless it is told what holds.
+            # A browser's field keeps what was typed unless it is sent the value that holds.
             self._refused_edit = False
             for element in list(ui.context.client.elements.values()):
                 if isinstance(element, ValueElement):

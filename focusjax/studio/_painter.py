@@ -193,9 +193,9 @@ class Painter:
             return to_bytes(image, exposure=config.render.exposure)
         if config.exposure is not None and config.exposure.free and self._grey is None:
             self._grey = job.metered_before(config, answer.stage.scene, answer.stage.camera)
-        told = None if outcome.exposed is None else outcome.exposed.sentence()
+        compromise = None if outcome.exposed is None else outcome.exposed.sentence()
         taken = job.take_photograph(
-            config, camera, outcome.middle_lens, image, image[:1, :1], grey=self._grey, weighed=told
+            config, camera, outcome.middle_lens, image, image[:1, :1], grey=self._grey, weighed=compromise
         )
         assert taken is not None
         self.taken = taken

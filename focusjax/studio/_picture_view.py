@@ -39,7 +39,7 @@ class PictureView:
         Args:
             studio: what is shown.
             attempt: makes a change to the session, or says why it cannot be.
-            on_select: told which wish is selected.
+            on_select: called with the number of the wish that is selected; None for none.
         """
         self.studio, self.attempt, self._on_select = studio, attempt, on_select
         self.selected: int | None = None

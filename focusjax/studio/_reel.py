@@ -38,7 +38,7 @@ class Reel:
     config: Config
     solved: SolvedShot
     stages: "Stages"
-    _told: list[tuple[str, ...]] = dataclasses.field(default_factory=list)
+    _sentences: list[tuple[str, ...]] = dataclasses.field(default_factory=list)
 
     @property
     def count(self) -> int:
@@ -77,7 +77,7 @@ class Reel:
             self.config,
             stage,
             outcome,
-            sentences=self._told[-1] if self._told else None,
+            sentences=self._sentences[-1] if self._sentences else None,
             rows=rows,
             left_open=solution.undetermined if isinstance(solution, FramesSolution) else (),
             frame=frame,
@@ -85,8 +85,8 @@ class Reel:
 
     def sentences(self) -> tuple[str, ...]:
         """Which wishes and limits stand in the way, and in which frames; this takes further solves."""
-        self._told.append(tuple(self.solved.diagnosis.sentences))
-        return self._told[-1]
+        self._sentences.append(tuple(self.solved.diagnosis.sentences))
+        return self._sentences[-1]
 
     @cached_property
     def curves(self) -> dict[str, Float[np.ndarray, "t"]]:
@@ -183,5 +183,5 @@ def _surface_of(solved: SolvedShot, frame: int) -> FocalSurface | None:
 
 
 def _points_of(solved: SolvedShot, frame: int) -> ImagePoints:
-    """What was asked of a frame; by numpy, which compiles nothing."""
+    """The wishes of a frame as points of the picture; by numpy, which compiles nothing."""
     return jax.tree.map(lambda leaf: np.asarray(leaf)[frame - 1], solved.solution.points)

@@ -46,7 +46,7 @@ def picture_of(studio: Studio | None, kind: str, number: int) -> Response:
     return Response(shown.data, media_type=shown.media, headers=_NO_STORE)
 
 
-def serve(desk: Desk, *, host: str | None, port: int, show: bool, tell: Callable[[str], None]) -> None:
+def serve(desk: Desk, *, host: str | None, port: int, show: bool, announce: Callable[[str], None]) -> None:
     """Serve the page until the command is stopped.
 
     Args:
@@ -54,14 +54,14 @@ def serve(desk: Desk, *, host: str | None, port: int, show: bool, tell: Callable
         host: where to listen; this machine alone if None. Otherwise the address carries a token.
         port: of the server.
         show: open the page in a browser.
-        tell: told the page's address.
+        announce: called with the page's address.
     """
     token = "" if host is None else secrets.token_urlsafe(16)
     own = tuple(f"{name}:{port}" for name in (LOCAL, "localhost")) if host is None else ()
     app.add_middleware(Guard, hosts=own, token=token)
     page = add_routes(desk)
     path = f"/?token={token}" if token else "/"
-    app.on_startup(lambda: tell(f"http://{host or LOCAL}:{port}{path}"))
+    app.on_startup(lambda: announce(f"http://{host or LOCAL}:{port}{path}"))
     app.on_shutdown(desk.close)
     ui.run(
         page,

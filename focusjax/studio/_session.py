@@ -33,7 +33,7 @@ class Session:
     """
 
     def __init__(self, path: Path | str, *, root: Path | None = None, text: str | None = None):
-        """Open the config at `path`, also where it has errors: `document.problem` tells them.
+        """Open the config at `path`, also where it has errors: `document.problem` names them.
 
         Args:
             path: a TOML file.
@@ -86,7 +86,7 @@ class Session:
         Args:
             config: as for `solve`.
             number: as for `solve`.
-            progress: told how far it is.
+            progress: called with the stage that runs and the share of it that is done.
 
         Raises:
             EditError: the text is no usable config.

@@ -201,12 +201,12 @@ class Studio:
         self._lay_blur(answer)
         self._painting.submit(functools.partial(self._paint, answer))
         if not self._numbers.overtaken(cancelled, _AFTER_DRAFT_S):
-            told = answer.with_sentences()
+            explained = answer.with_sentences()
             if not cancelled():
-                self._set(answer=told)
+                self._set(answer=explained)
 
     def _solve_shot(self, config: Config, number: int, cancelled: IsCancelled) -> None:
-        def tell(stage: str, share: float | None) -> None:
+        def report(stage: str, share: float | None) -> None:
             if cancelled():
                 raise Cancelled
             self._set(state=State("solving the shot", share or 0.0))
@@ -216,7 +216,7 @@ class Studio:
             self._set(answer=first)
             self._painting.submit(functools.partial(self._paint, first))
         try:
-            reel = self.session.solve_shot(config, number, tell)
+            reel = self.session.solve_shot(config, number, report)
         except Cancelled:
             return
         except (ValueError, RuntimeError) as error:

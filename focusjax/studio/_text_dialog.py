@@ -36,7 +36,7 @@ class TextDialog:
         document = self._studio.session.document
         self._title.text = str(document.path)
         self._area.value = document.text
-        self._tell(document.problem or self._stopped())
+        self._show_problem(document.problem or self._stopped())
         self._dialog.open()
 
     def show(self) -> None:
@@ -54,11 +54,11 @@ class TextDialog:
         try:
             self._studio.apply(lambda session: session.set_text(self._area.value or ""))
         except EditError as error:
-            self._tell(str(error))
+            self._show_problem(str(error))
             return
-        self._tell("")
+        self._show_problem("")
         self._dialog.close()
 
-    def _tell(self, problem: str) -> None:
+    def _show_problem(self, problem: str) -> None:
         self._problem.text = problem
         self._problem.set_visibility(bool(problem))

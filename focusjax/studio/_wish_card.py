@@ -70,7 +70,7 @@ class WishCard:
         with self._card:
             with ui.row().classes("fj-row"):
                 self._build_name()
-            self._fields["told"] = ui.label().classes("fj-dim at-told").mark("told")
+            self._fields["summary"] = ui.label().classes("fj-dim at-summary").mark("summary")
             toggle = ui.toggle({each: KINDS[each] for each in kinds}, on_change=self._choose)
             toggle.props("dense no-caps unelevated size=sm spread").classes("w-full at-kind").mark("kind")
             self._fields["kind"] = toggle
@@ -140,13 +140,13 @@ class WishCard:
         config, answer = studio.session.config, studio.answer
         wish = config.focus[number]
         row = answer.wishes[number] if answer is not None and number < len(answer.wishes) else None
-        told = "…"
+        summary = "…"
         if answer is not None and number < len(answer.marks()) and answer.marks()[number] is not None:
             mark = answer.marks()[number]
             assert mark is not None
-            told = answer.under(*mark).sentence()
+            summary = answer.under(*mark).sentence()
         if row is not None and row.counts:
-            told += ". Met." if row.met else f". Missed by {abs(row.residual):.1f} px."
+            summary += ". Met." if row.met else f". Missed by {abs(row.residual):.1f} px."
         known = [getattr(wish, f"{each}_px") for each in MEASURED]
         pixels = next((each for each in known if each is not None), None)
         frame = studio.frame
@@ -164,7 +164,7 @@ class WishCard:
         }
         self._quiet = True
         try:
-            fields["told"].text = told
+            fields["summary"].text = summary
             for key, value in values.items():
                 if key in fields and fields[key].value != value:
                     fields[key].value = value

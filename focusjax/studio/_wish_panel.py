@@ -39,7 +39,7 @@ class WishPanel:
             self._names = names
             self._build(names)
         rows = answer.wishes
-        told = wish_rows(rows)
+        texts = wish_rows(rows)
         for number, (line, sign, _, wished, got, off, verdict) in enumerate(self._lines):
             line.classes(
                 add="chosen" if number == self._view.selected else "",
@@ -48,7 +48,7 @@ class WishPanel:
             sign.text = f"{number + 1} {SIGNS[kind_of(answer.config, number)]}"
             if number >= len(rows):
                 continue
-            _, *said, word = told[number]
+            _, *said, word = texts[number]
             for label, text in zip((wished, got, off), said, strict=True):
                 label.text = _short(text.removesuffix(" px"))
             met = word == "met"

@@ -1,4 +1,4 @@
-"""What rays bring, summed over the rays of each pixel by circle of confusion."""
+"""Radiance, summed over the rays of each pixel by circle of confusion."""
 
 import dataclasses
 from collections.abc import Callable
@@ -158,10 +158,10 @@ def _with(
         light if share else none for share, light in zip(shares * (3 // len(shares)), radiance, strict=True)
     ]
     lights = list(zip(weights * (3 // len(weights)), seen, strict=True))
-    told = [share * jnp.minimum(light, 1.0) for share, light in lights] + weights
+    values = [share * jnp.minimum(light, 1.0) for share, light in lights] + weights
     row = bins.of(some.pixel, disparity) * pixels + some.pixel[None]
     row = jnp.where(some.pixel[None] < pixels, row, len(binned)).reshape(-1)
-    binned = binned.at[row].add(jnp.stack(told, axis=-1).reshape(len(row), -1), mode="drop")
+    binned = binned.at[row].add(jnp.stack(values, axis=-1).reshape(len(row), -1), mode="drop")
 
     def bright(over: Float[Array, "p 3"]) -> Float[Array, "p 3"]:
         excess = [(share * jnp.maximum(light - 1.0, 0.0)).sum(axis=0) for share, light in lights]

@@ -7,10 +7,10 @@ least when n is in proportion to V^(1 / (1 + a)); in between lies
     n ~ V^0.4.
 
 V is bounded before any ray is traced, by the variance of what the lens centre sees over the box that holds
-all places the pixel's rays can pass (Lee10 section 3.1 finds the disparities they can meet, the lens tells
-how far they stray there). Means of radiance and of its square over squares of 1, 2, 4, ... pixels answer for
-any box, to a factor of two in its edge. Where the mean is brighter than white, 1, the variance relative to it
-counts, as an eye or a film would have it.
+all places the pixel's rays can pass (Lee10 section 3.1 finds the disparities they can meet, and the lens
+gives their footprint there). Means of radiance and of its square over squares of 1, 2, 4, ... pixels answer
+for any box, to a factor of two in its edge. Where the mean is brighter than white, 1, the variance relative
+to it counts, as an eye or a film would have it.
 """
 
 import functools
@@ -87,8 +87,8 @@ def allocated_through(
 ) -> Int[Array, " p"]:
     """As `allocated`, with so many for each pixel that some get through where `light` is a small share.
 
-    However plain a pixel is, rays that are all cut off tell nothing of it. But where it is nearly dark little
-    is missed, so that it gets a quarter of the mean at most for that.
+    However plain a pixel is, rays that are all cut off give no estimate of it. But where it is nearly dark
+    little is missed, so that it gets a quarter of the mean at most for that.
     """
     most = jnp.maximum(most_doublings(rays / (_MOST_DARK * _MOST_TIMES_MEAN)), 0)
     octave = jnp.ceil(jnp.log2(_PASSING / jnp.maximum(light, 1e-9)))
@@ -119,7 +119,7 @@ def contrast(
     def over_box(low: Float[Array, "2"], high: Float[Array, "2"]) -> list[Float[Array, ""]]:
         """Means by the nine squares around the middle of a box that is one to two of them wide.
 
-        They reach beyond its ends: a lamp that only the rays at the rim of the aperture meet must tell.
+        They reach beyond its ends: a lamp that only the rays at the rim of the aperture meet must count.
         """
         level = jnp.floor(jnp.log2(jnp.maximum((high - low).max(), 1.0))).astype(jnp.int32)
         level = jnp.minimum(level, len(levels) - 1)
@@ -218,8 +218,8 @@ def _box(
 ) -> tuple[Float[Array, "2"], Float[Array, "2"], Float[Array, ""]]:
     """Corners, in pixels from that of the grid, of a box around all places that rays of a square pass.
 
-    And the least radius of blur there, as far as the ends and the middle of what is there tell. The square
-    has its middle at `film`, and its rays meet disparities from `least` to `largest`.
+    And the least radius of blur there, of those at `least`, `largest` and midway between them. The square has
+    its middle at `film`, and its rays meet disparities from `least` to `largest`.
     """
     wide = filter_radius(pixel_filter) + 0.5 * (EDGE - 1)
     margin = layers.grid.margin / layers.grid.supersampling

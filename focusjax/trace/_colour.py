@@ -1,4 +1,4 @@
-"""The radiance a ray brings back from the surface it met."""
+"""The radiance along a ray, from the surface it met."""
 
 import equinox as eqx
 import jax
@@ -69,7 +69,7 @@ class Met(eqx.Module):
     """What a ray meets.
 
     Attributes:
-        radiance: red, green and blue that it brings.
+        radiance: red, green and blue along the ray.
         disparity: where it is from, 1/m; 0 at infinity.
     """
 
@@ -78,7 +78,7 @@ class Met(eqx.Module):
 
 
 def met_at(surface: Surface, ray: LensRay, hit: Int[Array, ""]) -> Met:
-    """What `ray` (in grid units) brings from sample `hit`, or from infinity if that is -1.
+    """What `ray` (in grid units) sees in sample `hit`, or at infinity if that is -1.
 
     Radiance is linear across the sample, with the slopes of `radiance_slopes`.
     """

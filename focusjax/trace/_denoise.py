@@ -7,8 +7,8 @@ tenths of c. What is in focus is not touched. (Soler et al. 2009 give the bandwi
 field; Vaidyanathan et al. 2015, Layered Light Field Reconstruction for Defocus Blur, filter by layers.)
 
 Bins go from near to far, k = 0, 1, .... Of a pixel's rays let n_k be the light of those that end in bin k,
-L_k what they bring, and m_k = n_k + n_(k+1) + ... the light that passes all nearer bins. With S_k the
-smoothing of bin k, both the share that it stops and what it brings are ratios,
+L_k the radiance they carry, and m_k = n_k + n_(k+1) + ... the light that passes all nearer bins. With S_k the
+smoothing of bin k, both the share that it stops and the radiance that it adds are ratios,
 
     a_k = S_k n_k / S_k m_k,        l_k = S_k L_k / S_k m_k,
 

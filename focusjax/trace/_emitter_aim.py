@@ -87,9 +87,9 @@ def aim_at(
 def one_to_one(
     camera: Camera, lens: AbstractLens, film_point: Float[Array, "2"], disparity: Float[Array, ""]
 ) -> Bool[Array, ""]:
-    """Whether at `disparity` no two points of the aperture see the same place, as far as a few of them tell.
+    """Whether at `disparity` no two points of the aperture see the same place; a few of them are tested.
 
-    Rays that bring no light do not count. Of a lens with colours, that of the colour between is looked at.
+    Rays that carry no light do not count. Of a lens with colours, that of the colour between is looked at.
     """
     turns = jnp.arange(_TURNS, dtype=film_point.dtype) / _TURNS
     rim = jax.vmap(lens.opening().rim)(turns)

@@ -1,17 +1,17 @@
 """Emitter importance sampling: the light of emitters, by rays drawn for them.
 
 For a film point p let q(v) be the place where the ray through the aperture point v passes an emitter. With s
-the aperture's share of light per area, W the ray's weight and L the excess radiance it brings, the mean over
+the aperture's share of light per area, W the ray's weight and L the excess radiance along it, the mean over
 the aperture becomes an integral over the emitter's surface:
 
     integral of s(v) W L dv = integral of s(v) W L |1 - g . b| / |det dq/dv| dq,
 
 where b is the ray's change of place per dioptre and g the surface's change of disparity per pixel, which
 foreshortens it. A place q is drawn by the power of a cluster's samples, and evenly within one; v follows
-from it (`focusjax.trace._emitter_aim`). So a ray brings the power of the whole cluster times s W / |det|,
+from it (`focusjax.trace._emitter_aim`). So a ray carries the power of the whole cluster times s W / |det|,
 which for a thin lens is the same for all rays with nothing in their way.
 
-A ray brings nothing if v lies beside the aperture, or if something hides the emitter: what the ray meets
+A ray carries nothing if v lies beside the aperture, or if something hides the emitter: what the ray meets
 first, by the same walk as every ray's, is then no sample of the cluster, and nearer.
 """
 
@@ -57,7 +57,7 @@ def emitter_light(
     rays: int,
     pixel_filter: str,
 ) -> Float[Array, "p 3"]:
-    """What emitters bring to each pixel, row-major, beyond the level that is left of them in the layers.
+    """The light that each pixel gets from emitters, row-major, beyond what is left of them in the layers.
 
     Every pair of a pixel and a cluster has as many rays: a power of two, at most twice `rays`, the number of
     a pixel's other rays, and so few that all together are about half of those. They are traced some at a
@@ -144,7 +144,7 @@ class _Drawing:
         a_x, a_y, b_x, b_y, value, slot, chance = in_parts(aimed, (column, row, cluster, number))
         least, largest, _ = self._ranges.at(column, row)
         ray = LensRay(jnp.stack([a_x, a_y], axis=-1), jnp.stack([b_x, b_y], axis=-1), value)
-        # What brings nothing anyway has nothing to meet.
+        # A ray that carries nothing gets a path of no steps, on which it meets nothing.
         paths = jax.vmap(path_of)(on_grid(ray, scene.grid), least, jnp.where(value > 0, largest, 0.0))
         hits = first_hits(scene.volume, paths, None if scene.volume.opacity is None else chance)
         value = jnp.where(self._reached(hits, cluster, slot), value, 0.0)
@@ -159,7 +159,7 @@ class _Drawing:
         number: Int[Array, " n"],
         log_each: Int[Array, ""],
     ) -> tuple[Array, ...]:
-        """Rays, in output pixels, what each brings per power of its slot, that slot, and its chance."""
+        """Rays, in output pixels, what each carries per power of its slot, that slot, and its chance."""
         scene, slots, edge, grid = self._scene, self._slots, self._edge, self._scene.grid
         real = jnp.zeros(()).dtype
         # Clusters that a pixel sees have different points each.

@@ -2,9 +2,9 @@
 
 The sum of `_motion`, with the integrals as means over traced rays: some through points of every border
 between two pixels, as many through the rim of the opening and from within it, none of them the picture's own.
-Radiances are taken relative to that of the pixel, and where the rim brings what the opening brings nothing
-changes, so that noise is left only where the picture is about to change. What leaves a pixel enters its
-neighbour by the same rays, so that noise cancels over regions, too: what is left is that of the borders
+Radiances are taken relative to that of the pixel, and where the rim sees the same radiance as the opening
+nothing changes, so that noise is left only where the picture is about to change. What leaves a pixel enters
+its neighbour by the same rays, so that noise cancels over regions, too: what is left is that of the borders
 around one, whose rays are spread evenly along whole lines of borders.
 """
 
@@ -64,7 +64,7 @@ class Still(eqx.Module):
         lens: where they come from.
         least: least disparity [p] that the rays of each pixel can meet, row-major.
         largest: largest one [p].
-        radiance: mean [p, 3] of what rays like those through the rim bring from within the opening. Only what
+        radiance: mean [p, 3] along rays through the opening that start as those through the rim do. Only what
             differs from it makes noise.
         film: where these rays start [t, s, 2] in their pixel, for each of a tile.
         rays: which rays derivatives are made of.
@@ -161,7 +161,7 @@ def in_blocks(
 
 
 def _through_borders(still: Still, moved: AbstractLens) -> tuple[Float[Array, "n 3"], Float[Array, "n 3"]]:
-    """What crosses every border towards larger x or y, as the pixel before it and the one after it tell.
+    """What crosses every border towards larger x or y, for the pixel before it and for the one after it.
 
     Upright borders [h, w + 1] first, then level ones [h + 1, w].
     """
@@ -208,7 +208,7 @@ def _through_borders(still: Still, moved: AbstractLens) -> tuple[Float[Array, "n
 def _through_rim(still: Still, moved: AbstractLens) -> Float[Array, "p 3"]:
     """What each pixel gains at the rim of the opening, and at that of a hole.
 
-    Where things are in focus, or the opening is small, rays of one film point bring much the same: the mean
+    Where things are in focus, or the opening is small, rays of one film point carry much the same: the mean
     within the opening is that of rays with the same film points, so that only their difference is noise.
     """
     camera, lens = still.scene.camera, still.lens
@@ -239,7 +239,7 @@ def _through_rim(still: Still, moved: AbstractLens) -> Float[Array, "p 3"]:
 def _within_opening(still: Still, moved: AbstractLens, evenly: Float[Array, " p"]) -> Float[Array, "p 3"]:
     """What each pixel gains where rays move apart or carry more light.
 
-    The picture is the mean of what rays bring, so that only a rate that differs from ray to ray needs rays of
+    The picture is a mean over rays, so that only a rate that differs from ray to ray needs rays of
     its own, and few of them: what it differs by from the rate midway is not large.
     """
     camera, lens, edge = still.scene.camera, still.lens, still.tile

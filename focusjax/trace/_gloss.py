@@ -49,7 +49,7 @@ def gloss_at(
     """Radiance that gloss adds where `ray` (in grid units) meets a surface at `disparity` (1/m, above 0).
 
     A ray is straight, so the direction back to its point of the lens is that of its image at infinity,
-    reversed: the line q(w) = a + b w tells both ends of it.
+    reversed: the line q(w) = a + b w gives both ends of it.
 
     Args:
         planes: the surfaces.

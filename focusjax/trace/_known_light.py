@@ -39,7 +39,7 @@ class KnownLight(eqx.Module):
     Attributes:
         share: in red, green and blue [p, 3].
         doubt: 0 where that is good, to 1 where light changes too fast for it, as behind a hood that is far
-            from a small opening; there the rays tell their own weight.
+            from a small opening; there the mean weight of the pixel's own rays is used.
     """
 
     share: Float[Array, "p 3"]
@@ -56,7 +56,7 @@ def known_light(lens: AbstractLens, camera: Camera) -> KnownLight | None:
 
 
 def evened(brought: _Colours, light: _Colours, known: KnownLight) -> Float[Array, "p 3"]:
-    """What rays bring, in proportion to the light that is known instead of to theirs.
+    """The radiance that rays carry, in proportion to the light that is known instead of to theirs.
 
     Args:
         brought: mean over rays of weight times radiance.

@@ -1,11 +1,11 @@
-"""How the parameters of a lens move its rays, told as a flow over film and opening.
+"""How the parameters of a lens move its rays, as a flow over film and opening.
 
 A pixel is a mean over its square of film points p and the opening's points u,
 
     I = (integral over p and u of W L(r)) / A,        r(p, u) = (a, b) of the ray q(w) = a + b w,
 
 with L the radiance along a ray and W the light that it stands for, its weight times the opening's density. At
-silhouettes L jumps, so the mean of the derivatives of what rays bring back is not the derivative of the mean.
+silhouettes L jumps, so the mean of its derivatives is not the derivative of the mean.
 But rays are a family of four dimensions with four coordinates: wherever a parameter t moves r, some other
 film point and opening point had that ray before. With J the Jacobian of r by (p, u),
 

@@ -118,7 +118,7 @@ def seen_in_motion(
     time: Float[Array, " n"],
     together: int,
 ) -> Seen:
-    """What n rays bring back from bodies that move: of each ray what is nearest at its time.
+    """What n rays see of bodies that move: of each ray what is nearest at its time.
 
     Args:
         bodies: layers for the times of all rays.

@@ -137,8 +137,8 @@ def _once(array: Array) -> Array:
 @_once.defjvp
 def _once_jvp(primals: Any, tangents: Any) -> Any:
     raise ArgumentError(
-        "second derivatives of a picture by its lens cannot be told from its rays, of which the first are"
-        " estimated; take differences of first derivatives, over a step that is not small, with many rays",
+        "second derivatives of a picture by its lens cannot be estimated from its rays, as the first are;"
+        " take differences of first derivatives, over a step that is not small, with many rays",
         "lens",
     )
 
@@ -171,7 +171,7 @@ def traced_picture(
 def light_of(
     emitters: Emitters, layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings
 ) -> Float[Array, "p 3"]:
-    """What emitters that were split off `layers` bring to each pixel."""
+    """The light that each pixel gets from emitters that were split off `layers`."""
     ranges = disparity_ranges(layers, lens, settings.pixel_filter)
     rays, pixel_filter = settings.rays, settings.pixel_filter
     scene = traced_scene(layers)

@@ -1,7 +1,7 @@
-"""Whether a picture through real glass may be traced by polynomials, told from what their error does to it.
+"""Whether a picture through real glass may be traced by polynomials, by an estimate of the error they add.
 
-A ray that is off by d pixels brings what is d pixels away, so that a picture whose rays are off by r RMS, as
-much in one direction as in another, has a squared error of about
+A ray that is off by d pixels carries the radiance of a place d pixels away, so that a picture whose rays are
+off by r RMS, as much in one direction as in another, has a squared error of about
 
     E = r^2 G / 2 + l^2 B,
 

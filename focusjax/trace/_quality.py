@@ -117,7 +117,7 @@ def estimate_quality(
             error += stratum.mean() * mine.mean()
             variance += stratum.mean() ** 2 * mine.var() / len(mine)
     unsure = float(np.sqrt(variance))
-    # What is less than the sample can tell is as much as it can.
+    # An error that the sample cannot resolve (it may be below 0) counts as a tenth of the standard error.
     at_most = error + _STANDARD_ERRORS * unsure
     return QualityEstimate(psnr_of(max(error, 0.1 * unsure)), psnr_of(at_most), seconds)
 

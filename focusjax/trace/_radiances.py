@@ -1,4 +1,4 @@
-"""What given lens rays bring back from layers."""
+"""What given lens rays see of layers."""
 
 import dataclasses
 
@@ -36,7 +36,7 @@ def traced_scene(layers: Layers) -> TracedScene:
 
 
 class Seen(eqx.Module):
-    """What rays bring back.
+    """What rays see.
 
     Attributes:
         radiance: red, green and blue along each ray, each [n].
@@ -88,7 +88,7 @@ def seen_along(
     largest: Float[Array, " n"],
     deepest: Int[Array, ""] | None = None,
 ) -> Seen:
-    """What n rays bring back; arguments are those of `first_met`."""
+    """What n rays see; arguments are those of `first_met`."""
     rays, hits = first_met(scene, lens, starts, least, largest, deepest)
     met = jax.vmap(lambda ray, hit: met_at(scene.surface, ray, hit))(rays, hits)
     return Seen(met.radiance, rays.weight, met.disparity)

@@ -117,8 +117,8 @@ def _refuse_series(layers: Layers, lens: AbstractLens) -> None:
     """Taylor series are of higher derivatives, and do not ask for the first one as it is defined here."""
     if any(isinstance(leaf, JetTracer) for leaf in jax.tree.leaves((layers, lens))):
         raise ArgumentError(
-            "series of a picture by its lens or radiance (`jax.experimental.jet`) cannot be told from its"
-            " rays; first derivatives can, by `jax.jvp` and `jax.grad`",
+            "series of a picture by its lens or radiance (`jax.experimental.jet`) cannot be estimated from"
+            " its rays; first derivatives can, by `jax.jvp` and `jax.grad`",
             "lens",
         )
 

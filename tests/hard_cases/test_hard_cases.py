@@ -113,7 +113,9 @@ def test_the_command_writes_them_and_refuses_unknown_cases(tmp_path):
 def test_a_broken_bound_is_an_exit_status_of_one(tmp_path, monkeypatch):
     worse = dataclasses.replace(CHECK, case="one", error=2.0)
     wider = dataclasses.replace(CHECK, case="two", why="hard", usual=0.1)
-    monkeypatch.setattr("focusjax.hard_cases._command.hard_cases", lambda names, tell: [CHECK, worse, wider])
+    monkeypatch.setattr(
+        "focusjax.hard_cases._command.hard_cases", lambda names, progress: [CHECK, worse, wider]
+    )
     result = CliRunner().invoke(app, ["bench", "hard-cases", "--out", str(tmp_path / "out")])
     assert result.exit_code == 1
     assert "known defect" in result.output

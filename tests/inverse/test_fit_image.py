@@ -196,7 +196,9 @@ def test_targets_that_are_no_linear_pictures_of_this_camera():
     broken[3, 7, 1] = np.nan
     refused(broken, "the target is not finite in 1 pixels, the first at x = 7, y = 3; leave them out")
     refused(-good, "the target's mean is -")
-    refused(np.ones_like(good), "the target is the same everywhere, so that it tells nothing of the lens")
+    refused(
+        np.ones_like(good), "the target is the same everywhere, so that the lens cannot be estimated from it"
+    )
 
 
 def test_other_arguments_that_do_not_fit():

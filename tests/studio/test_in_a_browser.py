@@ -62,12 +62,12 @@ def test_the_first_sixty_seconds(tab, still_life):
     tab.wait(lambda: "Click on what should be sharp" in tab.body(), why="the sharp view")
     # Click the cow: sharp.
     tab.click(*COW)
-    tab.wait(lambda: "spot" in tab.text("told"), why="the cow's card")
+    tab.wait(lambda: "spot" in tab.text("summary"), why="the cow's card")
     tab.settle()
-    assert re.search(r"spot.* away, blur 0\.0 px\. Met\.", tab.text("told"))
+    assert re.search(r"spot.* away, blur 0\.0 px\. Met\.", tab.text("summary"))
     # Click the lamp: blurred by at least so much.
     tab.click(*LAMP)
-    tab.wait(lambda: "lamp" in tab.text("told"), why="the lamp's card")
+    tab.wait(lambda: "lamp" in tab.text("summary"), why="the lamp's card")
     tab.choose("kind", "at least")
     tab.wait(lambda: tab.all("pixels"), why="a field for the diameter")
     tab.type("pixels", "6")
@@ -94,10 +94,10 @@ def test_points_are_dragged_nudged_undone_and_deleted(tab):
     tab.wait(lambda: "Click on what should be sharp" in tab.body() or tab.text("state") == "refined")
     before = len(load_wishes(tab))
     tab.click(*APPLE)
-    tab.wait(lambda: "apple" in tab.text("told"), why="the apple's card")
+    tab.wait(lambda: "apple" in tab.text("summary"), why="the apple's card")
     tab.press("\ue00c")  # Escape
     tab.drag(APPLE, COW)
-    tab.wait(lambda: "spot" in tab.text("told"), why="the point to be on the cow")
+    tab.wait(lambda: "spot" in tab.text("summary"), why="the point to be on the cow")
     assert len(load_wishes(tab)) == before + 1
     tab.press("\ue014")  # an arrow to the right
     tab.press_with_control("z")
@@ -122,7 +122,7 @@ def test_overlays_wipe_and_view_from_above(tab):
 
 def test_keys_after_a_click_on_a_button_and_in_fields(tab, still_life):
     tab.click(*COW)
-    tab.wait(lambda: "spot" in tab.text("told"), why="the cow's card")
+    tab.wait(lambda: "spot" in tab.text("summary"), why="the cow's card")
     tab.settle()
     # The button does not take the space bar for itself.
     zoom = "button[aria-label^='Zoom']"

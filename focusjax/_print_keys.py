@@ -13,7 +13,7 @@ from focusjax.config import ConfigKey
 _HEADINGS = ("key", "type", "unit", "default", "meaning")
 
 
-def tell_keys(console: Console, keys: Sequence[ConfigKey]) -> None:
+def print_keys(console: Console, keys: Sequence[ConfigKey]) -> None:
     """A table for each table of the config; where output is no terminal, a line for each key with tabs."""
     if not console.is_terminal:
         # Not by rich, which makes spaces of tabs.

@@ -1,4 +1,4 @@
-"""What the command line says of a run or a shot, in a few lines."""
+"""The summary of a run or a shot on the command line, in a few lines."""
 
 from pathlib import Path
 
@@ -35,7 +35,7 @@ from focusjax.report import (
 from focusjax.shot import SETTING_NAMES, SolvedShot
 
 
-def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
+def print_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     """What a photographer wants to know, in a few lines."""
     lens, camera = outcome.middle_lens, outcome.camera
     sharp = depth_of_field(camera, lens)
@@ -66,8 +66,8 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
             f" {100 * taken.white_share:.1f} % of the picture is white",
             highlight=False,
         )
-        if (told := taken.sentence()) is not None:
-            say(console, told)
+        if (text := taken.sentence()) is not None:
+            say(console, text)
     elif outcome.exposed is not None:
         settings = outcome.exposed.chosen.settings
         console.print(
@@ -75,8 +75,8 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
             f" EV {float(settings.exposure_value()):.1f}",
             highlight=False,
         )
-        if (told := outcome.exposed.sentence()) is not None:
-            say(console, told)
+        if (text := outcome.exposed.sentence()) is not None:
+            say(console, text)
     if outcome.solution is not None:
         console.print(_wishes(outcome.solution))
         console.print("[dim]Blur is a diameter: + behind the focus, - in front of it.[/]", highlight=False)
@@ -106,7 +106,7 @@ def tell_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     say(console, f"Report: {folder / 'report.html'}")
 
 
-def tell_shot(console: Console, solved: SolvedShot) -> None:
+def print_shot(console: Console, solved: SolvedShot) -> None:
     """How a shot went, in a few lines."""
     solution = solved.solution
     with np.errstate(divide="ignore"):

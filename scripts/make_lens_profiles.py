@@ -22,6 +22,9 @@ NAMES = {
     "gauss_f1.8": "gauss_jp62087922_f1.8_1987",
     "retrofocus_f2": "retrofocus_35mm_f2",
     "triplet_f4": "cooke_triplet_50mm_f4",
+    "biogon_f4.5": "biogon_us2721499_f4.5_1955",
+    "gauss_f2": "gauss_us2673491_f2_1954",
+    "sonnar_f2": "sonnar_us1998704_f2_1935",
 }
 FOCUS, NEAREST = 50.0, 10.0
 """Focal lengths: where the tables are made, and the near end of the range."""

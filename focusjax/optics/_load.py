@@ -42,6 +42,15 @@ PRESETS = {
     ),
     "retrofocus_35mm_f2": Preset("retrofocus_35mm_f2.zmx", "Retrofocus wide angle 35 mm, f/2", None),
     "cooke_triplet_50mm_f4": Preset("cooke_triplet_50mm_f4.json", "Cooke triplet 50 mm, f/4", None),
+    "biogon_us2721499_f4.5_1955": Preset(
+        "biogon_us2721499_f4.5_1955.json", "Wide angle, L. Bertele, US 2,721,499 example 2, f/4.5", 1955
+    ),
+    "gauss_us2673491_f2_1954": Preset(
+        "gauss_us2673491_f2_1954.json", "Double Gauss, A. W. Tronnier, US 2,673,491, f/2", 1954
+    ),
+    "sonnar_us1998704_f2_1935": Preset(
+        "sonnar_us1998704_f2_1935.json", "Portrait lens, L. Bertele, US 1,998,704 example I, f/2", 1935
+    ),
 }
 """Lenses that come with the package, by name; `data/CREDITS.md` says where they are from."""
 

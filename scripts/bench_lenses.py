@@ -52,6 +52,9 @@ FITTED = (
     ("planar_us583336_f4.5_1897", 0.05, 2.0),
     ("cooke_triplet_50mm_f4", 0.05, 2.0),
     ("retrofocus_35mm_f2", 0.024, 0.6),
+    ("biogon_us2721499_f4.5_1955", 0.021, 0.6),
+    ("gauss_us2673491_f2_1954", 0.05, 1.0),
+    ("sonnar_us1998704_f2_1935", 0.085, 2.0),
 )
 """Presets, with focal length and focus distance in metres."""
 

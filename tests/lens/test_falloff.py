@@ -29,7 +29,7 @@ from focusjax.lens import (
     vignetted_like,
 )
 from focusjax.lens._pupils import from_film, openness
-from focusjax.optics import lens_preset
+from focusjax.optics import converging_length, lens_preset
 from focusjax.scene import Scene, constant_background, make_object, make_scene
 from focusjax.trace import render
 
@@ -148,6 +148,29 @@ def test_two_disks_darken_as_the_traced_glass(f_number):
     # Observed 0.2 % and 0.4 % off at most.
     np.testing.assert_allclose(found / found[0], truth / truth[0], rtol=0.02)
     assert (truth[-1] < 0.3) == (f_number < 2)
+
+
+@pytest.mark.parametrize(
+    ("name", "share"),
+    [
+        ("biogon_us2721499_f4.5_1955", 0.291),
+        ("gauss_us2673491_f2_1954", 0.153),
+        ("sonnar_us1998704_f2_1935", 0.411),
+    ],
+)
+def test_light_in_the_corner_of_a_full_frame_is_that_of_rays_by_optiland(name, share):
+    """Wide open, at the lens's own focal length, focused at infinity, as a share of that on the axis.
+
+    Of a grid of Optiland's rays (0.6.3), those within all semi-diameters were counted at fields around the
+    corner's; the beam's cross-section, times the solid angle of a piece of the film, is the light there.
+    """
+    prescription = lens_preset(name)
+    length = 1e-3 * converging_length(prescription)
+    camera = look_at((0, 0, 0), (0, 0, -1), width=36, height=24, focal_length=length)
+    lens = prescription_lens(prescription, camera, focus_distance=np.inf)
+    axis, corner = np.asarray(illumination(lens, camera, jnp.array([[18.0, 12.0], [36.0, 24.0]])))
+    # Observed: 0.004.
+    assert corner / axis == pytest.approx(share, abs=0.008)
 
 
 def test_a_rendered_uniform_scene_is_as_bright_as_the_traced_glass_lets_it_be():

@@ -80,6 +80,11 @@ def test_profiles_that_come_along_say_where_each_number_is_from(name: str, tmp_p
     tables = {table for table, _ in profile.curves()} | {"cats_eyes"}
     assert {table for table, source in profile.sources if "CREDITS.md" in source} == tables
     assert float(profile.f_number[0]) == pytest.approx(float(name.split("_f")[1]), rel=0.07)
+    assert profile.f_number[1] == 16.0
+    # A lens of the profile's own focal length reaches the corner of a full frame.
+    length = float(profile.focal_length)
+    thin = open_lens(length, profile.f_number[0], 50 * length)
+    assert profiled_lens(thin, profile, camera_of(length)).channels()
     save_profile(tmp_path / "again.toml", profile)
     again = load_profile(tmp_path / "again.toml")
     # Six digits are written, and read as they are.

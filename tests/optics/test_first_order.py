@@ -7,6 +7,7 @@ import pytest
 from optics_lenses import GLASS, all_lenses, asphere, biconvex
 
 from focusjax.optics import (
+    abbe_number,
     air,
     film_distance,
     first_order,
@@ -43,10 +44,88 @@ def test_the_thick_lensmakers_equation():
         ("gauss_jp62087922_f1.8_1987", 51.42),
         ("retrofocus_35mm_f2", 35.51),
         ("cooke_triplet_50mm_f4", 49.88),
+        ("biogon_us2721499_f4.5_1955", 21.01),
+        ("gauss_us2673491_f2_1954", 50.01),
+        ("sonnar_us1998704_f2_1935", 85.03),
     ],
 )
 def test_focal_lengths_of_the_shipped_lenses(name, digits):
     assert round(float(first_order(LENSES[name]).focal_length), 2) == digits
+
+
+# The patents' tables: radius, distance to the next surface, n_D and Abbe number of what is between. CREDITS.md
+# says who read them.
+BIOGON = (
+    (109.14, 3.7, 1.5038, 66.7),
+    (52.63, 13.2),
+    (110.25, 3.7, 1.48697, 70.3),
+    (50.72, 35.0),
+    (56.24, 29.3, 1.7205, 50.3),
+    (25.37, 13.3, 1.60739, 59.5),
+    (-194.92, 4.7),
+    (-252.7, 2.8, 1.56993, 57.5),
+    (30.59, 23.7, 1.625, 53.3),
+    (-25.51, 18.2, 1.71966, 29.3),
+    (-57.38, 39.0),
+    (-40.15, 9.8, 1.642, 58.1),
+    (-102.64, 0.0),
+)
+TRONNIER = (
+    (0.5895, 0.0752, 1.67125, 47.1),
+    (1.6966, 0.0024),
+    (0.3855, 0.0805, 1.67125, 47.1),
+    (0.8154, 0.0655, 1.69842, 30.1),
+    (0.255, 0.10932 + 0.09482),
+    (-0.2899, 0.0236, 1.60266, 38.4),
+    (0.8154, 0.1213, 1.65953, 57.0),
+    (-0.4077, 0.0038),
+    (8.7413, 0.0644, 1.7174, 48.1),
+    (-0.7946, 0.0),
+)
+SONNAR = (
+    (57.0, 8.0, 1.6185, 60.5),
+    (146.3, 0.4),
+    (36.2, 10.0, 1.6711, 47.3),
+    (110.0, 6.0, 1.4645, 65.7),
+    (-300.0, 6.8, 1.689, 31.2),
+    (23.7, 15.0),
+    (200.0, 2.0, 1.5647, 55.8),
+    (30.7, 12.0, 1.6711, 47.3),
+    (-152.64, 0.0),
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "printed", "scale", "focal_length", "f_number", "back"),
+    [
+        ("biogon_us2721499_f4.5_1955", BIOGON, 0.21, 100.0, 4.5, None),
+        ("gauss_us2673491_f2_1954", TRONNIER, 50.0, 1.0, 2.0, 0.71436),
+        ("sonnar_us1998704_f2_1935", SONNAR, 0.85, 100.0, 2.0, None),
+    ],
+)
+def test_lenses_from_patents_do_what_these_say(name, printed, scale, focal_length, f_number, back):
+    """The patent's numbers by a y-nu trace in plain floats, its focal length, and the lens that is shipped."""
+    height, slope, before = 1.0, 0.0, 1.0
+    for radius, gap, *glass in printed:
+        after = glass[0] if glass else 1.0
+        # Reduced: the index times the angle.
+        slope -= height * (after - before) / radius
+        before = after
+        height += gap * slope / after
+    # Observed: 0.06 % of what the patents state.
+    assert -1 / slope == pytest.approx(focal_length, rel=1e-3)
+    seen = first_order(LENSES[name])
+    # Observed: 2e-7, and 4e-6 where the patent's numbers were rounded once they were scaled.
+    assert float(seen.focal_length) == pytest.approx(-scale / slope, rel=1e-5)
+    assert float(seen.back_focal_distance) == pytest.approx(-scale * height / slope, rel=1e-5)
+    assert float(seen.f_number) == pytest.approx(f_number, rel=1e-5)
+    if back is not None:
+        # Observed: 1.1e-4.
+        assert float(seen.back_focal_distance) == pytest.approx(scale * back, rel=3e-4)
+    glasses = [each for each in LENSES[name].glasses if float(each.index(line())) > 1.0]
+    numbers = [each for _, _, *each in printed if each]
+    found = [(float(each.index(line())), float(abbe_number(each))) for each in glasses]
+    np.testing.assert_allclose(found, numbers, rtol=1e-6)
 
 
 def ray_height(lens, y, tangent, place):

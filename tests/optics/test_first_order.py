@@ -53,8 +53,8 @@ def test_focal_lengths_of_the_shipped_lenses(name, digits):
     assert round(float(first_order(LENSES[name]).focal_length), 2) == digits
 
 
-# The patents' tables: radius, distance to the next surface, n_D and Abbe number of what is between. CREDITS.md
-# says who read them.
+# The patents' tables: radius, distance to the next surface, n_D and Abbe number of what is between.
+# CREDITS.md says who read them.
 BIOGON = (
     (109.14, 3.7, 1.5038, 66.7),
     (52.63, 13.2),
@@ -104,7 +104,7 @@ SONNAR = (
     ],
 )
 def test_lenses_from_patents_do_what_these_say(name, printed, scale, focal_length, f_number, back):
-    """The patent's numbers by a y-nu trace in plain floats, its focal length, and the lens that is shipped."""
+    """The patent's numbers by a y-nu trace in plain floats, its focal length, and the shipped lens."""
     height, slope, before = 1.0, 0.0, 1.0
     for radius, gap, *glass in printed:
         after = glass[0] if glass else 1.0

@@ -36,7 +36,7 @@ def aligned(
     Args:
         disparity: 1/m, of any size.
         known: where it is measured.
-        step: smallest difference of disparity that the map can tell.
+        step: smallest difference of disparity that the map resolves.
         shown: the photograph's values as they are shown.
         align_px: pixels of the depth map by which its edges may lie off; 0 to leave them.
     """

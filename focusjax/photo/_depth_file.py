@@ -19,7 +19,7 @@ class StoredDepth:
 
     Attributes:
         values: as stored [h, w]; NaN where the file itself has nothing.
-        step: smallest difference that the file can tell, 0 for floats.
+        step: smallest difference that the file resolves, 0 for floats.
         is_exact: whether its edges are those of the picture: rendered, not measured.
         source: the file, for messages.
         unit: where the file says it; None where it has to be declared.

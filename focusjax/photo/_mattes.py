@@ -7,7 +7,7 @@ the rest: a is a_0 +- t with a_0 = 0.85 on the near and 0.15 on the far side of 
 
     a = ((I - B) . (F - B) / s^2 + a_0 / t^2) / (|F - B|^2 / s^2 + 1 / t^2),    cut to 0 to 1.
 
-Where F and B are too alike to tell mixtures, a is 1 or 0: whichever of the two normal distributions with
+Where F and B are too alike for mixtures to show, a is 1 or 0: whichever of the two normal distributions with
 the means and variances above is likelier to make I, at prior odds of a_0 to 1 - a_0. So the edge stays
 where the depth has it, except for pixels that plainly are not what the depth says, such as a highlight on a
 spoke that the depth map missed. What is left over of I is given to F and B by a s_F^2 and (1 - a) s_B^2, as
@@ -25,8 +25,8 @@ _FAR_SHARE, _SPREAD = 0.15, 0.6
 """The share that pixels on the far side of a tear are expected to have, and how far off it may be."""
 _NOISE = 1e-4
 """Variance of light that no texture explains."""
-_TELLING = 0.5
-"""Weight of the colours against the expectation below which they tell no mixture."""
+_INFORMATIVE = 0.5
+"""Weight of the colours against the expectation below which they show no mixture."""
 _UNSURE = 1e-3
 """Weight of pixels of the band itself as foreground: only where there are no others, as in a wire."""
 _RADIUS = 1.5
@@ -80,11 +80,11 @@ def mattes(
     expected = np.where(near_band[band], 1.0 - _FAR_SHARE, _FAR_SHARE)
     place = ((own - behind) * between).sum(axis=1)
     share = (place * precision + expected / _SPREAD**2) / (length * precision + 1.0 / _SPREAD**2)
-    # How much the colours tell of a mixture, against what is expected by depth alone.
-    said = length * precision / (length * precision + 1.0 / _SPREAD**2)
+    # How much the colours count for the share, against what is expected by depth alone.
+    counted = length * precision / (length * precision + 1.0 / _SPREAD**2)
     odds = np.log(expected / (1.0 - expected))
     odds += _likelihood(own, front, front_variance) - _likelihood(own, behind, back_variance)
-    share = np.where(said > _TELLING, np.clip(share, 0.0, 1.0), odds > 0.0)
+    share = np.where(counted > _INFORMATIVE, np.clip(share, 0.0, 1.0), odds > 0.0)
     share = np.where(found, share, near_band[band])
     front = np.where(found[:, None], front, own)
     share = np.round(share * 255.0) / 255.0

@@ -132,7 +132,7 @@ def _read_heif(path: Path) -> PictureFile:
 
 
 def focal_length_of(exif: Image.Exif, size: tuple[int, int]) -> float | None:
-    """Focal length in mm as on 36 x 24 mm film; None where EXIF does not tell.
+    """Focal length in mm as on 36 x 24 mm film; None where EXIF does not say.
 
     From FocalLengthIn35mmFilm, or from FocalLength and the pixels per length in the focal plane.
     """

@@ -4,7 +4,7 @@ With the parallax P = f E of the widest lens in pixels per dioptre (f focal leng
 a step s of disparity between neighbouring pixels opens a gap of P |s| pixels for a ray at the lens rim: half
 the change of the possible blur. The surface is torn there if the gap is wider than `GAP` and the slopes on
 both sides do not predict the step to within half of it, or if it is wider than `STEEPEST` whatever the
-slopes: nobody can tell a surface seen so nearly edge-on from a silhouette.
+slopes: a surface seen so nearly edge-on looks like a silhouette.
 """
 
 from dataclasses import dataclass

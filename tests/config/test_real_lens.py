@@ -96,7 +96,10 @@ def test_what_makes_no_sense_is_refused(boxes, overrides, message):
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (['lens.prescription="gauss"'], "lens.prescription: there is no lens 'gauss'; did you mean gauss_jp"),
+        (
+            ['lens.prescription="gauss"'],
+            "there is no lens 'gauss'; did you mean gauss_us2673491_f2_1954, gauss_jp",
+        ),
         (['lens.prescription="none.zmx"'], "lens.prescription: "),
         ([GAUSS, "lens.f_number=1.2"], "opens to f/1.84 at most; f/1.2 is beyond that"),
     ],

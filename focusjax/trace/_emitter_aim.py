@@ -17,15 +17,20 @@ from jaxtyping import Array, Bool, Float
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens import AbstractLens
 
-_STEPS = 4
+_STEPS = 6
 _STAYS = 1e-4
 """Aperture radii below which a step changes nothing."""
 _FARTHEST = 1.02
 """Aperture radii from the middle that the search stays within: beside any aperture, but little."""
-_TURNS = 8
-_RINGS = (0.5, 1.0)
+_TURNS = 16
+_RINGS = (0.5, 0.7, 0.85, 1.0)
+"""The outer ones close together: there spherical aberration turns rays over, and vignetting hides the rim."""
 _LEAST_RATIO = 0.05
-"""Of the smallest to the largest |det J| over the aperture, for the map to count as one to one."""
+"""Of the smallest to the largest |det J| over the aperture, for the map to count as one to one.
+
+A ray that carries more than 1 / `_LEAST_RATIO` of what another one does would be the end of a picture of few
+rays, so that this is the least that is divided by, too, where a caustic hides between the points tested.
+"""
 
 
 class Aim(eqx.Module):
@@ -34,7 +39,7 @@ class Aim(eqx.Module):
     Attributes:
         pupil: aperture point v [*n 2] in aperture radii; it may lie beside the aperture.
         ray: the ray through it, in output pixels.
-        area: |det dq/dv| [*n] in square pixels; 0 where the place is not reached.
+        area: |det dq/dv| [*n] in square pixels, and at least `_LEAST_RATIO` of that at the points on the way.
         off: largest distance [*n] in pixels, along x or y, between the place and the ray.
     """
 
@@ -44,8 +49,9 @@ class Aim(eqx.Module):
     off: Float[Array, "*n"]
 
 
-_State = tuple[Array, Array, Array, Aim, Array]
-"""Number of the step, the aperture point, the last one whose ray passes, what was found, whether it moved."""
+_State = tuple[Array, Array, Array, Array, Aim, Array]
+"""Number of the step, the aperture point, the last one whose ray passes, the largest |det J| on the way, what
+was found, and whether it moves."""
 
 
 def aim_at(
@@ -64,7 +70,7 @@ def aim_at(
 
     def advance(state: _State) -> _State:
         """The next aperture point, what is found at this one, and whether they differ."""
-        step, pupil, passing, _, _ = state
+        step, pupil, passing, most, *_ = state
         ray, slope = _ray_and_slope(camera, lens, film_point, pupil, disparity)
         off = place - ray.at(disparity)
         after = pupil + _solved(slope, off)
@@ -73,15 +79,17 @@ def aim_at(
         after = jnp.where(lit, after, 0.5 * (pupil + passing))
         square = after @ after
         after = after * (_FARTHEST / jnp.sqrt(jnp.maximum(square, _FARTHEST**2)))
-        found = Aim(pupil, ray, jnp.abs(_determinant(slope)), jnp.abs(off).max())
+        area = jnp.abs(_determinant(slope))
+        most = jnp.maximum(most, area)
+        found = Aim(pupil, ray, jnp.maximum(area, _LEAST_RATIO * most), jnp.abs(off).max())
         moves = jnp.abs(after - pupil).max() > _STAYS
-        return step + 1, after, jnp.where(lit, pupil, passing), found, moves
+        return step + 1, after, jnp.where(lit, pupil, passing), most, found, moves
 
     # In a loop, so that the lens is compiled once.
     zero = nothing[0]
     start = Aim(nothing, LensRay(nothing, nothing, zero), zero, zero)
-    state = jnp.int32(0), nothing, nothing, start, jnp.bool_(True)
-    return jax.lax.while_loop(unfinished, advance, state)[3]
+    state = jnp.int32(0), nothing, nothing, zero, start, jnp.bool_(True)
+    return jax.lax.while_loop(unfinished, advance, state)[4]
 
 
 def one_to_one(

@@ -40,7 +40,7 @@ _SHARE = 0.5
 """Of the picture's rays: at most so many more are drawn for emitters."""
 _STREAM = 1 << 21
 """Number of the seed's stream for them."""
-_FARTHEST_OFF = 1.0
+_FARTHEST_OFF = 0.05
 """Samples by which a ray may miss the place it was to pass."""
 _TOLERANCE = 2
 """Steps of disparity, for rounding."""

@@ -102,7 +102,7 @@ def _split(
     best, tile = jax.lax.top_k(value, count)
     slots, number, member = slots_of(layers, radiance, tile, best >= _LEAST_VARIANCE, level, WHITE)
     first, extent = _rectangles(slots, member, layers, lens)
-    pairs = _within_budget(extent, slots, layers, lens)
+    pairs = _within_budget(first, extent, slots, layers, lens)
     kept = jnp.repeat(pairs > 0, member.shape[0] // count, total_repeat_length=member.shape[0])
     member &= kept
     slots = slots.only(kept)
@@ -165,17 +165,19 @@ def _rectangles(
 
 
 def _within_budget(
-    extent: Int[Array, "k 2"], slots: Slots, layers: Layers, lens: AbstractLens
+    first: Int[Array, "k 2"], extent: Int[Array, "k 2"], slots: Slots, layers: Layers, lens: AbstractLens
 ) -> Int[Array, " k"]:
     """Pairs of each cluster with a pixel; 0 where there is no room for them, or where a caustic is."""
-    camera, grid = layers.camera, layers.grid
-    column, row, disparity = slots.middles()
+    camera = layers.camera
+    disparity = slots.middles()[2]
+    shares = jnp.array([(x, y) for y in (0.0, 0.5, 1.0) for x in (0.0, 0.5, 1.0)], dtype=disparity.dtype)
 
-    def clear(x: Array, y: Array, disparity: Array) -> Array:
-        place = (jnp.stack([x, y]) - grid.margin) / grid.supersampling
-        return one_to_one(camera, lens, place, disparity)
+    def clear(first: Array, extent: Array, disparity: Array) -> Array:
+        """At all of nine of the pixels that may see the cluster."""
+        films = first[None] + shares * extent[None]
+        return jax.vmap(lambda film: one_to_one(camera, lens, film, disparity))(films).all()
 
-    pairs = jnp.where(jax.vmap(clear)(column, row, disparity), extent.prod(axis=1), 0)
+    pairs = jnp.where(jax.vmap(clear)(first, extent, disparity), extent.prod(axis=1), 0)
     most = MOST_PAIRS * camera.width * camera.height
     # In floating point, where sums do not overflow.
     room = jnp.cumsum(jnp.minimum(pairs, most + 1).astype(disparity.dtype)) <= most * (1.0 - 2.0**-10)

@@ -14,9 +14,9 @@ def extended(picture: Float[np.ndarray, "h w 3"], border: int) -> Float[np.ndarr
     """The picture with `border` pixels more on each side; `border` is at most the shorter side."""
     out = np.pad(picture, ((border, border), (border, border), (0, 0)), mode="symmetric").astype(np.float32)
     # A box of s pixels, twice, has the variance (s^2 - 1) / 6.
-    sizes = 2 ** np.arange(1, max(int(np.ceil(np.log2(2.5 * border))), 1) + 1) + 1
+    sizes = 2 ** np.arange(1, max(int(np.ceil(np.log2(2.5 * max(border, 1)))), 1) + 1) + 1
     spreads = np.concatenate([[0.0], np.sqrt((sizes**2 - 1) / 6)])
-    level = np.interp(np.arange(border, 0, -1), spreads, np.arange(len(spreads)))
+    level = np.interp(np.arange(border, 0, -1), spreads, np.arange(len(spreads))).astype(np.float32)
     for turn in range(4):
         view = np.rot90(out, turn)
         strip = view[: 2 * border].copy()

@@ -10,7 +10,7 @@ on what was carried, with the values of the visible far side as boundary and no 
 smoothest membrane that continues what is seen, separately for every surface that goes on behind another.
 Such a fill has no detail of its own, which is right on the average where nothing is known. Pixels at tears
 mix both sides and count as boundary by `MIXED` only: where thin things stand close together there are no
-others. Lamps are cut out first: brighter than white and narrow, they do not go on behind anything.
+others. Lamps are dimmed first: brighter than white and narrow, they do not go on behind anything.
 """
 
 import numpy as np
@@ -21,13 +21,13 @@ from focusjax.photo._tears import GAP
 
 _BEYOND = 2
 """Pixels that the guess reaches farther than any ray."""
-_TOLERANCE, _STEPS = 1e-3, 300
+_TOLERANCE, _STEPS = 1e-5, 600
 _UNKNOWN = 1e-6
 """Weight of the first guess against the boundary."""
 MIXED, MIXED_EXACT = 2e-4, 0.02
 """Weight of pixels at tears as boundary of a membrane; the second where depth is right to the pixel."""
-_LAMP = 0.03
-"""Share of the picture's width that a lamp takes at most."""
+LAMP = 0.03
+"""Share of a picture's longer side that a lamp takes at most."""
 _SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
 
@@ -79,13 +79,18 @@ def _shifted(a: np.ndarray, dy: int, dx: int, fill: float) -> np.ndarray:
     return out
 
 
-def without_lamps(light: Float[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w 3"]:
-    """The picture with lights brighter than 1 that are narrower than 3 % of its width, dimmed."""
+def without_lamps(light: Float[np.ndarray, "h w 3"], widest: int) -> Float[np.ndarray, "h w 3"]:
+    """The picture with lamps dimmed to white, or to what surrounds them if that is brighter.
+
+    A lamp is brighter than 1 and narrower than `widest` pixels, also after gaps as narrow are filled: a sky
+    that shows between bars is none.
+    """
     top = light.max(axis=2)
     if top.max() <= 1.0:
         return light
-    surround = scipy.ndimage.grey_opening(top, size=max(3, int(_LAMP * light.shape[1])))
-    return light * (np.maximum(surround, 1.0) / np.maximum(top, 1.0))[..., None]
+    size = max(3, widest)
+    surround = scipy.ndimage.grey_opening(scipy.ndimage.grey_closing(top, size=size), size=size)
+    return light * np.minimum(np.maximum(surround, 1.0) / np.maximum(top, 1.0), 1.0)[..., None]
 
 
 def membrane(
@@ -103,7 +108,7 @@ def membrane(
         visible: disparity of what is seen.
         weight: how much a pixel counts as boundary, 0 to 1, for what is as far away as what it shows.
         values: what is known.
-        start: a first guess, kept where a piece has no boundary.
+        start: a first guess, of which the mean is kept where a piece has no boundary.
         step: dioptres by which neighbours of one surface differ at most.
     """
     inside = np.isfinite(hidden)
@@ -139,5 +144,6 @@ def membrane(
     for channel in range(values.shape[2]):
         first = start[inside][:, channel].astype(np.float64)
         found, _ = cg(system, right[:, channel], x0=first, rtol=_TOLERANCE, maxiter=_STEPS, M=scale)
-        out[inside, channel] = found
+        # No harmonic function exceeds its boundary; one that is not solved to the end might.
+        out[inside, channel] = np.clip(found, values[..., channel].min(), values[..., channel].max())
     return out

@@ -28,7 +28,7 @@ _NOISE = 1e-4
 _INFORMATIVE = 0.5
 """Weight of the colours against the expectation below which they show no mixture."""
 _UNSURE = 1e-3
-"""Weight of pixels of the band itself as foreground: only where there are no others, as in a wire."""
+"""Weight of pixels of the band itself: as foreground where there are no others, as in a wire; of lamps."""
 _RADIUS = 1.5
 _LEAST = 1 / 255
 

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 
 from focusjax.geometry import Camera
 from focusjax.photo._beyond import extended
-from focusjax.photo._hidden import MIXED, MIXED_EXACT, carried_behind, membrane, without_lamps
+from focusjax.photo._hidden import LAMP, MIXED, MIXED_EXACT, carried_behind, membrane, without_lamps
 from focusjax.photo._mattes import Mattes, mattes
 from focusjax.photo._mesh import Squares, squares, triangles
 from focusjax.photo._tears import GAP, links, torn_sides
@@ -89,7 +89,7 @@ def sheets(
     behind &= (near - far >= 0.999 * apart) & (far >= least)
     band, seen_behind = band & behind, far_band & behind
     near, far = np.where(behind, near, depth), np.where(behind, far, depth)
-    surfaces = without_lamps(picture)
+    surfaces = without_lamps(picture, int(LAMP * max(light.shape[:2])))
     nearest = _spread_colours(surfaces, behind, trusted)
     weight = np.where(trusted, 1.0, MIXED_EXACT if edge_px == 1 else MIXED).astype(np.float32)
     back = membrane(np.where(behind, far, np.nan), depth, weight, surfaces, nearest, step)

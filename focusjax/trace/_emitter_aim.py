@@ -18,7 +18,7 @@ from focusjax.geometry import Camera, LensRay
 from focusjax.lens import AbstractLens
 
 _STEPS = 6
-_STAYS = 1e-4
+_STAYS = 1e-5
 """Aperture radii below which a step changes nothing."""
 _FARTHEST = 1.02
 """Aperture radii from the middle that the search stays within: beside any aperture, but little."""
@@ -28,8 +28,8 @@ _RINGS = (0.5, 0.7, 0.85, 1.0)
 _LEAST_RATIO = 0.05
 """Of the smallest to the largest |det J| over the aperture, for the map to count as one to one.
 
-A ray that carries more than 1 / `_LEAST_RATIO` of what another one does would be the end of a picture of few
-rays, so that this is the least that is divided by, too, where a caustic hides between the points tested.
+Areas also count as no less than this share of the largest on the way: one ray with more than 20 times the
+light of others would be a visible spike.
 """
 
 
@@ -74,13 +74,13 @@ def aim_at(
         ray, slope = _ray_and_slope(camera, lens, film_point, pupil, disparity)
         off = place - ray.at(disparity)
         after = pupil + _solved(slope, off)
+        area = jnp.abs(_determinant(slope))
         # Where a ray goes that glass stops says little: halfway back to one that passes.
         lit = ray.weight > 0
         after = jnp.where(lit, after, 0.5 * (pupil + passing))
         square = after @ after
         after = after * (_FARTHEST / jnp.sqrt(jnp.maximum(square, _FARTHEST**2)))
-        area = jnp.abs(_determinant(slope))
-        most = jnp.maximum(most, area)
+        most = jnp.maximum(most, jnp.where(lit, area, 0.0))
         found = Aim(pupil, ray, jnp.maximum(area, _LEAST_RATIO * most), jnp.abs(off).max())
         moves = jnp.abs(after - pupil).max() > _STAYS
         return step + 1, after, jnp.where(lit, pupil, passing), most, found, moves
@@ -97,7 +97,8 @@ def one_to_one(
 ) -> Bool[Array, ""]:
     """Whether at `disparity` no two points of the aperture see the same place; a few of them are tested.
 
-    Rays that carry no light do not count. Of a lens with colours, that of the colour between is looked at.
+    Rays that carry no light do not count, and where none does nothing is seen twice. Of a lens with
+    colours, that of the colour between is looked at.
     """
     turns = jnp.arange(_TURNS, dtype=film_point.dtype) / _TURNS
     rim = jax.vmap(lens.opening().rim)(turns)
@@ -110,7 +111,7 @@ def one_to_one(
     area, lit = jax.vmap(at)(points)
     least, most = jnp.where(lit, area, jnp.inf).min(), jnp.where(lit, area, -jnp.inf).max()
     small, large = jnp.minimum(jnp.abs(least), jnp.abs(most)), jnp.maximum(jnp.abs(least), jnp.abs(most))
-    return (least * most > 0) & (small > _LEAST_RATIO * large)
+    return ~lit.any() | ((least * most > 0) & (small > _LEAST_RATIO * large))
 
 
 def _ray_and_slope(

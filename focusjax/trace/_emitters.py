@@ -172,12 +172,13 @@ def _within_budget(
     disparity = slots.middles()[2]
     shares = jnp.array([(x, y) for y in (0.0, 0.5, 1.0) for x in (0.0, 0.5, 1.0)], dtype=disparity.dtype)
 
-    def clear(first: Array, extent: Array, disparity: Array) -> Array:
-        """At all of nine of the pixels that may see the cluster."""
-        films = first[None] + shares * extent[None]
-        return jax.vmap(lambda film: one_to_one(camera, lens, film, disparity))(films).all()
+    def clear(share: Array) -> Array:
+        """Of each cluster, at one of the pixels that may see it."""
+        films = first + share[None] * extent
+        return jax.vmap(lambda film, disparity: one_to_one(camera, lens, film, disparity))(films, disparity)
 
-    pairs = jnp.where(jax.vmap(clear)(first, extent, disparity), extent.prod(axis=1), 0)
+    # One after the other, so that few rays are held at once.
+    pairs = jnp.where(jax.lax.map(clear, shares).all(axis=0), extent.prod(axis=1), 0)
     most = MOST_PAIRS * camera.width * camera.height
     # In floating point, where sums do not overflow.
     room = jnp.cumsum(jnp.minimum(pairs, most + 1).astype(disparity.dtype)) <= most * (1.0 - 2.0**-10)

@@ -93,7 +93,6 @@ def sheets(
     nearest = _spread_colours(surfaces, behind, trusted)
     weight = np.where(trusted, 1.0, MIXED_EXACT if edge_px == 1 else MIXED).astype(np.float32)
     back = membrane(np.where(behind, far, np.nan), depth, weight, surfaces, nearest, step)
-    back = np.where(behind[..., None], back, picture)
     near_side = near_band | (
         scipy.ndimage.binary_dilation(near_band, iterations=_NEAR_SIDE) & _as_near(depth, near_band, step)
     )

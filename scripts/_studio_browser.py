@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from selenium import webdriver
-from selenium.common.exceptions import WebDriverException
+from selenium.common.exceptions import StaleElementReferenceException, WebDriverException
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -71,12 +71,34 @@ class Tab:
         return self.driver.execute_script(script, selector)
 
     def wait(self, what: Callable[[], Any], seconds: float = 240.0, why: str = "") -> Any:
+        """What a question answers as soon as that counts as true.
+
+        The page may replace an element between the moment it is found and the moment it is asked.
+        Then the question is asked again.
+        """
         end = time.monotonic() + seconds
-        while not (found := what()):
+        while True:
+            with contextlib.suppress(StaleElementReferenceException):
+                if found := what():
+                    return found
             if time.monotonic() > end:
                 raise AssertionError(f"waited {seconds:g} s for {why or what}; the page says {self.body()!r}")
             time.sleep(0.02)
-        return found
+
+    def push(self, selector: str) -> None:
+        """Click at the first element of a CSS selector, as soon as the page has it."""
+
+        def clicked() -> bool:
+            found = self.driver.find_elements(By.CSS_SELECTOR, selector)
+            if found:
+                found[0].click()
+            return bool(found)
+
+        self.wait(clicked, 30, selector)
+
+    def shown(self, marker: str) -> bool:
+        """Whether the page shows an element of that marker."""
+        return any(each.is_displayed() for each in self.all(marker))
 
     def body(self) -> str:
         return self.driver.find_element(By.TAG_NAME, "body").text

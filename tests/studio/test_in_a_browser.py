@@ -80,7 +80,7 @@ def test_the_first_sixty_seconds(tab, still_life):
     assert "f/8.0" in tab.text("value-f_number")
     tab.settle()
     # Save; a run of the file comes to the lens on the page.
-    tab.all("save")[0].click()
+    tab.push(".at-save")
     tab.wait(lambda: "Saved to" in tab.body(), why="the word that it is saved")
     config = load_config(still_life)
     assert [wish.name for wish in config.focus] == ["spot", "lamp"]
@@ -114,9 +114,8 @@ def test_overlays_wipe_and_view_from_above(tab):
     for key, mark in (("b", "/studio/blur/"), ("d", "/studio/depth/"), (" ", "/studio/sharp/")):
         tab.press(key)
         tab.wait(lambda mark=mark: mark in tab.driver.page_source, why=mark)
-    above = tab.all("above")[0]
-    assert above.find_elements("css selector", "polygon.zone")
-    assert above.find_elements("css selector", "polyline.focus")
+    for part in ("polygon.zone", "polyline.focus"):
+        assert tab.driver.find_elements("css selector", f".at-above {part}")
     assert tab.complaints() == []
 
 
@@ -127,7 +126,7 @@ def test_keys_after_a_click_on_a_button_and_in_fields(tab, still_life):
     # The button does not take the space bar for itself.
     zoom = "button[aria-label^='Zoom']"
     for _ in range(4):
-        tab.driver.find_element("css selector", zoom).click()
+        tab.push(zoom)
         time.sleep(0.2)
     tab.press(" ")
     tab.wait(lambda: "/studio/sharp/" in tab.driver.page_source, 30, "the wipe")
@@ -141,7 +140,7 @@ def test_keys_after_a_click_on_a_button_and_in_fields(tab, still_life):
     tab.wait(lambda: 'name = "the cow"' in still_life.read_text(), 30, "the saved name")
     tab.type("name", "cow")
     tab.press("\ue00c")  # Escape
-    tab.wait(lambda: not tab.all("card")[0].is_displayed(), 30, "the card to close")
+    tab.wait(lambda: not tab.shown("card"), 30, "the card to close")
     assert tab.complaints() == []
 
 
@@ -152,7 +151,7 @@ def test_a_focal_surface_is_laid_through_the_wishes_and_control_points(tmp_path,
         browser.get_log("browser")
         tab.open(address)
         tab.settle()
-        tab.all("surface")[0].click()
+        tab.push(".at-surface")
         tab.wait(lambda: len(tab.all("control")) == 2, why="a control point for each wish")
         tab.click(0.5, 0.2, shift=True)
         tab.wait(lambda: len(tab.all("control")) == 3, why="one more")
@@ -160,11 +159,11 @@ def test_a_focal_surface_is_laid_through_the_wishes_and_control_points(tmp_path,
         tab.type("surface-blur_px", "-3")
         tab.wait(lambda: "blur_px = -3" in tab.unsaved(file), why="its blur")
         assert len(browser.find_elements("css selector", ".control polygon.edge")) == 3
-        browser.find_element("css selector", "button[aria-label='Forget this control point']").click()
+        tab.push("button[aria-label='Forget this control point']")
         tab.wait(lambda: len(tab.all("control")) == 2, why="the control point to go")
         tab.settle()
-        tab.all("surface")[0].click()
-        tab.wait(lambda: tab.all("value-tilt")[0].is_displayed(), why="the settings of a plane")
+        tab.push(".at-surface")
+        tab.wait(lambda: tab.shown("value-tilt"), why="the settings of a plane")
         tab.settle()
         assert tab.complaints() == []
         browser.get("about:blank")

@@ -7,11 +7,15 @@ from focusjax.config._errors import ConfigError
 from focusjax.config._load import Config
 from focusjax.geometry import Camera
 from focusjax.lens import PrescriptionLens, SpectralLens, ThinLens, prescription_lens, spectral_lens
-from focusjax.optics import LENS_FILES, LensFileError, Prescription, lens_preset, load_lens
+from focusjax.optics import LENS_FILES, LensFileError, Prescription, first_order, lens_preset, load_lens
 
 
-def build_real_lens(config: Config, camera: Camera, lens: ThinLens) -> PrescriptionLens | SpectralLens | None:
+def build_real_lens(
+    config: Config, camera: Camera, lens: ThinLens, *, wide_open: bool = False
+) -> PrescriptionLens | SpectralLens | None:
     """The lens of `lens.prescription` with the focal length, focus and opening of a thin one; None without.
+
+    With `wide_open` it is open as far as the config and it allow.
 
     Raises:
         ConfigError: a file that cannot be read, no such lens, or one that cannot be opened or focused so.
@@ -20,11 +24,17 @@ def build_real_lens(config: Config, camera: Camera, lens: ThinLens) -> Prescript
     if table.prescription is None:
         return None
     try:
+        prescription = _prescription(config, table.prescription)
+        f_number = float(lens.f_number(camera))
+        if wide_open:
+            f_number = min(
+                f_number, max(config.solve.f_number_min, float(first_order(prescription).f_number))
+            )
         made = prescription_lens(
-            _prescription(config, table.prescription),
+            prescription,
             camera,
             focus_distance=float(lens.focus_distance()),
-            f_number=float(lens.f_number(camera)),
+            f_number=f_number,
             aperture=lens.aperture,
         )
         return spectral_lens(made, camera, bands=table.spectral_bands) if table.spectral else made

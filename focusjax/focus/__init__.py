@@ -51,6 +51,7 @@ from focusjax.focus._solution import WishResult as WishResult
 from focusjax.focus._solution import one_row as one_row
 from focusjax.focus._solve import solve as solve
 from focusjax.focus._solve_frames import solve_frames as solve_frames
+from focusjax.focus._solve_glass import seen_through as seen_through
 from focusjax.focus._solve_surface import SurfaceSolution as SurfaceSolution
 from focusjax.focus._solve_surface import solve_focal_surface as solve_focal_surface
 from focusjax.focus._solve_surface_frames import SurfaceFramesSolution as SurfaceFramesSolution

@@ -16,7 +16,8 @@ from jaxtyping import Array, Float, Int
 
 from focusjax._arguments import ArgumentError
 from focusjax._words import kind_of
-from focusjax.focus._image_points import BLUR, EQUAL, ImagePoints
+from focusjax.focus._glass_rows import wished_sharp
+from focusjax.focus._image_points import ImagePoints
 from focusjax.focus._refuse import require_points
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, moved_film, refocused
@@ -94,12 +95,7 @@ def focus_by_rays(
 
 def sharp_weights(points: ImagePoints) -> Float[Array, "n"]:
     """The weights of the rows that wish for sharpness, and 0 for all others."""
-    sharp = (points.target == 0.0) & points.signed
-    if points.relation is not None:
-        sharp &= points.relation == EQUAL
-    if points.quantity is not None:
-        sharp &= points.quantity == BLUR
-    return jnp.where(sharp, points.weight, 0.0)
+    return jnp.where(wished_sharp(points), points.weight, 0.0)
 
 
 @eqx.filter_jit

@@ -90,10 +90,18 @@ def errors(points: ImagePoints, camera: Camera, lens: AbstractLens) -> Float[Arr
     of an `AT_MOST` row is not negative, and that of an `AT_LEAST` row not positive: their good side
     has no error. The target of a `SAME` row is the blur of its reference.
     """
-    value = values(points, camera, lens)
-    excess = jnp.where(points.signed, value, jnp.abs(value)) - points.target
+    other = None
     if points.reference is not None:
         other = jax.vmap(lambda row: lens.blur(camera, row[:2], row[2]))(points.reference)
+    return errors_of(points, values(points, camera, lens), other)
+
+
+def errors_of(
+    points: ImagePoints, value: Float[Array, "n"], other: Float[Array, "n"] | None
+) -> Float[Array, "n"]:
+    """As `errors`, given what every row is about and the signed blur of its reference, if there are any."""
+    excess = jnp.where(points.signed, value, jnp.abs(value)) - points.target
+    if other is not None:
         excess = excess - jnp.where(points.signed, other, jnp.abs(other)) * (points.relation == SAME)
     return one_sided(excess, points.relation)
 

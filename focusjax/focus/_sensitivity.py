@@ -1,7 +1,8 @@
-"""How blur, and where things are shown, depend on the solved parameters, by numpy: it compiles nothing."""
+"""How blur, and where things are shown, depend on the solved parameters, by numpy where no glass is."""
 
 import dataclasses
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -10,6 +11,7 @@ from focusjax.focus._image_points import ACROSS, AT_LEAST, AT_MOST, BLUR, DOWN, 
 from focusjax.focus._parameters import FOCUS, PARAMETERS, RADIUS, RISE, SHIFT, SWING, TILT, ZOOM
 from focusjax.focus._priors import prior_rows
 from focusjax.focus._solution import Asked, Solution
+from focusjax.focus._solve_glass import defocus_slopes
 from focusjax.lens import TiltShiftLens
 
 _AT_LIMIT_PX = 1e-3
@@ -139,7 +141,7 @@ def _slopes(solution: Solution, asked: Asked) -> Float[np.ndarray, "n 7"]:
 def _blur_slopes(
     solution: Solution, asked: Asked, xy: Float[np.ndarray, "n 2"], disparity: Float[np.ndarray, "n"]
 ) -> Float[np.ndarray, "n 7"]:
-    """The derivative of the formula in `_parameters`, about the solved camera and lens."""
+    """The derivative of the formula in `_parameters`, or through glass, about the solved camera and lens."""
     lens = solution.lens
     tangents = _tangents(solution, xy)
     radius, focus = float(lens.aperture_radius), float(lens.focus_disparity)
@@ -155,6 +157,10 @@ def _blur_slopes(
     slopes[:, SWING] = gain * radius * tangents[:, 0] / zoom
     power = 1 if asked.plan.keep_view else 2
     slopes[:, ZOOM] = gain * radius * (power * defocus - tangents @ across) / zoom
+    if asked.glass is not None:
+        place = jnp.asarray(lens.focus_disparity), jnp.asarray(lens.aperture_radius)
+        found = defocus_slopes(asked.glass, asked.camera, *place, jnp.asarray(xy), jnp.asarray(disparity))
+        slopes[:, [FOCUS, RADIUS]] = found
     return slopes
 
 

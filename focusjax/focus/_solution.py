@@ -16,7 +16,7 @@ from focusjax.focus._image_points import ACROSS, AT_LEAST, AT_MOST, BLUR, EQUAL,
 from focusjax.focus._parameters import PARAMETERS
 from focusjax.focus._priors import Numbers
 from focusjax.geometry import Camera
-from focusjax.lens import ThinLens, TiltShiftLens
+from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens
 
 _RELATIONS = {EQUAL: "equal", AT_MOST: "at most", AT_LEAST: "at least", SAME: "same"}
 SHOWN_AT, IN_FRAME = "shown at", "in frame"
@@ -112,6 +112,7 @@ class Asked(eqx.Module):
         limits: bounds.
         numbers: priors by name.
         plan: what is static.
+        glass: the real lens that makes the picture, as wide as it opens; None for ideal lenses.
     """
 
     points: ImagePoints
@@ -120,6 +121,7 @@ class Asked(eqx.Module):
     limits: Limits
     numbers: Numbers
     plan: Plan = eqx.field(static=True)
+    glass: AbstractLens | None = None
 
 
 class Solution(eqx.Module):
@@ -142,6 +144,7 @@ class Solution(eqx.Module):
             that it stayed as near to the start as it could.
         free: what was solved for, in the order of `PARAMETERS` (static).
         asked: the problem.
+        glass: the real lens of these settings, of which `blur` and `error` are; None for ideal lenses.
 
     Example:
         >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=360, height=240, focal_length=0.05)
@@ -165,6 +168,7 @@ class Solution(eqx.Module):
     open: Bool[Array, "*p k"]
     free: tuple[str, ...] = eqx.field(static=True)
     asked: Asked | None = None
+    glass: AbstractLens | None = None
 
     def __str__(self) -> str:
         return text_of(self)

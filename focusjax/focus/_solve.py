@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import equinox as eqx
 import jax
@@ -13,32 +13,20 @@ from jaxtyping import Array, ArrayLike, Bool
 
 from focusjax._arguments import ArgumentError, about, require_switches
 from focusjax._counts import require_counts
-from focusjax.focus._bounds import Box, Range, make_limits, refuse_idle
-from focusjax.focus._global import find_optimum
+from focusjax.focus._basin import basin_of, ended, place_of
+from focusjax.focus._bounds import Range, make_limits, refuse_idle
+from focusjax.focus._glass_checks import checked_glass
 from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, named_like, padded, room_for
-from focusjax.focus._objective import make_objective
-from focusjax.focus._parameters import (
-    FOCUS,
-    FRAMING,
-    RADIUS,
-    SWING,
-    TILT,
-    Start,
-    blur_models,
-    in_order,
-    make_start,
-    scales,
-)
-from focusjax.focus._priors import Prior, checked_priors, prior_rows
+from focusjax.focus._parameters import FRAMING, in_order
+from focusjax.focus._priors import Prior, checked_priors
 from focusjax.focus._refine import METHODS, Problem
 from focusjax.focus._refuse import check_start, checked_points, require_lens, require_points
-from focusjax.focus._search import Basin, search
 from focusjax.focus._solution import Asked, Plan, Result, Solution, first_rows
+from focusjax.focus._solve_glass import solve_through
 from focusjax.geometry import Camera
-from focusjax.lens import ThinLens, TiltShiftLens
+from focusjax.lens import FittedLens, PrescriptionLens, SpectralLens, ThinLens, TiltShiftLens
 
-_PARTLY_OPEN = 0.01
-"""Squared cosine between a parameter's axis and what is open from which on the parameter is called open."""
+Glass: TypeAlias = PrescriptionLens | SpectralLens | FittedLens
 
 
 def solve(
@@ -46,6 +34,7 @@ def solve(
     camera: Camera,
     lens: ThinLens | TiltShiftLens,
     *,
+    through: Glass | None = None,
     free: str | Sequence[str] = ("focus",),
     min_focus_distance: ArrayLike | None = None,
     max_focus_distance: ArrayLike | None = None,
@@ -78,11 +67,20 @@ def solve(
     `Solution.undetermined` names what is open. For focus and f-number of wishes at one distance that is
     exact; otherwise it is the nearest of the basins that the search finds (`nearest`).
 
+    With `through` the blur is that of a real lens: its rays from every place are followed to the film, and
+    the blur is sqrt(8 M), with M their mean square distance from their middle: for an ideal lens the diameter
+    of the circle of confusion. It has the sign of its defocus, and where something is in focus it is the spot
+    that aberrations leave, so a lens may miss a wish for sharpness however it is focused. The film moves as
+    it does when the picture is made (Lee10 5.1).
+
     Args:
         points: located wishes; at least one has positive weight.
         camera: the pinhole that frames the picture.
         lens: where to start, and the values of what is not free. With tilt or swing free, a thin lens
             becomes a tilt-shift lens.
+        through: the real lens that makes the picture, made for `camera` and as wide as it may open. Only
+            "focus" and "f_number" can be free, and the f-number is no less than that of this lens.
+            `Solution.glass` is the lens to use, and `Solution.lens` the ideal one with its settings.
         free: parameters to solve for, of "focus", "f_number", "tilt", "swing", "focal_length", "shift" and
             "rise"; limits may be given to these only. Shift and rise move the frame and change neither
             perspective nor blur: wishes for where things are shown (`ShownAt`, `InFrame`) determine them, and
@@ -127,6 +125,8 @@ def solve(
         swing_range=swing_range, focal_length_range=focal_length_range, shift_range=shift_range,
         rise_range=rise_range,
     )  # fmt: skip
+    if through is not None:
+        asked = dataclasses.replace(asked, glass=checked_glass(through, asked))
     solution, failed = solve_asked(asked)
     # A known success skips the machinery of errors inside compiled code.
     if throw and (isinstance(failed, Tracer) or bool(failed)):
@@ -141,7 +141,8 @@ def solve_asked(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
     points = asked.points
     count = points.disparity.shape[0]
     padded_ = anonymous(padded(points, room_for(count)))
-    solution, failed = _solve(dataclasses.replace(asked, points=padded_))
+    solving = _solve if asked.glass is None else solve_through
+    solution, failed = solving(dataclasses.replace(asked, points=padded_))
     if set(asked.plan.free) & set(FRAMING):
         seen = jax.tree.map(lambda leaf: first_rows(leaf, count), solution.points)
         points = named_like(seen, points)
@@ -220,69 +221,13 @@ def _solve(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
 
 def solved(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
     """Settle sides and active bounds, refine, report; and whether that failed."""
-    points, camera, lens, limits, plan = asked.points, asked.camera, asked.lens, asked.limits, asked.plan
-    start = make_start(camera, lens, plan.free, keep_view=plan.keep_view)
-    priors = prior_rows(asked.numbers, plan.free, camera)
-    whole_box = limits.box(camera)
-    box = whole_box.columns(start.columns)
-    first = jnp.clip(start.vector()[jnp.array(start.columns)], box.lower, box.upper)
-    if plan.exact:
-        basin = _exact_basin(points, start, whole_box)
-    else:
-        objective = make_objective(points, start, priors)
-        basin = search(objective, first, box, many=plan.many, max_steps=plan.max_steps)
-    basin = jax.lax.stop_gradient(basin)
+    points, plan = asked.points, asked.plan
+    start, priors, box, first = place_of(asked)
+    basin = jax.lax.stop_gradient(basin_of(asked))
     problem = Problem(points, start, priors, basin.side, basin.on)
     value, steps, result = METHODS[plan.method](problem, basin, first, box, plan.max_steps)
     # Rounding may carry a free parameter past a bound that it reaches without being pushed.
     value = value + jax.lax.stop_gradient(jnp.clip(value, box.lower, box.upper) - value)
-    camera, lens, points = start.camera_at(value), start.lens_at(value), start.points_at(value, points)
-    error = errors(points, camera, lens)
-    is_open = basin.held | (jnp.diag(basin.open) > _PARTLY_OPEN)
-    result = Result.where(basin.settled, result, Result.max_steps_reached)
-    result = Result.where((result == Result.solved) & jnp.any(is_open), Result.undetermined, result)
-    result = Result.where(jnp.all(jnp.isfinite(error)), result, Result.not_finite)
-    solution = Solution(
-        lens=lens,
-        camera=camera,
-        points=points,
-        blur=blurs(points, camera, lens),
-        error=error,
-        cost=0.5 * (jnp.sum(points.weight * error**2) + jnp.sum(priors(value) ** 2)),
-        result=result,
-        steps=basin.steps + steps,
-        at_lower=basin.at_lower,
-        at_upper=basin.at_upper,
-        open=is_open,
-        free=plan.free,
-    )
-    return solution, (result == Result.max_steps_reached) | (result == Result.not_finite)
-
-
-def _exact_basin(points: ImagePoints, start: Start, whole_box: Box) -> Basin:
-    """What `find_optimum` says of focus and aperture radius, for the parameters that are free."""
-    count = len(start.free)
-    box = whole_box.columns((FOCUS, RADIUS))
-    vector = start.vector()
-    radius = vector[RADIUS]
-    if count == 1:
-        box = box.at_radius(radius)
-    own, _ = blur_models(points, start)
-    if isinstance(start.lens, TiltShiftLens):
-        # A tilted lens blurs a point as an upright one blurs it elsewhere in depth.
-        shift = own.across @ vector[jnp.array([TILT, SWING])]
-        points = dataclasses.replace(points, disparity=points.disparity - shift)
-    first = jnp.stack([jnp.clip(vector[FOCUS], box.lower[0], box.upper[0]), radius])
-    scale = scales(start)[jnp.array([FOCUS, RADIUS])]
-    found = jax.lax.stop_gradient(find_optimum(points, own.gain, first, scale, box, free_aperture=count == 2))
-    return Basin(
-        value=found.value[:count],
-        side=found.side,
-        on=jnp.ones_like(points.signed),
-        at_lower=found.at_lower[:count],
-        at_upper=found.at_upper[:count],
-        held=found.held[:count],
-        open=found.open[:count, :count],
-        settled=jnp.array(True),
-        steps=jnp.array(0),
-    )
+    camera, lens, seen = start.camera_at(value), start.lens_at(value), start.points_at(value, points)
+    blur, error = blurs(seen, camera, lens), errors(seen, camera, lens)
+    return ended(seen, start, basin, value, blur, error, jnp.sum(priors(value) ** 2), steps, result)

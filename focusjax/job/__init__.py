@@ -7,6 +7,7 @@ from focusjax.job._exposed import solve_exposed as solve_exposed
 from focusjax.job._glass import FIT_PX as FIT_PX
 from focusjax.job._glass import ThroughGlass as ThroughGlass
 from focusjax.job._glass import left_to_quality as left_to_quality
+from focusjax.job._glass import solved_through as solved_through
 from focusjax.job._glass import through_glass as through_glass
 from focusjax.job._guessed import Guessed as Guessed
 from focusjax.job._layers import left_out_sentence as left_out_sentence

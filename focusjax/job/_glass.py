@@ -1,12 +1,15 @@
-"""The real lens of a run: focused by its rays, and fitted."""
+"""The real lens of a run: solved for, and fitted."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
-from focusjax.config import Config, build_real_lens
-from focusjax.focus import ImagePoints, focus_by_rays, sharp_weights, spots
+from focusjax.config import Config, build_real_lens, refusals_located
+from focusjax.focus import ImagePoints, Solution, seen_through, solve
 from focusjax.geometry import Camera
 from focusjax.lens import (
     AbstractLens,
@@ -31,21 +34,18 @@ class ThroughGlass:
     Attributes:
         exact: focused.
         traced: what rays are traced with: `exact`, or polynomials for it.
-        by_rays: whether the spots of what is wished sharp set the focus, instead of the thin lens's distance.
-        spots: RMS diameter in pixels of the spot of each wish for sharpness, the largest of its samples, by
-            name.
         poor_fit: why rays are traced exactly although polynomials were asked for, or a quality was; empty
             otherwise.
         decibels: expected PSNR of the picture by polynomials against that through the glass, where they were
             chosen for a quality; None otherwise.
+        solution: what wishes set the focus; None where none did.
     """
 
     exact: PrescriptionLens | SpectralLens
     traced: AbstractLens
-    by_rays: bool
-    spots: dict[str, float]
     poor_fit: str
     decibels: float | None = None
+    solution: Solution | None = None
 
     @property
     def middle(self) -> PrescriptionLens:
@@ -66,47 +66,72 @@ class ThroughGlass:
         return tuple(each.error for each in fitted if isinstance(each, FittedLens))
 
 
+def solved_through(
+    config: Config,
+    options: Mapping[str, Any],
+    points: ImagePoints,
+    camera: Camera,
+    lens: ThinLens,
+    settled: Solution | None,
+) -> Solution:
+    """The wishes of a config met by its real lens.
+
+    Args:
+        config: has a prescription.
+        options: of `solve`.
+        points: the wishes.
+        camera: framed already, where that is solved for.
+        lens: where to start.
+        settled: what a thin lens says, where more is free than focus and f-number, or where the light has set
+            the f-number: the focus is then found anew, and the f-number where nothing has set it. None
+            otherwise.
+
+    Raises:
+        ConfigError: as `build_real_lens`, and as `solve`.
+    """
+    free = [name for name in options["free"] if name in ("focus", "f_number")]
+    if config.weighs(solving=True):
+        free = [name for name in free if name == "focus"]
+    exact = build_real_lens(config, camera, lens, wide_open="f_number" in free)
+    assert exact is not None
+    if not free:
+        assert settled is not None
+        return seen_through(settled, exact)
+    limits = {"focus": ("min_focus_distance", "max_focus_distance"), "f_number": ("f_number_range",)}
+    kept = {name: options[name] for key in free for name in limits[key] if name in options}
+    priors = {name: prior for name, prior in options.get("priors", {}).items() if name in free}
+    with refusals_located(config):
+        solution = solve(
+            points, camera, lens, through=exact, free=free, method=options["method"], priors=priors, **kept
+        )
+    jax.block_until_ready(solution.blur)
+    return solution
+
+
 def through_glass(
     config: Config,
     camera: Camera,
-    lens: AbstractLens,
-    points: ImagePoints | None,
+    lens: ThinLens,
+    solution: Solution | None,
     disparity: Float[np.ndarray, "h w"],
     *,
     fit: bool,
 ) -> ThroughGlass:
     """The real lens of a config.
 
-    What the wishes make of a thin lens is taken for its f-number, and for its focus where nothing is wished
-    sharp. Where something is, the film goes to where the spots of that are smallest.
-
     Args:
         config: has a prescription.
         camera: as it was solved for.
-        lens: the thin lens that was solved for.
-        points: the wishes; None when nothing was solved for.
+        lens: the ideal lens with the settings.
+        solution: through the glass; None when nothing was solved for.
         disparity: of the first surface at every pixel, for the nearest.
         fit: whether to look for polynomials, of a config that does not leave that to its quality.
 
     Raises:
         ConfigError: as `build_real_lens`.
     """
-    assert isinstance(lens, ThinLens)
-    exact = build_real_lens(config, camera, lens)
-    assert exact is not None
-    sharp = np.zeros(0) if points is None else np.asarray(sharp_weights(points))
-    by_rays = bool((sharp > 0).any()) and "focus" in config.solve.free
-    if by_rays:
-        assert points is not None
-        found = focus_by_rays(points, camera, exact).lens
-        assert isinstance(found, PrescriptionLens | SpectralLens)
-        exact = found
-    sizes = {}
-    if points is not None and (sharp > 0).any():
-        found = np.asarray(spots(points.xy, points.disparity, camera, exact))
-        for number in np.unique(np.asarray(points.wish)[sharp > 0]):
-            mine = (np.asarray(points.wish) == number) & (sharp > 0)
-            sizes[points.names[number]] = float(found[mine].max())
+    exact = build_real_lens(config, camera, lens) if solution is None else solution.glass
+    assert isinstance(exact, PrescriptionLens | SpectralLens)
     traced, poor_fit = exact, ""
     error_px = FIT_PX if config.lens.fit_px is None else config.lens.fit_px
     if fit and error_px > 0 and not left_to_quality(config):
@@ -116,7 +141,7 @@ def through_glass(
             traced = fitted_lens(exact, camera, error_px=error_px, **distances)
         except PoorFitError as error:
             poor_fit = str(error)
-    return ThroughGlass(exact, traced, by_rays, sizes, poor_fit)
+    return ThroughGlass(exact, traced, poor_fit, solution=solution)
 
 
 def left_to_quality(config: Config) -> bool:

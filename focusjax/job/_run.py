@@ -33,7 +33,7 @@ from focusjax.focus import (
 )
 from focusjax.geometry import Camera
 from focusjax.job._exposed import ExposedLens, ExposedSolution
-from focusjax.job._glass import ThroughGlass, left_to_quality, through_glass
+from focusjax.job._glass import ThroughGlass, left_to_quality, solved_through, through_glass
 from focusjax.job._guessed import Guessed, guessed_shares, in_grey, warn_of_holes
 from focusjax.job._moving import build_moving
 from focusjax.job._photograph import Photograph, take_photograph
@@ -168,6 +168,8 @@ def _run(
             warn_of_holes(config, config.focus, scene, camera)
         return_freed(pixels)
     solution = None
+    real = config.lens.prescription is not None
+    others = set(config.solve.free) - {"focus", "f_number"}
     if surface is not None and solving:
         assert points is not None
         assert isinstance(lens, ThinLens)
@@ -176,6 +178,12 @@ def _run(
     elif surface is not None:
         assert isinstance(lens, ThinLens)
         lens = focal_surface_lens(surface, camera, lens)
+    elif solving and real and not others and grey is None:
+        assert points is not None
+        assert isinstance(lens, ThinLens)
+        with watch.stage("solve"):
+            solution = solved_through(config, options, points, camera, lens, None)
+        lens, points = solution.lens, solution.points
     elif solving:
         assert points is not None
         light = grey if exposed is None else None
@@ -191,10 +199,20 @@ def _run(
             again = solved_lens(config, options, points, camera, lens, light, watch, "solve_again")
             solution, exposed = again[0], again[1] or exposed
             lens, points, camera = solution.lens, solution.points, solution.camera
+    if real and solving and (others or grey is not None):
+        # What frames the picture, and what the light takes, an ideal lens has settled.
+        assert points is not None
+        assert isinstance(lens, ThinLens)
+        assert isinstance(solution, Solution)
+        with watch.stage("solve_glass"):
+            solution = solved_through(config, options, points, camera, lens, solution)
+        lens = solution.lens
     glass = None
-    if config.lens.prescription is not None:
+    if real:
+        assert isinstance(lens, ThinLens)
+        assert not isinstance(solution, SurfaceSolution)
         with watch.stage("glass"):
-            glass = through_glass(config, camera, lens, points if solving else None, disparity, fit=rendering)
+            glass = through_glass(config, camera, lens, solution, disparity, fit=rendering)
     picture, photograph, guessed = None, None, None
     if rendering:
         look = build_look(config, camera, lens) if glass is None else glass.traced

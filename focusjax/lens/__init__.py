@@ -68,6 +68,11 @@ from focusjax.lens._scheimpflug import focal_plane_through as focal_plane_throug
 from focusjax.lens._scheimpflug import lens_axis as lens_axis
 from focusjax.lens._scheimpflug import movements_of as movements_of
 from focusjax.lens._scheimpflug import view_tangents as view_tangents
+from focusjax.lens._settable import SettableLens as SettableLens
+from focusjax.lens._settable import nearest_focus as nearest_focus
+from focusjax.lens._settable import pupil_radius as pupil_radius
+from focusjax.lens._settable import settable as settable
+from focusjax.lens._settable import stopped as stopped
 from focusjax.lens._spectral import SpectralLens as SpectralLens
 from focusjax.lens._spectral import spectral_lens as spectral_lens
 from focusjax.lens._spline import RadialSpline as RadialSpline

@@ -15,11 +15,9 @@ def glass_facts(outcome: Outcome) -> dict[str, Any] | None:
     facts: dict[str, Any] = {
         "name": lens.prescription.name,
         "focus_distance_m": float(lens.focus_distance()),
-        "focused_by": "spots" if found.by_rays else "distance",
         "f_number": float(lens.f_number(outcome.camera)),
         "film_distance_mm": float(lens.film_place),
         "spectral": outcome.config.lens.spectral,
-        "spots_px": found.spots,
         "fit": None,
         "poor_fit": found.poor_fit,
     }
@@ -38,14 +36,10 @@ def glass_facts(outcome: Outcome) -> dict[str, Any] | None:
 def glass_sentences(facts: dict[str, Any]) -> list[str]:
     """What `glass_facts` says, for people."""
     colours = ", each colour for itself" if facts["spectral"] else ""
-    how = " where what is wished sharp has the smallest spots" if facts["focused_by"] == "spots" else ""
     sentences = [
-        f"Through the glass of {facts['name']}{colours}: focused at {metres(facts['focus_distance_m'])}{how},"
+        f"Through the glass of {facts['name']}{colours}: focused at {metres(facts['focus_distance_m'])},"
         f" the film {facts['film_distance_mm']:.2f} mm behind it."
     ]
-    if facts["spots_px"]:
-        sizes = ", ".join(f"{name} {size:.2f} px" for name, size in facts["spots_px"].items())
-        sentences.append(f"RMS diameters of spots: {sizes}.")
     if facts["fit"] is not None:
         fit = facts["fit"]
         sentences.append(

@@ -37,6 +37,7 @@ from focusjax.job import (
     keyed_transforms,
     left_to_quality,
     refuse_uneven,
+    solved_through,
     through_glass,
 )
 from focusjax.lens import AbstractLens, FocalSurface, ThinLens
@@ -115,11 +116,18 @@ def _through_glass(
     *,
     fit: bool,
 ) -> ThroughGlass:
-    """The real lens of a frame; frames have polynomials as exact as those of a still without a quality."""
+    """The real lens of a frame, focused by `points`, as a still is, where there are any and focus is free.
+
+    Frames have polynomials as exact as those of a still without a quality.
+    """
     config = track.config_at(frame)
     if left_to_quality(config):
         config = config.model_copy(update={"lens": config.lens.model_copy(update={"fit_px": FIT_PX})})
-    return through_glass(config, camera, lens, points, disparity, fit=fit)
+    solution = None
+    if points is not None and "focus" in config.solve.free:
+        options = build_solve_options(config) | {"free": ["focus"]}
+        solution = solved_through(config, options, points, camera, lens, None)
+    return through_glass(config, camera, lens, solution, disparity, fit=fit)
 
 
 def build_settings(config: Config) -> FrameSettings:

@@ -224,8 +224,8 @@ def _glass(solved: SolvedShot, frame: int) -> dict[str, Any]:
     if glass is None:
         return {}
     focus = float(glass.focus_per_m[frame])
-    by = "spots" if frame + 1 in glass.by_rays else "distance"
-    return {"glass": {"focus_per_m": focus, "focused_by": by, "spots_px": glass.spots[frame]}}
+    by = "wishes" if frame + 1 in glass.by_wishes else "distance"
+    return {"glass": {"focus_per_m": focus, "focused_by": by, "blur_px": glass.blur[frame]}}
 
 
 def left_out_of_frames(config: Config, rendered: RenderedFrames) -> str | None:

@@ -95,13 +95,13 @@ class FramesThroughGlass:
 
     Attributes:
         focus_per_m: dioptres of every frame [t].
-        spots: of every frame, RMS diameters in pixels of the spots of what is wished sharp, by name.
-        by_rays: numbers of the frames whose focus spots have set, from 1.
+        blur: of every frame, the largest blur in pixels of what is wished sharp, by name.
+        by_wishes: numbers of the frames whose focus these wishes have set, from 1.
     """
 
     focus_per_m: Float[np.ndarray, "t"]
-    spots: tuple[dict[str, float], ...]
-    by_rays: tuple[int, ...]
+    blur: tuple[dict[str, float], ...]
+    by_wishes: tuple[int, ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -144,32 +144,38 @@ class SolvedShot:
     def glass(self) -> FramesThroughGlass | None:
         """The focus of a real lens in every frame; None without one.
 
-        Where a wish for sharpness counts in full, its spots set the focus, as in a still. How far that is
-        from the thin lens's, in dioptres, holds for other frames, too, on straight lines in between: a focus
-        that changes smoothly over the shot changes so through the glass.
+        Where a wish for sharpness counts in full, it sets the focus through the glass, as in a still. How far
+        that is from the thin lens's, in dioptres, holds for other frames, too, on straight lines in between:
+        a focus that changes smoothly over the shot changes so through the glass.
         """
         glass, solution = self.shot.glass, self.solution
         if glass is None or not isinstance(solution, FramesSolution):
             return None
         thin = solution.settings()["focus_per_m"]
-        full, found, spots = self.share > 1.0 - 1e-6, {}, []
+        full, found, blur = self.share > 1.0 - 1e-6, {}, []
         for t in range(solution.count):
-            spots.append({})
+            blur.append({})
             points = jax.tree.map(lambda leaf, t=t: one_row(leaf, t), solution.points)
             weight = (
                 np.asarray(points.weight) * full[t][np.asarray(points.wish)] if full.size else np.zeros(0)
             )
             points = dataclasses.replace(points, weight=jnp.asarray(weight, dtype=float))
-            if not (np.asarray(sharp_weights(points)) > 0).any():
+            sharp = np.asarray(sharp_weights(points))
+            if not (sharp > 0).any():
                 continue
+            points = dataclasses.replace(points, weight=jnp.asarray(sharp, dtype=float))
             camera, lens = solution.at(t)
-            made = glass(t + 1, camera, lens, points, self.depths[t][None], fit=False)
-            spots[-1] = made.spots
-            if made.by_rays:
-                found[t] = float(made.middle.focus_disparity) - thin[t]
+            made = glass(t + 1, camera, lens, points, self.depths[t][None], fit=False).solution
+            if made is None:
+                continue
+            sizes = np.abs(np.asarray(made.blur))
+            for number in np.unique(np.asarray(points.wish)[sharp > 0]):
+                mine = (np.asarray(points.wish) == number) & (sharp > 0)
+                blur[-1][points.names[number]] = float(sizes[mine].max())
+            found[t] = float(made.lens.focus_disparity) - thin[t]
         frames = np.arange(solution.count)
         offset = np.interp(frames, list(found), list(found.values())) if found else np.zeros(len(frames))
-        return FramesThroughGlass(thin + offset, tuple(spots), tuple(t + 1 for t in found))
+        return FramesThroughGlass(thin + offset, tuple(blur), tuple(t + 1 for t in found))
 
     def _glass_at(self, number: int, fit: bool) -> AbstractLens:
         """The real lens of a frame."""

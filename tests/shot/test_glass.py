@@ -28,9 +28,9 @@ def test_every_frame_is_focused_as_a_still_is(boxes):
     shot = ["shot={frames=3, fade_frames=0, wishes=[{name='front', to_frame=2}]}"]
     solved = solve_shot(build_shot(load_config(boxes, [*CHANGES, *shot])))
     glass, thin = solved.glass, solved.solution.settings()["focus_per_m"]
-    assert glass.by_rays == (1, 2)
-    assert set(glass.spots[0]) == {"front"}
-    assert glass.spots[2] == {}
+    assert glass.by_wishes == (1, 2)
+    assert set(glass.blur[0]) == {"front"}
+    assert glass.blur[2] == {}
     still = run(load_config(boxes, CHANGES), rendering=False).glass
     for frame in (0, 1):
         assert glass.focus_per_m[frame] == pytest.approx(1 / float(still.exact.focus_distance()), rel=1e-4)

@@ -21,6 +21,7 @@ _ENDINGS = {
     "_cd_m2": "cd/m²",
     "_35mm": "mm",
     "_mm": "mm",
+    "_um2": "µm²",
     "_m": "m",
     "_px": "px",
     "_deg": "°",
@@ -181,6 +182,8 @@ def _type_text(annotation: Any, metadata: Any = ()) -> str:
             return "tables" if set(of.split(" or ")) == {"table"} else f"array of: {of}"
         of = [_type_text(each) for each in arguments]
         return f"array of {len(of)}: {of[0]}" if len(set(of)) == 1 else f"[{', '.join(of)}]"
+    if origin is dict:
+        return f"table of: {_type_text(arguments[1])}"
     parts = [_type_text(each, metadata) for each in arguments if each is not type(None)]
     return " or ".join(dict.fromkeys(parts))
 

@@ -49,6 +49,8 @@ _PHRASES = {
 """Of descriptions of numbers whose keys do not end in their unit; the first that is found counts."""
 _KIND = "which kind of table it is"
 """What keys without a description are: each says which table of several it is in."""
+_OF_FILES = {"shot.frames"}
+"""Keys that must be there when all is read, but that the stage of an empty table gives."""
 _WORDS = {bool: "true or false", int: "whole number", float: "number", str: "text"}
 
 
@@ -120,7 +122,9 @@ def _keys_of(model: type[BaseModel], table: str, heading: str, variant: str) -> 
     """The keys of one table, and then those of the tables in it."""
     about = " ".join((model.__doc__ or "").split("\n\n")[0].split())
     inner: list[tuple[str, FieldInfo]] = []
-    for name, field in model.model_fields.items():
+    for python_name, field in model.model_fields.items():
+        # `from` is none that Python can name.
+        name = field.alias or python_name
         if _models_of(field.annotation):
             inner.append((name, field))
         yield ConfigKey(
@@ -131,7 +135,7 @@ def _keys_of(model: type[BaseModel], table: str, heading: str, variant: str) -> 
             name=name,
             type=_type_text(field.annotation, field.metadata),
             unit=_unit(name, field),
-            required=field.is_required(),
+            required=field.is_required() and f"{table}.{name}" not in _OF_FILES,
             default=_default(field),
             meaning=field.description or _KIND,
         )

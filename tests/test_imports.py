@@ -21,7 +21,7 @@ ALLOWED = {
         "_whole_file",
         "_words",
     },
-    "scene": {"geometry", "_arguments", "_kept", "_words"},
+    "scene": {"geometry", "_arguments", "_kept", "_quiet_exr", "_words"},
     "photo": {"geometry", "scene", "_arguments"},
     "focus": {"geometry", "lens", "_arguments", "_counts", "_settings", "_words"},
     "layers": {
@@ -32,6 +32,7 @@ ALLOWED = {
         "_counts",
         "_freed",
         "_parallel",
+        "_quiet_exr",
         "_words",
         "_zeros",
     },
@@ -54,7 +55,7 @@ ALLOWED = {
     # Slow or simple twins share no code with what they are compared with.
     "baselines": {"geometry", "lens", "scene", "_counts", "_parallel"},
     "post": {"geometry", "lens", "scene", "layers", "trace", "baselines", "_counts"},
-    "io": {"film", "_whole_file"},
+    "io": {"film", "_quiet_exr", "_whole_file"},
     "scene_files": {"scene", "_words"},
     "config": {
         "geometry",
@@ -75,6 +76,7 @@ ALLOWED = {
     "_freed": set(),
     "_kept": set(),
     "_monotone_cubic": set(),
+    "_quiet_exr": set(),
     "_whole_file": set(),
     "_words": set(),
     "_parallel": set(),

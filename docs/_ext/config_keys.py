@@ -49,6 +49,8 @@ def kind_of(kind: object, metadata: tuple = ()) -> str:
         if parts[-1] is Ellipsis:
             return f"array of {kind_of(parts[0])}"
         return f"array of {len(parts)}: {kind_of(parts[0])}"
+    if origin is dict:
+        return f"table of {kind_of(parts[1])}"
     if isinstance(kind, type) and issubclass(kind, BaseModel):
         return "table"
     word = {bool: "true or false", int: "whole number", float: "number", str: "text"}.get(kind, "value")

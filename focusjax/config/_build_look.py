@@ -6,7 +6,7 @@ import numpy as np
 
 from focusjax.config._errors import ConfigError
 from focusjax.config._load import Config
-from focusjax.config._look import SeidelTable
+from focusjax.config._look import ColourTable, SeidelTable
 from focusjax.config._opening import ImageTable, PolygonTable
 from focusjax.geometry import Camera
 from focusjax.lens import (
@@ -36,8 +36,10 @@ from focusjax.lens import (
     seidel_of_wavefront,
     squeezed,
     table_falloff,
+    thin_lens_dispersion,
     vignetted_lens,
 )
+from focusjax.optics import find_glass
 from focusjax.scene import read_image
 
 
@@ -87,8 +89,9 @@ def build_look(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLe
             made = AberratedLens(made, tuple(terms))
         if table.colour is not None:
             colour = table.colour
+            offsets = _focus_offsets(colour, camera)
             made = chromatic_lens(
-                made, focus_offset=colour.focus_offset, magnification=colour.magnification, bands=colour.bands
+                made, focus_offset=offsets, magnification=colour.magnification, bands=colour.bands
             )
         if table.cats_eyes is not None:
             eyes = table.cats_eyes
@@ -107,6 +110,20 @@ def build_look(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLe
     except ValueError as error:
         raise ConfigError(f"{config.source}: {error}") from error
     return made
+
+
+def _focus_offsets(table: ColourTable, camera: Camera) -> tuple[float, ...]:
+    """Dioptres by which red, green and blue focus nearer.
+
+    Raises:
+        ValueError: a glass that is not known, or that does not refract.
+    """
+    if table.glass is None:
+        return table.focus_offset
+    try:
+        return thin_lens_dispersion(table.glass.made(find_glass), float(camera.focal_length))
+    except ValueError as error:
+        raise ValueError(f"lens.colour.glass: {error}") from error
 
 
 def _profiled(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLens:

@@ -7,7 +7,16 @@ from focusjax.config._errors import ConfigError
 from focusjax.config._load import Config
 from focusjax.geometry import Camera
 from focusjax.lens import PrescriptionLens, SpectralLens, ThinLens, prescription_lens, spectral_lens
-from focusjax.optics import LENS_FILES, LensFileError, Prescription, first_order, lens_preset, load_lens
+from focusjax.optics import (
+    LENS_FILES,
+    LensFileError,
+    Prescription,
+    first_order,
+    glass_finder,
+    lens_preset,
+    load_lens,
+    with_element,
+)
 
 
 def build_real_lens(
@@ -45,17 +54,25 @@ def build_real_lens(
 
 
 def _prescription(config: Config, name: str) -> Prescription:
-    """A lens file, beside the config if its path is relative, or one that comes along.
+    """A lens file, beside the config if its path is relative, or one that comes along; with its own elements.
 
     Raises:
         LensFileError: a file that cannot be read.
-        ValueError: no file's name, and no lens that comes along.
+        ValueError: no file's name, and no lens that comes along; an element or a glass that is not there.
     """
+    glass = [config.reach.file(file, "lens.glass") for file in config.lens.glass]
     if Path(name).suffix.lower() in LENS_FILES:
-        glass = [config.reach.file(file, "lens.glass") for file in config.lens.glass]
-        return load_lens(config.reach.file(name, "lens.prescription"), glass=glass)
-    try:
-        return lens_preset(name)
-    except ValueError as error:
-        files = ", ".join(LENS_FILES)
-        raise ValueError(f"lens.prescription: {error} Or give a lens file ({files})") from error
+        lens = load_lens(config.reach.file(name, "lens.prescription"), glass=glass)
+    else:
+        try:
+            lens = lens_preset(name)
+        except ValueError as error:
+            files = ", ".join(LENS_FILES)
+            raise ValueError(f"lens.prescription: {error} Or give a lens file ({files})") from error
+    find = glass_finder(glass)
+    for number, table in enumerate(config.lens.elements):
+        try:
+            lens = with_element(lens, table.element, table.glass.made(find))
+        except ValueError as error:
+            raise ValueError(f"lens.elements.{number}: {error}") from error
+    return lens

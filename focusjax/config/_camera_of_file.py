@@ -34,7 +34,8 @@ def with_camera_of_file(data: dict[str, Any], reach: Reach) -> dict[str, Any]:
             )
         return data
     try:
-        found = read_camera(reach.file(name, "camera.file"), camera.get("from"), within=reach.folders(name))
+        path = reach.file(name, camera_file_key(data))
+        found = read_camera(path, camera.get("from"), within=reach.folders(name))
     except ValueError as error:
         raise ConfigError(f"{reach.source}: {error}") from error
     return {**data, "camera": {**_camera(found, camera), **camera}, "lens": {**_lens(found, lens), **lens}}
@@ -49,6 +50,11 @@ def camera_file(data: dict[str, Any]) -> str | None:
     if name is None and isinstance(scene, dict) and ("from" in camera or not any(k in camera for k in POSE)):
         name = scene.get("file")
     return name if isinstance(name, str) else None
+
+
+def camera_file_key(data: dict[str, Any]) -> str:
+    """The key that `camera_file` has its file from."""
+    return "scene.file" if data.get("camera", {}).get("file") is None else "camera.file"
 
 
 def _camera(found: StoredCamera, given: dict[str, Any]) -> dict[str, Any]:

@@ -21,6 +21,7 @@ _ENDINGS = {
     "_cd_m2": "cd/m²",
     "_35mm": "mm",
     "_mm": "mm",
+    "_um2": "µm²",
     "_m": "m",
     "_px": "px",
     "_deg": "°",
@@ -48,6 +49,8 @@ _PHRASES = {
 """Of descriptions of numbers whose keys do not end in their unit; the first that is found counts."""
 _KIND = "which kind of table it is"
 """What keys without a description are: each says which table of several it is in."""
+_OF_FILES = {"shot.frames"}
+"""Keys that must be there when all is read, but that the stage of an empty table gives."""
 _WORDS = {bool: "true or false", int: "whole number", float: "number", str: "text"}
 
 
@@ -119,7 +122,9 @@ def _keys_of(model: type[BaseModel], table: str, heading: str, variant: str) -> 
     """The keys of one table, and then those of the tables in it."""
     about = " ".join((model.__doc__ or "").split("\n\n")[0].split())
     inner: list[tuple[str, FieldInfo]] = []
-    for name, field in model.model_fields.items():
+    for python_name, field in model.model_fields.items():
+        # `from` is none that Python can name.
+        name = field.alias or python_name
         if _models_of(field.annotation):
             inner.append((name, field))
         yield ConfigKey(
@@ -130,7 +135,7 @@ def _keys_of(model: type[BaseModel], table: str, heading: str, variant: str) -> 
             name=name,
             type=_type_text(field.annotation, field.metadata),
             unit=_unit(name, field),
-            required=field.is_required(),
+            required=field.is_required() and f"{table}.{name}" not in _OF_FILES,
             default=_default(field),
             meaning=field.description or _KIND,
         )
@@ -181,6 +186,8 @@ def _type_text(annotation: Any, metadata: Any = ()) -> str:
             return "tables" if set(of.split(" or ")) == {"table"} else f"array of: {of}"
         of = [_type_text(each) for each in arguments]
         return f"array of {len(of)}: {of[0]}" if len(set(of)) == 1 else f"[{', '.join(of)}]"
+    if origin is dict:
+        return f"table of: {_type_text(arguments[1])}"
     parts = [_type_text(each, metadata) for each in arguments if each is not type(None)]
     return " or ".join(dict.fromkeys(parts))
 

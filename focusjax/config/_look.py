@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, Strict, model_validator
 
+from focusjax.config._glass import GlassTable
 from focusjax.config._values import NotNegative, Number, Positive, Table
 
 Profile = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2)]
@@ -69,6 +70,10 @@ class ColourTable(Table):
         default=(0.0, 0.0, 0.0),
         description="dioptres (1/m) by which [red, green, blue] focus nearer, for example [-0.02, 0, 0.02]",
     )
+    glass: GlassTable | None = Field(
+        default=None,
+        description="a thin lens's glass, which gives the focus offsets, such as {n = [1.51, 1.52, 1.53]}",
+    )
     magnification: SizeOfColours = Field(
         default=(1.0, 1.0, 1.0),
         description="the sizes of the [red, green, blue] pictures, for example [1.002, 1, 0.998]",
@@ -81,6 +86,12 @@ class ColourTable(Table):
     def _odd(self) -> "ColourTable":
         if self.bands % 2 == 0:
             raise ValueError(f"has {self.bands} bands; give an odd number")
+        return self
+
+    @model_validator(mode="after")
+    def _one_dispersion(self) -> "ColourTable":
+        if self.glass is not None and "focus_offset" in self.model_fields_set:
+            raise ValueError("has focus_offset and a glass, which gives it; leave one of them out")
         return self
 
 

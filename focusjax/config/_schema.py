@@ -8,8 +8,8 @@ from focusjax.config._load import Config
 
 _DRAFT = "http://json-schema.org/draft-04/schema#"
 """The newest that taplo, and so most editors, knows of for TOML."""
-_FILLED = {"CameraTable": {"resolution"}, "Config": {"camera", "lens"}}
-"""Keys that must be there when all is read, but may come from a photograph or a file with a camera."""
+_FILLED = {"CameraTable": {"resolution"}, "Config": {"camera", "lens"}, "ShotTable": {"frames"}}
+"""Keys that must be there when all is read, but may come from a photograph, a camera file or a stage."""
 _SECONDS = {"type": "string", "pattern": r"^[0-9.eE+-]+(/[0-9.eE+-]+)?$"}
 """Shutter times as they are engraved, such as 1/60."""
 _TIMES = {"time", "longest_time", "shortest_time", "travel_time"}

@@ -129,7 +129,9 @@ class ShotTable(Table):
     What it does not mention is in all frames as in the rest of the config.
     """
 
-    frames: FrameCount = Field(description="the number of frames, for example 48")
+    frames: FrameCount = Field(
+        description="the number of frames, for example 48 (by default that of a USD stage)"
+    )
     fps: Positive = Field(default=24.0, description="frames per second of the film")
     smoothness: NotNegative = Field(
         default=100.0,

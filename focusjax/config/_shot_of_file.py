@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from focusjax.config._camera_of_file import POSE, camera_file
+from focusjax.config._camera_of_file import POSE, camera_file, camera_file_key
 from focusjax.config._errors import ConfigError
 from focusjax.config._reach import Reach
 from focusjax.scene_files import StoredCamera, read_camera_frames
@@ -27,7 +27,7 @@ def with_shot_of_file(filled: dict[str, Any], given: dict[str, Any], reach: Reac
         return filled
     camera, lens = given.get("camera", {}), given.get("lens", {})
     try:
-        path = reach.file(name, "camera.file")
+        path = reach.file(name, camera_file_key(given))
         found = read_camera_frames(path, camera.get("from"), within=reach.folders(name))
     except ValueError as error:
         raise ConfigError(f"{reach.source}: {error}") from error

@@ -6,6 +6,7 @@ from typing import Annotated
 from pydantic import Field, Strict, field_validator, model_validator
 
 from focusjax.config._focal_surface import FocalSurfaceTable
+from focusjax.config._glass import ElementTable
 from focusjax.config._look import Look
 from focusjax.config._opening import DiskTable, ImageTable, PolygonTable
 from focusjax.config._values import Millimetres, NotNegative, Number, Positive, Table, Vector
@@ -123,10 +124,13 @@ class LensTable(Look):
     )
     prescription: str | None = Field(
         default=None,
-        description="a real lens: a .dat, .zmx or .json file, or the name of one that comes along",
+        description="a real lens: a .dat, .zmx, .json or .toml file, or the name of one that comes along",
     )
     glass: Annotated[tuple[str, ...], Strict(False)] = Field(
         default=(), description="AGF catalogues for the prescription's glasses, relative to the config"
+    )
+    elements: Annotated[tuple[ElementTable, ...], Strict(False)] = Field(
+        default=(), description="[[lens.elements]] tables"
     )
     spectral: bool = Field(
         default=False, description="true to trace red, green and blue through the glass of a prescription"
@@ -149,9 +153,23 @@ class LensTable(Look):
         return self
 
     @model_validator(mode="after")
+    def _one_glass_each(self) -> "LensTable":
+        numbers = [each.element for each in self.elements]
+        twice = [number for number in numbers if numbers.count(number) > 1]
+        if twice:
+            raise ValueError(f"has two glasses for element {twice[0]}; leave one of them out")
+        coloured = [each.element for each in self.elements if each.glass.n is not None]
+        if coloured and not self.spectral:
+            raise ValueError(
+                f"has n of red, green and blue for element {coloured[0]}, and spectral is not true; make it"
+                " so, or give n_d and v_d"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _real_lens_alone(self) -> "LensTable":
         if self.prescription is None:
-            own = ("glass", "spectral", "spectral_bands", "fit_px")
+            own = ("glass", "elements", "spectral", "spectral_bands", "fit_px")
             idle = [key for key in own if key in self.model_fields_set]
             if idle:
                 raise ValueError(f"has {idle[0]}, which is about a prescription, and none; name one")

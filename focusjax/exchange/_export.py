@@ -138,12 +138,7 @@ def write_record(
         ExportError: as `export_camera`.
         ArgumentError: an unknown target, another ending than the target's, or a folder that is none.
     """
-    target = target_named(to)
-    if path.suffix.lower() != target.suffix:
-        raise ArgumentError(
-            f"the file {path} does not end in {target.suffix}, which {target.called} expects; change that",
-            "path",
-        )
+    target = checked_target(to, path)
     fitted = fitted_to(record, target, TARGETS, approximate=approximate, disparities=disparities)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -167,6 +162,21 @@ def target_named(name: str) -> Target:
         known = f"expected {', '.join(TARGETS)}"
         raise ArgumentError(f"there is no target {name!r}; {did_you_mean(str(name), TARGETS, known)}", "to")
     return TARGETS[name]
+
+
+def checked_target(name: str, path: Path) -> Target:
+    """The target of that name, whose files end as `path` does.
+
+    Raises:
+        ArgumentError: there is none, or it has another ending.
+    """
+    target = target_named(name)
+    if path.suffix.lower() != target.suffix:
+        raise ArgumentError(
+            f"the file {path} does not end in {target.suffix}, which {target.called} expects; change that",
+            "path",
+        )
+    return target
 
 
 def _pairs(

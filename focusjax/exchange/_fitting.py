@@ -129,14 +129,7 @@ def fitted_to(
     if not lacks:
         return Fitted(record, (), 0.0)
     if not approximate:
-        key, words = next(iter(lacks.items()))
-        able = [each.name for each in targets.values() if key in each.has]
-        named = " or ".join([", ".join(able[:-1]), able[-1]] if len(able) > 1 else able)
-        instead = f"export to {named}, which can, or " if able else ""
-        raise ExportError(
-            f"{target.called} cannot express {words}; {instead}add --approximate (approximate=True) for the"
-            " nearest camera that it can"
-        )
+        raise refusal(lacks, target, targets)
     plain, remarks = _plainer(record, frozenset(lacks))
     worst = 0.0
     for number, (frame, camera, lens) in enumerate(
@@ -148,6 +141,24 @@ def fitted_to(
         seen = (0.0, 2.0 * max(focus, 0.0)) if disparities is None else disparities[number]
         worst = max(worst, blur_error(lens, lens_of(frame, plain.opening), camera, seen))
     return Fitted(plain, tuple(remarks), worst)
+
+
+def refusal(lacks: Mapping[str, str], target: Target, targets: Mapping[str, Target]) -> ExportError:
+    """What is said of the first of those `features` that a target lacks.
+
+    Args:
+        lacks: the words for each, at least one.
+        target: for what the record is.
+        targets: all there are, for what could be exported instead.
+    """
+    key, words = next(iter(lacks.items()))
+    able = [each.name for each in targets.values() if key in each.has]
+    named = " or ".join([", ".join(able[:-1]), able[-1]] if len(able) > 1 else able)
+    instead = f"export to {named}, which can, or " if able else ""
+    return ExportError(
+        f"{target.called} cannot express {words}; {instead}add --approximate (approximate=True) for the"
+        " nearest camera that it can"
+    )
 
 
 def _plainer(record: Record, lacks: frozenset[str]) -> tuple[Record, list[str]]:

@@ -159,9 +159,10 @@ def record_of(
     surface, glass = None, _glass(lenses[0])
     several = len(cameras) > 1
     if several and (glass is not None or isinstance(ideals[0], FocalSurfaceLens)):
+        what = "has a focal surface" if glass is None else "is a real lens"
         raise ArgumentError(
-            "a shot has a focal surface or a real lens, which are exported for single pictures; give one"
-            " camera and one lens",
+            f"the lens of {_USAGE} {what}, which is exported for a single picture and not for a shot;"
+            " give one camera and one lens",
             "lens",
         )
     if isinstance(ideals[0], FocalSurfaceLens):

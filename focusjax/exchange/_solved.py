@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from focusjax.config import Config, build_look
-from focusjax.exchange._export import Exported, target_named, write_record
+from focusjax.exchange._early import refuse_a_shot, refuse_early
+from focusjax.exchange._export import TARGETS, Exported, checked_target, write_record
+from focusjax.exchange._fitting import ExportError
 from focusjax.exchange._record import record_of
 from focusjax.job import Progress, run
 from focusjax.lens import AbstractLens
@@ -31,12 +33,17 @@ def export_config(
         progress: called with the stage that runs and the share of it that is done.
 
     Raises:
+        ExportError: what the target cannot have; before the solve, where the config says it.
         ValueError: as `run`, `solve_shot` and `export_camera`.
     """
     # Shots import the reports, which are slow to load.
     from focusjax.shot import build_shot, solve_shot
 
-    target_named(to)
+    target = checked_target(to, path)
+    if shot:
+        refuse_a_shot(config)
+    if not approximate:
+        refuse_early(config, target, TARGETS, shot=shot)
     name = config.title or config.source.stem
     if shot:
         made = build_shot(config)
@@ -53,4 +60,7 @@ def export_config(
             lens = build_look(config, outcome.camera, outcome.lens)
         record = record_of(outcome.camera, lens, name=name)
         seen = [(float(np.min(outcome.disparity)), float(np.max(outcome.disparity)))]
-    return write_record(record, path, to, approximate=approximate, disparities=seen)
+    try:
+        return write_record(record, path, to, approximate=approximate, disparities=seen)
+    except ExportError as error:
+        raise ExportError(f"{config.source}: {error}") from None

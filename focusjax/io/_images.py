@@ -9,6 +9,7 @@ import numpy as np
 import OpenEXR
 from jaxtyping import Array, Float
 
+from focusjax._quiet_exr import open_exr
 from focusjax.film import to_bytes, to_words
 from focusjax.io._png16 import png16
 
@@ -85,7 +86,7 @@ def load_exr(path: Path | str) -> Mapping[str, Float[np.ndarray, "h w"]]:
     """All channels of an OpenEXR file by name, as float32 [h, w].
 
     Raises:
-        ValueError: the file cannot be read.
+        ValueError: the file cannot be read, or is cut off.
 
     Example:
         >>> fj.save_exr("picture.exr", np.full((6, 8, 3), 0.5))
@@ -93,12 +94,14 @@ def load_exr(path: Path | str) -> Mapping[str, Float[np.ndarray, "h w"]]:
         {'B': (6, 8), 'G': (6, 8), 'R': (6, 8)}
     """
     try:
-        with OpenEXR.File(str(path), separate_channels=True) as file:
-            return {
-                name: np.array(channel.pixels, dtype=np.float32) for name, channel in file.channels().items()
-            }
+        with open_exr(path) as file:
+            channels = file.channels() if file.parts else {}
+            found = {name: np.array(channel.pixels, dtype=np.float32) for name, channel in channels.items()}
     except Exception as error:
         raise ValueError(f"{path}: this OpenEXR file cannot be read ({error}); check the path") from error
+    if not found:
+        raise ValueError(f"{path}: is cut off or damaged; copy it again")
+    return found
 
 
 def _refuse_non_finite(path: Path | str, image: Float[Pixels, "h w 3"]) -> None:

@@ -55,22 +55,28 @@ class Boxes:
 
 
 def boxes_on(
-    grid: Grid, triangles: ScreenTriangles, *, wanted: Bool[np.ndarray, " samples"] | None = None
+    grid: Grid,
+    triangles: ScreenTriangles,
+    *,
+    wanted: Bool[np.ndarray, "rows columns"] | None = None,
+    first_row: int = 0,
 ) -> list[Boxes]:
     """Boxes of the samples of `grid` whose centre a triangle may cover.
 
-    If some are `wanted`, those whose square it may touch, of the triangles that may touch a wanted one.
+    If some are `wanted`, those whose square it may touch, of the triangles that may touch a wanted one, in
+    the rows of `wanted`, which begin at `first_row`.
     """
     squares = wanted is not None
-    before = _summed(wanted.reshape(grid.rows, grid.columns)).ravel() if squares else None
+    before = None if wanted is None else _summed(wanted).ravel()
+    rows = first_row, grid.rows if wanted is None else first_row + len(wanted)
 
     def some(part: slice) -> Boxes:
-        left, right = _samples(triangles.span(0, part, quarters=True), grid.columns, squares=squares)
-        top, under = _samples(triangles.span(1, part, quarters=True), grid.rows, squares=squares)
+        left, right = _samples(triangles.span(0, part, quarters=True), (0, grid.columns), squares=squares)
+        top, under = _samples(triangles.span(1, part, quarters=True), rows, squares=squares)
         if before is None:
             held = (right > left) & (under > top)
         else:
-            first, last = (row * np.int32(grid.columns + 1) for row in (top, under))
+            first, last = ((row - np.int32(first_row)) * np.int32(grid.columns + 1) for row in (top, under))
             held = np.take(before, last + right) - np.take(before, first + right)
             held = held > np.take(before, last + left) - np.take(before, first + left)
         index = np.flatnonzero(held)
@@ -81,12 +87,12 @@ def boxes_on(
 
 
 def _samples(
-    span: tuple[np.ndarray, np.ndarray], limit: int, *, squares: bool
+    span: tuple[np.ndarray, np.ndarray], limits: tuple[int, int], *, squares: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """First of so many samples whose centre or square intervals [t], in quarters, touch; and the end."""
+    """First of the samples in limits whose centre or square intervals [t], in quarters, touch; the end."""
     least, most = span if squares else (span[0] + 1, span[1] - 2)
-    first = np.clip(least >> 2, 0, limit)
-    return first, np.clip((most >> 2) + 1, first, limit)
+    first = np.clip(least >> 2, *limits)
+    return first, np.clip((most >> 2) + 1, first, limits[1])
 
 
 def _summed(wanted: Bool[np.ndarray, "h w"]) -> Int[np.ndarray, "h+1 w+1"]:

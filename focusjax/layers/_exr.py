@@ -15,6 +15,7 @@ import numpy as np
 import OpenEXR
 
 from focusjax._arguments import require_kind
+from focusjax._quiet_exr import open_exr
 from focusjax.layers._layers import Layers
 from focusjax.layers._written import read, written
 
@@ -90,8 +91,9 @@ def load_layers(path: str | Path) -> Layers:
     if not path.is_file():
         raise ValueError(f"{path}: there is no such file of layers; check the path")
     try:
-        with OpenEXR.File(str(path), separate_channels=True) as file:
+        with open_exr(path, header_only=True) as file:
             names = [each.name() for each in file.parts]
+        with open_exr(path) as file:
             part = next((each for each in file.parts if each.name() == _PART), None)
             text = None if part is None else part.header.get(_HEADER)
             words = None if part is None else np.ascontiguousarray(part.channels[_CHANNEL].pixels)
@@ -99,7 +101,7 @@ def load_layers(path: str | Path) -> Layers:
         raise ValueError(
             f"{path}: this OpenEXR file cannot be read ({error}); save the layers again"
         ) from error
-    if not names:
+    if not names or (part is None and _PART in names):
         raise ValueError(f"{path}: is cut off or damaged; copy it again, or save the layers again")
     if text is None or words is None:
         raise ValueError(

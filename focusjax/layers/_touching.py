@@ -75,10 +75,14 @@ def touching(
         low: least disparity at each.
         high: largest disparity at each.
     """
-    before = np.zeros(grid.size + 1, dtype=np.int32)
-    np.cumsum(np.bincount(cell, minlength=grid.size), out=before[1:])
-    wanted = np.diff(before) > 0
-    low, high, cell = low.astype(np.float32), high.astype(np.float32), cell.astype(np.int32)
+    # Nothing is held of rows without squares: of many squares, few rows are asked for at once.
+    ends = cell[[0, -1]] // grid.columns if len(cell) else np.zeros(2, dtype=int)
+    band = range(int(ends[0]), int(ends[1]) + 1)
+    low, high = low.astype(np.float32), high.astype(np.float32)
+    cell = (cell - band.start * grid.columns).astype(np.int32)
+    before = np.zeros(len(band) * grid.columns + 1, dtype=np.int32)
+    np.cumsum(np.bincount(cell, minlength=len(before) - 1), out=before[1:])
+    wanted = (np.diff(before) > 0).reshape(len(band), grid.columns)
 
     def some(boxes: Boxes) -> tuple[np.ndarray, ...]:
         corners = triangles.around(boxes.triangle, boxes.column, boxes.row)
@@ -87,7 +91,7 @@ def touching(
         down = np.arange(len(line), dtype=np.int32)
         down -= np.take(np.cumsum(boxes.height, dtype=np.int32) - boxes.height, line)
         first, end = _covered_lines(boxes, edges, line, down)
-        start = np.take(boxes.row * np.int32(grid.columns) + boxes.column, line)
+        start = np.take(_first_of(boxes, band, grid), line)
         start += down * np.int32(grid.columns)
         # The squares in a line come one after the other.
         begin, times = np.take(before, start + first), np.take(before, start + end)
@@ -108,11 +112,11 @@ def touching(
         triangle = np.take(boxes.triangle, np.take(box, kept))
         return np.take(square, kept), triangle, *(np.take(a, kept) for a in covered)
 
-    farthest = _least_disparities(grid, cell, low)
+    farthest = _least_disparities(wanted.shape, cell, low)
     work = [
         less
-        for part in boxes_on(grid, triangles, wanted=wanted)
-        for less in _not_behind(part, triangles, grid, farthest)
+        for part in boxes_on(grid, triangles, wanted=wanted, first_row=band.start)
+        for less in _not_behind(part, triangles, _first_of(part, band, grid), farthest)
     ]
     types = (np.int32, np.int32, np.uint32, bool, np.float32, np.float32, np.float32)
     nothing = (np.zeros(0, dtype=each) for each in types)
@@ -121,14 +125,18 @@ def touching(
     return Touching(square, triangle, points, centre, tuple(plane))
 
 
+def _first_of(boxes: Boxes, band: range, grid: Grid) -> Int[np.ndarray, " b"]:
+    """The first sample of each box, counted from the first of the rows `band`."""
+    return (boxes.row - np.int32(band.start)) * np.int32(grid.columns) + boxes.column
+
+
 def _least_disparities(
-    grid: Grid, cell: Int[np.ndarray, " s"], low: Float[np.ndarray, " s"]
+    shape: tuple[int, ...], cell: Int[np.ndarray, " s"], low: Float[np.ndarray, " s"]
 ) -> list[Float[np.ndarray, " samples"]]:
     """The least `low` of the squares in boxes that begin at each sample, 2, 4 and 8 samples wide and high."""
-    least = np.full(grid.size, np.inf, dtype=np.float32)
-    np.minimum.at(least, cell, low)
+    least = np.full(shape, np.inf, dtype=np.float32)
+    np.minimum.at(least.reshape(-1), cell, low)
     found, edge = [], 1
-    least = least.reshape(grid.rows, grid.columns)
     while edge < _WIDEST:
         least = least.copy()
         least[:-edge] = np.minimum(least[:-edge], least[edge:])
@@ -139,12 +147,17 @@ def _least_disparities(
 
 
 def _not_behind(
-    boxes: Boxes, triangles: ScreenTriangles, grid: Grid, farthest: Sequence[Float[np.ndarray, " samples"]]
+    boxes: Boxes,
+    triangles: ScreenTriangles,
+    place: Int[np.ndarray, " b"],
+    farthest: Sequence[Float[np.ndarray, " samples"]],
 ) -> list[Boxes]:
-    """The small boxes whose triangles are not behind all squares in them, and the large ones, in portions."""
+    """The small boxes whose triangles are not behind all squares in them, and the large ones, in portions.
+
+    Boxes begin at the samples `place` of those that `farthest` has.
+    """
     nearest = triangles.span(2, boxes.triangle)[1].astype(np.float32)
     edge = np.maximum(boxes.width, boxes.height)
-    place = boxes.row * np.int32(grid.columns) + boxes.column
     kept = edge > _WIDEST
     for level, least in enumerate(farthest):
         mine = np.flatnonzero((edge <= 2 << level) & (edge > (1 << level if level else 0)))

@@ -107,3 +107,4 @@ from focusjax.lens.aberrations import power_profile as power_profile
 from focusjax.lens.aberrations import seidel as seidel
 from focusjax.lens.aberrations import seidel_of_wavefront as seidel_of_wavefront
 from focusjax.lens.aberrations import tabulated_aberrations as tabulated_aberrations
+from focusjax.lens.aberrations import thin_lens_dispersion as thin_lens_dispersion

@@ -6,6 +6,7 @@ from focusjax.optics._catalogue import index_glass as index_glass
 from focusjax.optics._glass import FRAUNHOFER as FRAUNHOFER
 from focusjax.optics._glass import RGB_WAVELENGTHS as RGB_WAVELENGTHS
 from focusjax.optics._glass import AbstractGlass as AbstractGlass
+from focusjax.optics._glass import CauchyGlass as CauchyGlass
 from focusjax.optics._glass import Conrady as Conrady
 from focusjax.optics._glass import ConstantIndex as ConstantIndex
 from focusjax.optics._glass import Herzberger as Herzberger
@@ -33,10 +34,13 @@ from focusjax.optics._prescription import Prescription as Prescription
 from focusjax.optics._prescription import line as line
 from focusjax.optics._prescription import make_prescription as make_prescription
 from focusjax.optics._prescription import singlet as singlet
+from focusjax.optics._prescription import with_element as with_element
 from focusjax.optics._read_agf import GlassFile as GlassFile
+from focusjax.optics._read_agf import glass_finder as glass_finder
 from focusjax.optics._read_agf import read_agf as read_agf
 from focusjax.optics._seidel import SeidelSums as SeidelSums
 from focusjax.optics._seidel import seidel_sums as seidel_sums
+from focusjax.optics._stated_glass import stated_glass as stated_glass
 from focusjax.optics._surfaces import AbstractSurface as AbstractSurface
 from focusjax.optics._surfaces import Conic as Conic
 from focusjax.optics._surfaces import EvenAsphere as EvenAsphere

@@ -144,6 +144,36 @@ class ModelGlass(AbstractGlass):
         return self.n_d + slope * ((wavelength * 1e-3) ** -2 - inverse_square(FRAUNHOFER["d"]))
 
 
+class CauchyGlass(AbstractGlass):
+    """A glass known by its indices at a few wavelengths, and by Cauchy's series through them between.
+
+    n = A + B / L^2 + C / L^4 + ... has as many terms as there are indices, and is exact at their wavelengths.
+
+    Attributes:
+        indices: n [t].
+        wavelengths: of them in nm, all different (static).
+
+    Example:
+        >>> glass = CauchyGlass(jnp.array([1.51432, 1.5168, 1.52238]), (656.2725, 587.5618, 486.1327))
+        >>> round(float(abbe_number(glass)), 2)
+        64.12
+    """
+
+    indices: Float[Array, " t"]
+    wavelengths: tuple[float, ...] = eqx.field(static=True)
+
+    def index(self, wavelength: Float[Array, ""]) -> Float[Array, ""]:
+        # Lagrange's form in 1 / L^2: its factors are near 1, where the coefficients A, B, C differ widely.
+        place, places = (wavelength * 1e-3) ** -2, [(each * 1e-3) ** -2 for each in self.wavelengths]
+        total = jnp.zeros_like(place)
+        for own, index in zip(places, self.indices, strict=True):
+            for other in places:
+                if other != own:
+                    index = index * (place - other) / (own - other)
+            total = total + index
+        return total
+
+
 def air() -> ConstantIndex:
     """The medium of index 1, to which catalogues refer their indices."""
     return ConstantIndex(jnp.asarray(1.0, dtype=float))

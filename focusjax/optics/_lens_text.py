@@ -2,11 +2,13 @@
 
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from focusjax.optics._catalogue import UnknownGlassError, find_glass, index_glass
 from focusjax.optics._glass import AbstractGlass
+from focusjax.optics._stated_glass import stated_glass
 
 _LARGEST = 16 << 20
 """Bytes of the largest file that is read; the largest catalogues of glass have less than one MiB."""
@@ -75,6 +77,13 @@ class LensText:
             raise
         except ValueError as error:
             raise self.refuse(line, error) from None
+
+    def stated_glass(self, line: int, table: Mapping[str, Any]) -> AbstractGlass:
+        """A glass by a table of numbers."""
+        try:
+            return stated_glass(table)
+        except ValueError as error:
+            raise self.refuse(line, f"the glass {error}") from None
 
     def index(self, line: int, n_d: float, v_d: float | None) -> AbstractGlass:
         """A medium by its index and Abbe number."""

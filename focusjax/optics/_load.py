@@ -9,11 +9,11 @@ from pathlib import Path
 from focusjax.optics._lens_text import LensFileError, LensText
 from focusjax.optics._prescription import Prescription
 from focusjax.optics._read_agf import glass_finder
-from focusjax.optics._read_json import read_json
+from focusjax.optics._read_json import read_json, read_toml
 from focusjax.optics._read_pbrt import read_pbrt
 from focusjax.optics._read_zemax import read_zemax
 
-_READERS = {".dat": read_pbrt, ".zmx": read_zemax, ".json": read_json}
+_READERS = {".dat": read_pbrt, ".zmx": read_zemax, ".json": read_json, ".toml": read_toml}
 LENS_FILES = tuple(_READERS)
 """Endings of files that `load_lens` reads."""
 
@@ -56,7 +56,7 @@ PRESETS = {
 
 
 def load_lens(path: str | Path, *, glass: Sequence[str | Path] = ()) -> Prescription:
-    """A lens file: pbrt (.dat), Zemax sequential (.zmx) or DeepLens (.json).
+    """A lens file: pbrt (.dat), Zemax sequential (.zmx), DeepLens (.json), or its keys as TOML (.toml).
 
     A `UserWarning` reports, by file and line, what is not taken as it stands in the file.
 
@@ -79,7 +79,7 @@ def load_lens(path: str | Path, *, glass: Sequence[str | Path] = ()) -> Prescrip
     if reader is None:
         raise LensFileError(
             f"{path}: {path.suffix or 'no ending'} is no lens file that is known; expected .dat (pbrt), .zmx"
-            " (Zemax) or .json (DeepLens)"
+            " (Zemax), .json (DeepLens) or .toml"
         )
     return reader(LensText(path, glass_finder(glass)))
 

@@ -180,6 +180,50 @@ def singlet(
     )
 
 
+def with_element(lens: Prescription, element: int, glass: AbstractGlass) -> Prescription:
+    """The lens with another glass in one of its elements; surfaces and distances stay.
+
+    Args:
+        lens: any.
+        element: its number from 1, from the scene's side; cemented elements count each.
+        glass: what it is made of instead.
+
+    Raises:
+        ValueError: the lens has no such element, or the glass is air at the line d.
+
+    Example:
+        >>> from focusjax.optics import find_glass, first_order
+        >>> lens = singlet(50.0, -50.0, thickness=5.0, semi_diameter=10.0, glass=find_glass("N-BK7"))
+        >>> round(float(first_order(with_element(lens, 1, find_glass("N-SF11"))).focal_length), 3)
+        32.575
+    """
+    found = _elements(lens)
+    if not 1 <= element <= len(found):
+        raise ValueError(
+            f"{lens.name} has {len(found)} elements of glass, and no element {element}; expected 1 to"
+            f" {len(found)}, counted from the scene's side"
+        )
+    if abs(float(glass.index(line())) - 1.0) <= _AIR:
+        raise ValueError(f"element {element} of {lens.name} has the index of air; expected glass")
+    own = found[element - 1]
+    glasses = tuple(glass if number in own else each for number, each in enumerate(lens.glasses))
+    return dataclasses.replace(lens, glasses=glasses)
+
+
+def _elements(lens: Prescription) -> list[list[int]]:
+    """Numbers of the media of each piece of glass; a stop inside it does not part it."""
+    found: list[list[int]] = []
+    for number, glass in enumerate(lens.glasses):
+        if abs(float(glass.index(line())) - 1.0) <= _AIR:
+            continue
+        inside = number == lens.stop and number > 0 and eqx.tree_equal(glass, lens.glasses[number - 1])
+        if inside and found:
+            found[-1].append(number)
+        else:
+            found.append([number])
+    return found
+
+
 def line(name: str = "d") -> Float[Array, ""]:
     """Wavelength in nm of a Fraunhofer line, "d" for yellow."""
     return jnp.asarray(FRAUNHOFER[name], dtype=float)

@@ -1,7 +1,11 @@
-"""The JSON lens files of DeepLens: a list of surfaces with radii, materials and distances, in millimetres."""
+"""The JSON lens files of DeepLens: a list of surfaces with radii, materials and distances, in millimetres.
+
+The same keys may be written as TOML, with a `[[surfaces]]` table for each surface.
+"""
 
 import json
 import re
+import tomllib
 from typing import Any
 
 from focusjax.optics._catalogue import UnknownGlassError
@@ -21,8 +25,8 @@ def read_json(text: LensText) -> Prescription:
 
     `r` is the semi-diameter, `roc` the radius; `c`, the curvature, is read where there is no `roc`. Aspheres
     have the conic constant `k` and the factors `ai` of r^2, r^4 and so on. Materials (`mat2`) are catalogue
-    names or "n_d/V_d"; a stop without one is in the medium before it. What a Spheric says of an asphere is
-    taken as such; a warning reports it.
+    names, "n_d/V_d", or tables as `stated_glass` reads them; a stop without one is in the medium before it.
+    What a Spheric says of an asphere is taken as such; a warning reports it.
 
     Raises:
         LensFileError: JSON that is malformed, keys that are missing, a surface type that is not supported, an
@@ -35,9 +39,30 @@ def read_json(text: LensText) -> Prescription:
         raise text.refuse(error.lineno, error.msg) from None
     except RecursionError:
         raise LensFileError(f"{text.path}: has lists within lists too deep to read") from None
+    return _read(text, content, r'"type"\s*:')
+
+
+def read_toml(text: LensText) -> Prescription:
+    """As `read_json`, of the same keys in TOML.
+
+    Raises:
+        LensFileError: text that is no TOML, or as `read_json`.
+    """
+    try:
+        content = tomllib.loads("\n".join(text.lines))
+    except tomllib.TOMLDecodeError as error:
+        raise LensFileError(f"{text.path}: this is not valid TOML ({error}); mend that line") from None
+    except RecursionError:
+        raise LensFileError(f"{text.path}: has lists within lists too deep to read") from None
+    return _read(text, content, r"\btype\s*=")
+
+
+def _read(text: LensText, content: Any, type_key: str) -> Prescription:
+    """The lens of what a file has; `type_key` is found where a surface says its type."""
+    whole = "\n".join(text.lines)
     if not isinstance(content, dict) or not isinstance(content.get("surfaces"), list):
         raise LensFileError(f'{text.path}: has no list "surfaces"')
-    starts = [whole.count("\n", 0, found.start()) + 1 for found in re.finditer(r'"type"\s*:', whole)]
+    starts = [whole.count("\n", 0, found.start()) + 1 for found in re.finditer(type_key, whole)]
     rows = []
     for number, surface in enumerate(content["surfaces"]):
         # The line of the surface's type; of what lacks one, that of the list.
@@ -97,9 +122,11 @@ def _medium(text: LensText, line: int, surface: dict, before: AbstractGlass | No
     name = surface.get("mat2")
     if name is None and before is not None:
         return before
+    if isinstance(name, dict):
+        return text.stated_glass(line, name)
     if not isinstance(name, str):
         said = "has no" if name is None else f"has {name!r} as its"
-        raise text.refuse(line, f'the surface {said} "mat2"; expected a glass, "n_d/V_d" or "air"')
+        raise text.refuse(line, f'the surface {said} "mat2"; expected a glass, "n_d/V_d", "air" or a table')
     try:
         return text.glass(line, name)
     except UnknownGlassError as error:

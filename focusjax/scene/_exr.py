@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
+from focusjax._quiet_exr import open_exr
 from focusjax.scene._sizes import check_pixels
 
 _COLOUR = ("", "rgba", "rgb", "beauty", "combined", "color", "colour")
@@ -25,20 +26,22 @@ def exr_channels(path: str | Path) -> dict[str, np.ndarray]:
         if any(kind in (OpenEXR.deepscanline, OpenEXR.deeptile) for kind in kinds):
             raise ValueError("its pixels are deep; flatten them")
         found: dict[str, np.ndarray] = {}
-        with OpenEXR.File(str(path), separate_channels=True) as opened:
+        with open_exr(path) as opened:
+            # Parts that cannot be read are left out.
+            whole = len(opened.parts) == len(kinds)
             for part in opened.parts:
                 for name, channel in part.channels.items():
                     found.setdefault(name, np.asarray(channel.pixels))
     except RuntimeError:
-        found = {}
-    if not found:
+        found, whole = {}, False
+    if not found or not whole:
         raise ValueError("it is cut off or damaged; copy it again")
     return found
 
 
 def _heads(path: str | Path) -> tuple[list[tuple[int, int]], list[object]]:
     """Width and height of all parts, and their kinds."""
-    with OpenEXR.File(str(path), header_only=True) as opened:
+    with open_exr(path, header_only=True) as opened:
         windows = [part.header["dataWindow"] for part in opened.parts]
         sizes = [(int(high[0] - low[0]) + 1, int(high[1] - low[1]) + 1) for low, high in windows]
         return sizes, [part.type() for part in opened.parts]

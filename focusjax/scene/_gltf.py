@@ -42,17 +42,31 @@ def gltf_world(nodes: list[dict[str, Any]], number: int) -> Float[np.ndarray, "4
     """World_from_node [4, 4] of one node, in metres.
 
     Raises:
-        ValueError: as `gltf_parents`; or numbers that are no transform.
+        ValueError: as `gltf_parents`; or numbers that are no transform, or not finite.
     """
     above = gltf_parents(nodes)
-    matrix = _local(nodes[number])
+    matrix = _local(nodes, number)
     while number in above:
         number = above[number]
-        matrix = _local(nodes[number]) @ matrix
+        matrix = _local(nodes, number) @ matrix
     return matrix
 
 
-def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
+def check_gltf_place(nodes: list[dict[str, Any]], number: int) -> None:
+    """Refuse a node that is nowhere.
+
+    Raises:
+        ValueError: its transform is not finite.
+    """
+    node = nodes[number]
+    for key in ("matrix", "translation", "rotation", "scale"):
+        if key in node and not np.isfinite(np.asarray(node[key], dtype=float)).all():
+            raise ValueError(f"node {node.get('name', number)} has a {key} that is not finite")
+
+
+def _local(nodes: list[dict[str, Any]], number: int) -> Float[np.ndarray, "4 4"]:
+    check_gltf_place(nodes, number)
+    node = nodes[number]
     if "matrix" in node:
         return np.array(node["matrix"], dtype=float).reshape(4, 4).T
     from scipy.spatial.transform import Rotation

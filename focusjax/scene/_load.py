@@ -38,7 +38,8 @@ def load_mesh(
     vertex or face colours are kept. sRGB data are decoded to linear; glTF factors and glTF vertex
     colours are linear already. Opacity is that of glTF's alpha modes (MASK with its cutoff; BLEND, with the
     alpha of factor, texture and vertex colours), of d, Tr and map_d in MTL, and of the alpha channel of any
-    other texture. Left out: metalness and roughness, normal maps, emissive textures, refraction.
+    other texture. Left out: metalness and roughness, normal maps, emissive textures, refraction, skeletons
+    and morph targets. Of glTF's extensions docs/exchange.md names those that are read.
 
     Args:
         path: the file.
@@ -59,12 +60,13 @@ def load_mesh(
 
     Raises:
         ValueError: the file is missing, too large, cannot be read or holds no triangles, or none with an
-            area; it names a file outside `within`; vertices that are not finite; faces out of range; a bad
-            value.
+            area; it names a file outside `within`; it requires an extension of glTF that is not read;
+            vertices that are not finite; faces out of range; a bad value.
 
     Warns:
         UserWarning: a texture the file refers to is missing, damaged, or has no texture coordinates
-            (the material's colour is used instead); a material nobody will see.
+            (the material's colour is used instead); a material nobody will see; meshes that skeletons or
+            morph targets deform.
 
     Example:
         >>> import trimesh

@@ -14,7 +14,9 @@ from jaxtyping import Float
 from trimesh.exchange.load import mesh_formats
 from trimesh.resolvers import FilePathResolver
 
-from focusjax.scene._gltf import gltf_for_trimesh, gltf_node_names, gltf_parents
+from focusjax.scene._gltf import check_gltf_place, gltf_for_trimesh, gltf_node_names, gltf_parents
+from focusjax.scene._gltf_attributes import with_attributes
+from focusjax.scene._gltf_extensions import check_extensions, say_what_moves
 from focusjax.scene._images import open_picture
 from focusjax.scene._sizes import check_bytes, check_mesh, gltf_json
 
@@ -130,6 +132,13 @@ def read_mesh_file(path: Path, assets: Assets) -> list[tuple[str, trimesh.Trimes
             f"mesh file {path} cannot be read: a face refers to a vertex that is out of range ({error});"
             " export the mesh again"
         ) from error
+    except FileNotFoundError as error:
+        _refuse_outside(path, assets)
+        lost = next(iter(assets.missing), error)
+        raise ValueError(
+            f"mesh file {path} refers to {lost}, which does not exist; put it there, or export the"
+            " scene again"
+        ) from error
     except Exception as error:
         _refuse_outside(path, assets)
         reason = f"{type(error).__name__}: {error}".rstrip(": ")
@@ -168,13 +177,25 @@ def _source(path: Path) -> tuple[str | io.BytesIO, list[str]]:
     content = gltf_json(path)
     if not isinstance(content, dict) or not isinstance(content.get("nodes"), list):
         return str(path), []
+    broken = (ValueError, KeyError, IndexError, TypeError, AttributeError, struct.error)
     try:
         gltf_parents(content["nodes"])
-        return io.BytesIO(gltf_for_trimesh(path, content)), gltf_node_names(content)
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError, struct.error) as error:
+        for number in range(len(content["nodes"])):
+            check_gltf_place(content["nodes"], number)
+        names = gltf_node_names(content)
+    except broken as error:
         raise ValueError(
             f"mesh file {path} cannot be read (its nodes: {error}); export the scene again"
         ) from error
+    check_extensions(path, content)
+    try:
+        source = gltf_for_trimesh(path, with_attributes(content))
+        say_what_moves(path, content)
+    except broken as error:
+        raise ValueError(
+            f"mesh file {path} cannot be read (its meshes: {error}); export the scene again"
+        ) from error
+    return io.BytesIO(source), names
 
 
 def _refuse_outside(path: Path, assets: Assets) -> None:

@@ -39,6 +39,8 @@ def gltf_scene(path: Path, within: Sequence[Path] | None) -> StoredScene:
         raise SceneFileError(str(error)) from error
     try:
         lights = _lights(content, path)
+    except SceneFileError:
+        raise
     except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
         reason = f"{type(error).__name__}: {error}"
         raise SceneFileError(f"{path}: has lights that cannot be read ({reason}); export it again") from None
@@ -59,7 +61,13 @@ def _lights(content: dict[str, Any], path: Path) -> tuple[AbstractLight, ...]:
         said = node.get("extensions", {}).get(_LIGHTS)
         if said is None:
             continue
-        light = kinds[said["light"]]
+        index = said["light"]
+        if not (isinstance(index, int) and 0 <= index < len(kinds)):
+            raise SceneFileError(
+                f"{path}: {names[number]} has light {index!r}, and the file has {len(kinds)} lights; export"
+                " the scene again"
+            )
+        light = kinds[index]
         colour = np.array(light.get("color", (1.0, 1.0, 1.0)), dtype=float)
         shown = colour * float(light.get("intensity", 1.0)) / math.pi
         world = gltf_world(nodes, number)

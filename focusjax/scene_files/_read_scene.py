@@ -20,10 +20,12 @@ def read_scene(path: str | Path, *, within: Sequence[Path] | None = None) -> Sto
 
     Raises:
         SceneFileError: (a `ValueError`) a file that cannot be read, has no meshes, or has instanced or
-            animated points; nodes that are their own ancestors; files outside `within`.
+            animated points; nodes that are their own ancestors, or nowhere; a glTF file that requires an
+            extension that is not read; files outside `within`.
 
     Warns:
-        UserWarning: what is left out: other shapes than meshes, lights with an extent, subdivision.
+        UserWarning: what is left out: other shapes than meshes, lights with an extent, subdivision,
+            skeletons, morph targets, extensions of glTF.
 
     Example:
         >>> import trimesh

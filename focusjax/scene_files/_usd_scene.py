@@ -36,17 +36,18 @@ def usd_scene(path: Path, within: Sequence[Path] | None) -> StoredScene:
     objects: dict[str, SceneObject] = {}
     placed: dict[str, Any] = {}
     for prim, name in zip(meshes, object_names(meshes), strict=True):
-        parts = usd_parts(prim, code, looks, path)
-        world = _world(prim, code, stage)
-        parts = [moved_part(part, world) for part in parts]
-        if parts:
-            try:
+        world = _world(prim, code, stage, path)
+        try:
+            parts = [moved_part(part, world) for part in usd_parts(prim, code, looks, path)]
+            if parts:
                 objects[name] = object_of_parts(
                     name, parts, textures.pictures, textures.opacities, f"{path}: mesh {prim.GetPath()}"
                 )
-            except ValueError as error:
-                raise SceneFileError(str(error)) from error
-            placed[name] = prim
+                placed[name] = prim
+        except SceneFileError:
+            raise
+        except ValueError as error:
+            raise SceneFileError(str(error)) from error
     if not objects:
         raise SceneFileError(f"{path}: has no meshes to be seen; export the scene with them")
     lit = [prim for prim in shown if prim.HasAPI(UsdLux.LightAPI)]
@@ -54,7 +55,7 @@ def usd_scene(path: Path, within: Sequence[Path] | None) -> StoredScene:
     motions = {
         name: motion
         for name, prim in placed.items()
-        if (motion := _motion(prim, frames.codes, stage)) is not None
+        if (motion := _motion(prim, frames.codes, stage, path)) is not None
     }
     return StoredScene(
         tuple(objects.values()), lights, ambient, background, motions, len(frames.codes), frames.fps
@@ -118,16 +119,19 @@ def _some(prims: Sequence[Any]) -> str:
     return listed([*names, f"{more} more"] if more > 0 else names)
 
 
-def _world(prim: Any, code: float, stage: Any) -> Float[np.ndarray, "4 4"]:
-    Usd, UsdGeom = pxr(Path(), "Usd", "UsdGeom")
-    return world_of(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode(code)), stage)
+def _world(prim: Any, code: float, stage: Any, path: Path) -> Float[np.ndarray, "4 4"]:
+    Usd, UsdGeom = pxr(path, "Usd", "UsdGeom")
+    place = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode(code))
+    if not np.isfinite(np.array(place, dtype=float)).all():
+        raise SceneFileError(f"{path}: the transform of {prim.GetPath()} is not finite; place it anew")
+    return world_of(place, stage)
 
 
-def _motion(prim: Any, codes: Sequence[float], stage: Any) -> Float[np.ndarray, "f 4 4"] | None:
+def _motion(prim: Any, codes: Sequence[float], stage: Any, path: Path) -> Float[np.ndarray, "f 4 4"] | None:
     """Where a mesh is in every frame; None for one that stands still."""
     if len(codes) == 1 or not _may_move(prim):
         return None
-    matrices = np.stack([_world(prim, code, stage) for code in codes])
+    matrices = np.stack([_world(prim, code, stage, path) for code in codes])
     if np.array_equal(matrices, np.broadcast_to(matrices[0], matrices.shape)):
         return None
     return matrices

@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib
+import re
 import warnings
 import zipfile
 from collections.abc import Sequence
@@ -13,6 +14,8 @@ from jaxtyping import Float
 
 from focusjax.scene_files._stored_camera import SceneFileError
 
+_LONGEST = 300
+"""Characters of a remark of USD's that a message has room for."""
 _Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 """From a world with +z up to one with +y up."""
 
@@ -59,7 +62,7 @@ def open_stage(path: Path, within: Sequence[Path] | None) -> Any:
     _refuse_cycles(stage, path)
     _refuse_unit(stage, path)
     for each in remarks.TakeUncoalescedDiagnostics():
-        said = each.commentary.partition(" (instantiating")[0]
+        said = _without_types(each.commentary.partition(" (instantiating")[0])
         warnings.warn(f"{path}: {said}; what is missing is left out, so check its paths", stacklevel=4)
     return stage
 
@@ -175,4 +178,11 @@ def _is_data(prim: Any) -> bool:
 def _first_line(error: Exception) -> str:
     """What went wrong, without where in USD's own sources that was found."""
     line = next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
-    return line.rpartition(" : '")[2].rstrip("'") if line.startswith("Error in '") else line
+    said = line.rpartition(" : '")[2].rstrip("'") if line.startswith("Error in '") else line
+    return _without_types(said)
+
+
+def _without_types(said: str) -> str:
+    """A parser's remark without the types in USD's own sources of what it expected."""
+    plain = re.sub(r" matching \S*pxrInternal.*?(?= at '|$)", "", said, flags=re.DOTALL)
+    return plain if len(plain) <= _LONGEST else plain[:_LONGEST] + "..."

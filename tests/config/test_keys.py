@@ -38,6 +38,8 @@ def test_every_key_has_a_type_and_a_meaning():
     [
         ("lens.focus_distance_m", "number > 0", "m", "", False),
         ("camera.resolution", "array of 2: whole number from 1 to 32768", "px", "", True),
+        ("camera.from", "text", "", "", False),
+        ("shot.frames", "whole number from 1 to 100000", "", "", False),
         ("camera.position", "array of 3: number", "m", "", False),
         ("render.rays", "whole number from 1 to 65536", "", "64", False),
         ("render.exposure", "number", "stops", "0", False),
@@ -97,6 +99,14 @@ time = "1/60"
 
 def test_keys_that_come_from_elsewhere_may_be_left_out(schema):
     assert complaints(schema, BEYOND) == []
+    # Of a stage, whose frames they are.
+    assert complaints(schema, BEYOND + "[shot]\n") == []
+
+
+def test_keys_have_the_names_that_a_config_has():
+    (key,) = config_keys("camera.from")
+    assert key.name == "from"
+    assert not [key.path for key in config_keys() if key.name.endswith("_")]
 
 
 SMALL = """

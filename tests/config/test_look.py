@@ -22,6 +22,7 @@ from focusjax.lens import (
     ThinLens,
     VignettedLens,
 )
+from focusjax.optics import FRAUNHOFER
 
 CONFIG = """
 [scene]
@@ -100,6 +101,39 @@ def test_the_look_is_put_around_the_lens(path):
     assert float(curvature.dioptres[24, 32]) == pytest.approx(0.0, abs=1e-9)
     assert aberrated.lens is lens
     assert jnp.isfinite(tube.ray(camera, jnp.array([3.0, 4.0]), jnp.array([0.1, 0.2])).a).all()
+
+
+def test_the_glass_of_a_thin_lens_gives_each_channel_its_focal_length(path):
+    """1 / f = (n - 1) (1 / R_1 - 1 / R_2): the film stays where the line d is in focus."""
+    given = "lens.colour.glass={lines={C=1.6, d=1.61, F=1.63}}"
+    camera, lens = lens_of(path, given)
+    made = build_look(load_config(path, [given]), camera, lens)
+    c, d, f = (FRAUNHOFER[name] ** -2.0 for name in "CdF")
+    curve = np.polyfit([c, d, f], [1.6, 1.61, 1.63], 2)
+    shape = 1 / 0.05 / 0.61
+    film = 1 / (1 / 0.05 - 1 / 2)
+    for channel, wavelength in zip(made.channels(), (650.0, 510.0, 475.0), strict=True):
+        power = (np.polyval(curve, wavelength**-2.0) - 1) * shape
+        sharp = power - 1 / film
+        # In focus there, and nowhere else. Observed: 7e-14 px.
+        blur = channel.lens.blur(camera, camera.principal_point, jnp.asarray(sharp))
+        assert float(blur) == pytest.approx(0.0, abs=1e-9)
+    assert float(made.blur(camera, camera.principal_point, jnp.asarray(0.5))) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("colour", "message"),
+    [
+        ("{glass={n=[1.5, 1.5]}}", "lens.colour.glass has n = .*; expected three indices"),
+        ("{glass={name='F2'}, focus_offset=[0, 0, 0.1]}", "lens.colour has focus_offset and a glass"),
+        ("{glass={name='F99'}}", "lens.colour.glass: there is no glass 'F99'; did you mean"),
+        ("{glass={n=[1, 1, 1]}}", "lens.colour.glass: has the index 1 at the line d, as air"),
+    ],
+)
+def test_glass_that_a_thin_lens_cannot_have(path, colour, message):
+    camera, lens = lens_of(path)
+    with pytest.raises(ConfigError, match=message):
+        build_look(load_config(path, [f"lens.colour={colour}"]), camera, lens)
 
 
 def test_a_profile_is_put_around_the_lens_and_refused_by_its_key(path):

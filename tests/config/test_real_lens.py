@@ -74,9 +74,61 @@ def test_a_file_beside_the_config_its_colours_and_its_blades(boxes):
     assert build_real_lens(load_config(boxes), camera, build_lens(config, camera, solved=False)) is None
 
 
+def test_elements_of_a_prescription_have_glass_of_their_own(boxes):
+    """The channels are refracted by the indices that are given for them."""
+    elements = "lens.elements=[{element=3, glass={n=[1.51, 1.52, 1.53]}}, {element=1, glass={name='N-SF11'}}]"
+    config = load_config(
+        boxes,
+        ['lens.prescription="cooke_triplet_50mm_f4"', "lens.f_number=8", "lens.spectral=true", elements],
+    )
+    camera = build_camera(config)
+    lens = build_real_lens(config, camera, build_lens(config, camera, solved=False))
+    # Optiland's of N-SF11 for red and blue.
+    assert [float(each.lens.indices[1]) for each in lens.channels()[::2]] == pytest.approx(
+        [1.7766325535, 1.8100144639], abs=1e-9
+    )
+    assert [float(each.lens.indices[6]) for each in lens.channels()] == pytest.approx([1.51, 1.52, 1.53])
+    named = load_config(
+        boxes,
+        [
+            'lens.prescription="cooke_triplet_50mm_f4"',
+            elements.replace("n=[1.51, 1.52, 1.53]", "name='N-XYZ'"),
+        ],
+    )
+    with pytest.raises(ConfigError, match=r"lens.elements.0: there is no glass 'N-XYZ'"):
+        build_real_lens(named, camera, build_lens(config, camera, solved=False))
+    beyond = load_config(
+        boxes, ['lens.prescription="cooke_triplet_50mm_f4"', 'lens.elements=[{element=4, glass={name="F2"}}]']
+    )
+    with pytest.raises(ConfigError, match=r"lens.elements.0: cooke_triplet_50mm_f4 has 3 elements of glass"):
+        build_real_lens(beyond, camera, build_lens(config, camera, solved=False))
+
+
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
+        (
+            ["lens.elements=[{element=1, glass={name='F2'}}]"],
+            "lens has elements, which is about a prescription, and none; name one",
+        ),
+        (
+            [GAUSS, "lens.elements=[{element=1, glass={n=[1.5, 1.5, 1.5]}}]"],
+            "lens has n of red, green and blue for element 1, and spectral is not true",
+        ),
+        (
+            [GAUSS, "lens.elements=[{element=1, glass={name='F2'}}, {element=1, glass={name='F5'}}]"],
+            "lens has two glasses for element 1; leave one of them out",
+        ),
+        ([GAUSS, "lens.elements=[{element=0, glass={name='F2'}}]"], "lens.elements.0.element is 0; expected"),
+        (
+            [GAUSS, "lens.elements=[{element=1, glass={n_d=1.5}}]"],
+            "lens.elements.0.glass has n_d = 1.5 without",
+        ),
+        (
+            [GAUSS, "lens.elements=[{element=1, glass={name='F2', n_d=1.5}}]"],
+            "lens.elements.0.glass has name and n_d, which both say its index",
+        ),
+        ([GAUSS, "lens.elements=[{element=1, glass={name='F2', nd=1.5}}]"], "did you mean n_d?"),
         ([GAUSS, "lens.spectral_bands=5"], "lens has spectral_bands, and spectral is not true"),
         ([GAUSS, "lens.spectral=true", "lens.spectral_bands=4"], "lens has 4 spectral_bands; give an odd"),
         (["lens.spectral=true"], "lens has spectral, which is about a prescription, and none; name one"),

@@ -91,6 +91,16 @@ def test_a_camera_needs_a_file(file):
         load_config(file, ["camera.from=hero"])
 
 
+def test_a_file_elsewhere_is_refused_by_its_own_key(file):
+    away = file.parent / "away"
+    away.mkdir()
+    text = CONFIG.replace("shot.usda", "../shot.usda")
+    for key, said in (("", "scene"), ('file = "../shot.usda"\n', "camera")):
+        (away / "a.toml").write_text(text.replace("[camera]\n", f"[camera]\n{key}") + "[shot]\n")
+        with pytest.raises(ConfigError, match=rf"a\.toml: {said}\.file is '\.\./shot\.usda', outside"):
+            load_config(away / "a.toml")
+
+
 def test_a_file_without_light_needs_some(file):
     write_gltf_scene(file.parent / "dark.gltf", [{"mesh": 0, "children": [1]}, {"camera": 0}])
     more = ["scene.file=dark.gltf", "lens.f_number=2", "lens.focus_distance_m=1", "focus=[]"]

@@ -1,5 +1,6 @@
 """Files read back as they were written."""
 
+import os
 import struct
 import zlib
 
@@ -57,3 +58,15 @@ def test_bad_input(tmp_path, image):
     with pytest.raises(ValueError, match="cannot be read"):
         load_exr(tmp_path / "missing.exr")
     assert not list(tmp_path.iterdir())
+
+
+def test_an_exr_that_is_cut_off_is_refused_and_nothing_is_printed(tmp_path, capfd):
+    """The library prints its remarks itself; what others print before and after stays."""
+    path = tmp_path / "cut.exr"
+    save_exr(path, np.random.default_rng(0).uniform(size=(40, 60, 3)))
+    path.write_bytes(path.read_bytes()[:-3000])
+    os.write(2, b"before ")
+    with pytest.raises(ValueError, match=r"cut\.exr: is cut off or damaged; copy it again"):
+        load_exr(path)
+    os.write(2, b"after")
+    assert capfd.readouterr() == ("", "before after")

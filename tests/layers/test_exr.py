@@ -72,7 +72,7 @@ def test_other_programs_see_premultiplied_colours_and_metres(tmp_path):
     assert far["A"][0, 0] == 0
 
 
-def test_what_cannot_be_read_is_said(tmp_path):
+def test_what_cannot_be_read_is_said(tmp_path, capfd):
     path = tmp_path / "pane.exr"
     fj.save_layers(path, pane_layers()[0])
     with pytest.raises(ValueError, match=r"pane\.ex: layers are written to OpenEXR files; give a name"):
@@ -84,6 +84,11 @@ def test_what_cannot_be_read_is_said(tmp_path):
     (tmp_path / "cut.exr").write_bytes(path.read_bytes()[:-3000])
     with pytest.raises(ValueError, match=r"cut\.exr: is cut off or damaged; copy it again"):
         fj.load_layers(tmp_path / "cut.exr")
+    # Here the pictures are whole, and what is cut off is the last part.
+    (tmp_path / "cut.exr").write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(ValueError, match=r"cut\.exr: is cut off or damaged; copy it again"):
+        fj.load_layers(tmp_path / "cut.exr")
+    assert capfd.readouterr() == ("", "")
     fj.save_exr(tmp_path / "picture.exr", np.ones((2, 3, 3)))
     with pytest.raises(ValueError, match=r"picture\.exr: has no part 'focusjax' with layers; .*load_photo"):
         fj.load_layers(tmp_path / "picture.exr")

@@ -203,7 +203,7 @@ def test_the_step_of_stored_values_becomes_one_of_disparity(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["one part", "layers", "parts", "half"])
-def test_colour_and_depth_of_another_renderer_are_a_scene(tmp_path, kind):
+def test_colour_and_depth_of_another_renderer_are_a_scene(tmp_path, capfd, kind):
     """As Mitsuba, Blender (layers in one part, Z of 1e10 where nothing is) and Nuke (parts) name them."""
     picture, depth = disk_scene()
     light = (picture / 255.0).astype(np.float16 if kind == "half" else np.float32)
@@ -230,3 +230,4 @@ def test_colour_and_depth_of_another_renderer_are_a_scene(tmp_path, kind):
     (tmp_path / "cut.exr").write_bytes((tmp_path / "frame.exr").read_bytes()[:700])
     with pytest.raises(PhotoError, match=r"cut\.exr cannot be read: it is cut off or damaged; copy it again"):
         load_photo(tmp_path / "cut.exr", depth_unit="m", focal_length_px=60)
+    assert capfd.readouterr() == ("", "")

@@ -53,7 +53,7 @@ def test_nodes_stand_where_their_parents_put_them_below_cameras_too(tmp_path):
         ([RIG, {"mesh": 0, "children": [2]}, {"mesh": 0}], "node 2 has two parents, 0 and 1"),
         ([{"mesh": 0, "children": [9]}], "node 0 has a child 9, which is no node"),
         ([{"mesh": 3}], "nodes: .*export the scene again"),
-        ([{"mesh": 0, **lit(7)}], "has lights that cannot be read"),
+        ([{"mesh": 0, **lit(7)}], "card has light 7, and the file has 3 lights"),
         ([{"name": "empty"}], "has no faces"),
     ],
     ids=["cycle", "two parents", "child", "mesh", "light", "empty"],

@@ -50,10 +50,11 @@ def test_the_same_from_a_binary_file_with_a_matrix(tmp_path):
         ([{"camera": 0, "children": [1]}, {"children": [0]}], None, "its own ancestor"),
         ([{"camera": 0, "scale": [1, 1, -1]}], None, "skewed or mirrored"),
         ([{"camera": 0, "scale": [1, 0, 1]}], None, "has no inverse"),
+        ([{"camera": 0, "translation": [0, np.inf, 0]}], None, "node 0 has a translation that is not finite"),
         ([{"camera": 7}], None, "no valid glTF file"),
         ([{"camera": 0, "rotation": [0, 0]}], None, "no valid glTF file"),
     ],
-    ids=["none", "several", "a slip", "a cycle", "mirrored", "flat", "index", "numbers"],
+    ids=["none", "several", "a slip", "a cycle", "mirrored", "flat", "nowhere", "index", "numbers"],
 )
 def test_what_is_wrong_with_a_gltf_file_is_said(tmp_path, nodes, name, said):
     with pytest.raises(SceneFileError, match=said):

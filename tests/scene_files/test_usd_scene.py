@@ -212,3 +212,43 @@ def test_gltf_nodes_in_a_cycle_are_refused(tmp_path, below):
     (tmp_path / "loop.gltf").write_text(json.dumps(content))
     with pytest.raises(SceneFileError, match=r"loop\.gltf .*its own ancestor\); export the scene again"):
         read_scene(tmp_path / "loop.gltf")
+
+
+MESH = """#usda 1.0
+def Mesh "card"
+{{
+    point3f[] points = [(0, 0, 0), ({x}, 0, 0), (0, 1, 0)]
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+    uniform token subdivisionScheme = "none"
+    double3 xformOp:translate = ({place}, 0, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("x", "place", "said"),
+    [
+        ("nan", "0", "mesh /card has 1 vertices with NaN or infinite coordinates"),
+        ("1", "inf", "the transform of /card is not finite; place it anew"),
+    ],
+)
+def test_what_is_nowhere_is_refused_by_name(tmp_path, x, place, said):
+    path = tmp_path / "a.usda"
+    path.write_text(MESH.format(x=x, place=place))
+    with pytest.raises(SceneFileError, match=rf"a\.usda: {said}"):
+        read_scene(path)
+
+
+def test_a_file_that_is_cut_off_is_refused_in_a_short_sentence(tmp_path):
+    path = write_usd_scene(tmp_path)
+    text = path.read_text()
+    # In the middle of a word, of which the parser expected many.
+    path.write_text(text[: text.index("connect") + 3])
+    with pytest.raises(
+        SceneFileError, match=r"cannot be read as USD .*parse error at 'con'.*export it again"
+    ) as e:
+        read_scene(path)
+    assert "pxrInternal" not in str(e.value)
+    assert len(str(e.value)) < 300 + len(str(path))

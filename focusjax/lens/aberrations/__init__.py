@@ -5,6 +5,7 @@ from focusjax.lens.aberrations._base import AbstractAberration as AbstractAberra
 from focusjax.lens.aberrations._base import Bounds as Bounds
 from focusjax.lens.aberrations._chromatic import ChromaticLens as ChromaticLens
 from focusjax.lens.aberrations._chromatic import chromatic_lens as chromatic_lens
+from focusjax.lens.aberrations._chromatic import thin_lens_dispersion as thin_lens_dispersion
 from focusjax.lens.aberrations._focus_offsets import FieldCurvature as FieldCurvature
 from focusjax.lens.aberrations._focus_offsets import FocusOffset as FocusOffset
 from focusjax.lens.aberrations._focus_offsets import PowerProfile as PowerProfile

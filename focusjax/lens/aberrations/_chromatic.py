@@ -8,13 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from focusjax._arguments import real_numbers
+from focusjax._arguments import real_number, real_numbers
 from focusjax.lens._base import AbstractLens, Channel
 from focusjax.lens._coloured import AbstractColouredLens, colour_bands
 from focusjax.lens.aberrations._aberrated import AberratedLens
 from focusjax.lens.aberrations._base import AbstractAberration
 from focusjax.lens.aberrations._focus_offsets import FocusOffset
 from focusjax.lens.aberrations._magnification import Magnification
+from focusjax.optics import FRAUNHOFER, RGB_WAVELENGTHS, AbstractGlass
 
 
 class ChromaticLens(AbstractColouredLens):
@@ -93,3 +94,37 @@ def chromatic_lens(
         return FocusOffset(offset), Magnification(scale)
 
     return ChromaticLens(lens, tuple(terms(at) for at in places), colours)
+
+
+def thin_lens_dispersion(
+    glass: AbstractGlass, focal_length: SupportsFloat, wavelengths: Sequence[SupportsFloat] = RGB_WAVELENGTHS
+) -> tuple[float, ...]:
+    """By how many dioptres a thin lens of one glass focuses some colours nearer (Lee10 section 4).
+
+    Its power is proportional to n - 1. With the film where it is, a colour of index n focuses nearer by the
+    power that it has more, (n - n_d) / ((n_d - 1) f): the `focus_offset` of `chromatic_lens`.
+
+    Args:
+        glass: what it is made of.
+        focal_length: f in metres at the yellow line d.
+        wavelengths: of the colours in nm; red, green and blue if not given.
+
+    Raises:
+        ValueError: a focal length that is not positive, or glass whose index at d is not above 1.
+
+    Example:
+        >>> from focusjax.optics import find_glass
+        >>> red, green, blue = thin_lens_dispersion(find_glass("N-BK7"), 0.05)
+        >>> round(red, 3), round(green, 3), round(blue, 3)
+        (-0.088, 0.154, 0.248)
+    """
+    length = real_number(focal_length, "the focal length in metres", "a positive one, such as 0.05")
+    if not 0 < length < float("inf"):
+        raise ValueError(f"the focal length is {length:g} m; expected a positive one, such as 0.05")
+    at = [FRAUNHOFER["d"], *(float(each) for each in wavelengths)]
+    n_d, *others = (float(glass.index(jnp.asarray(each, dtype=float))) for each in at)
+    if not n_d - 1.0 > 1e-3:
+        raise ValueError(
+            f"has the index {n_d:.6g} at the line d, as air; expected more for a lens to refract"
+        )
+    return tuple((n - n_d) / ((n_d - 1.0) * length) for n in others)

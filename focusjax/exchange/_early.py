@@ -1,0 +1,62 @@
+"""What is known of an export before the solve, and refused then."""
+
+from focusjax.config import Config, ConfigError, build_camera, build_lens, build_look
+from focusjax.exchange._fitting import ExportError, Target, features, refusal
+from focusjax.exchange._record import record_of
+
+
+def refuse_a_shot(config: Config) -> None:
+    """Refuse the frames of a lens that is exported for single pictures.
+
+    Raises:
+        ExportError: it has a focal surface, or is a real lens.
+    """
+    single = {
+        "lens.focal_surface": (config.lens.focal_surface, "a focal surface"),
+        "lens.prescription": (config.lens.prescription, "a real lens"),
+    }
+    for key, (given, what) in single.items():
+        if given is not None and config.shot is not None and config.shot.frames > 1:
+            raise ExportError(
+                f"{config.source}: has {key}, and {what} is exported for a single picture, not for a shot;"
+                " leave out --shot (shot=False), or the [shot] table"
+            )
+
+
+def early_features(config: Config, *, shot: bool) -> dict[str, str]:
+    """Those `features` of a config's camera that a solve leaves as they are, as the config has them."""
+    found: dict[str, str] = {}
+    if config.lens.prescription is not None:
+        found["glass"] = f"a real lens ({config.lens.prescription})"
+    if config.lens.focal_surface is not None:
+        found["surface"] = "a focal surface"
+    try:
+        camera = build_camera(config)
+        lens = build_lens(config, camera, solved=True)
+        seen = lens if found or not config.lens.look else build_look(config, camera, lens)
+    except ConfigError:
+        # Keyframes may give what is missing here; if not, the solve says so.
+        return found
+    changing = set(config.solve.free) if config.focus else set()
+    if shot and config.shot is not None:
+        changing |= {key.rpartition("_")[0] for each in config.shot.lens for key in each.model_fields_set}
+        # The sensor grows then, and with it what a pixel is.
+        changing |= {"focal_length"} if config.shot.keep_field_of_view else set()
+    may_change = {
+        "tilt": {"tilt", "swing"},
+        "shift": {"shift", "rise"},
+        "fine shift": {"shift", "rise", "focal_length"},
+    }
+    known = features(record_of(camera, seen))
+    return found | {key: words for key, words in known.items() if not changing & may_change.get(key, set())}
+
+
+def refuse_early(config: Config, target: Target, targets: dict[str, Target], *, shot: bool) -> None:
+    """Refuse what the target cannot have whatever is solved for.
+
+    Raises:
+        ExportError: there is something.
+    """
+    lacks = {key: words for key, words in early_features(config, shot=shot).items() if key not in target.has}
+    if lacks:
+        raise ExportError(f"{config.source}: {refusal(lacks, target, targets)}")

@@ -68,7 +68,7 @@ def _check_size(width: int, height: int, path: Path) -> None:
 
 def _of_picture(image: Image.Image, path: Path) -> StoredDepth:
     """The greys of a picture; nothing where it is transparent."""
-    has_more_bits = any("16" in str(tile.args) for tile in image.tile)
+    has_more_bits = any(";16" in str(tile.args) for tile in getattr(image, "tile", ()))
     image.load()
     if image.mode in ("LA", "RGB", "RGBA") and has_more_bits:
         raise PhotoError(

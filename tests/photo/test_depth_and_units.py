@@ -168,6 +168,14 @@ def test_transparent_depth_is_a_hole(photo_file, mode):
     assert found.measured[:, 5:].all()
 
 
+def test_three_equal_channels_of_8_bits_are_one(photo_file):
+    """An uncompressed picture, of which a row has 160 bytes: no 16 bits."""
+    grey = np.full((40, 53), 150, np.uint8)
+    Image.fromarray(np.dstack([grey] * 3)).save(photo_file.parent / "d.bmp")
+    found = load(photo_file, "d.bmp", depth_unit="m", depth_scale=0.01)
+    np.testing.assert_allclose(found.disparity, 1 / 1.5, rtol=1e-6)
+
+
 @pytest.mark.parametrize("channels", [2, 3, 4])
 def test_several_channels_of_16_bits_are_refused(photo_file, channels):
     """Pillow would give their upper 8 bits: depth 256 times too small."""

@@ -29,12 +29,27 @@ from focusjax.shot import film
 
 
 @contextmanager
-def _failures(errors: Console, folder: Path, talk: Talk, *, go_on: str = "begins anew") -> Iterator[None]:
-    """What is raised within becomes a sentence and an exit status; `go_on`: what the command does next."""
+def _failures(
+    errors: Console,
+    folder: Path,
+    talk: Talk,
+    *,
+    go_on: str = "begins anew",
+    reword: Callable[[str], str] = str,
+) -> Iterator[None]:
+    """What is raised within becomes a sentence and an exit status.
+
+    Args:
+        errors: where it is said.
+        folder: for the results.
+        talk: how much to say.
+        go_on: what the command does next time.
+        reword: puts what is wrong with the input into the words of the command.
+    """
     try:
         yield
     except (ConfigError, ManyError) as error:
-        fail(errors, error, BAD_INPUT)
+        fail(errors, ConfigError(reword(str(error))), BAD_INPUT)
     except KeyboardInterrupt:
         fail(errors, RuntimeError(f"interrupted; the same command {go_on}"), INTERRUPTED)
     except (ValueError, RuntimeError, OSError, MemoryError) as error:
@@ -44,11 +59,17 @@ def _failures(errors: Console, folder: Path, talk: Talk, *, go_on: str = "begins
 
 
 def carry_out(
-    read: Callable[[], Config], folder: Path, *, solving: bool, rendering: bool, talk: Talk
+    read: Callable[[], Config],
+    folder: Path,
+    *,
+    solving: bool,
+    rendering: bool,
+    talk: Talk,
+    reword: Callable[[str], str] = str,
 ) -> None:
-    """What a config asks for, into `folder`, to exit status."""
+    """What a config asks for, into `folder`, to exit status; `reword` is for what is wrong with the input."""
     console, errors = Console(), Console(stderr=True)
-    with _failures(errors, folder, talk):
+    with _failures(errors, folder, talk, reword=reword):
         config = read()
         with (
             staged_folder(folder, owned=FILES) as stage,

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from focusjax.config import Config, ConfigError, Reach, config_of, set_keys, texts, toml_value
+from focusjax.photo import PhotoError, check_file
 
 _START_F_NUMBER = 2.8
 
@@ -29,14 +30,20 @@ def refocus_config(
         settings: other keys of `[scene.photo]`; None for what was not given.
         sharp: places "X,Y" that are to be sharp.
         blur: places "X,Y=N" that are to be blurred by N pixels.
-        anchors: "X,Y,METRES" or "VALUE,METRES".
+        anchors: two of "X,Y,METRES" or two of "VALUE,METRES".
         focus_distance_m: in place of wishes.
         f_number: None to have it solved for, which takes a blur.
         overrides: `key=value` strings as for `load_config`.
 
     Raises:
-        ConfigError: text that is no place, or nothing to focus on.
+        ConfigError: no such file, text that is no place, or nothing to focus on.
     """
+    try:
+        for path, what in ((photo, "photograph"), (depth, "depth map")):
+            if path is not None:
+                check_file(path, what)
+    except PhotoError as error:
+        raise ConfigError(str(error)) from None
     table = {key: value for key, value in settings.items() if value is not None}
     table["file"] = str(photo.absolute())
     if depth is not None:
@@ -83,9 +90,15 @@ def anchors_of(texts: Sequence[str]) -> list[list[float]]:
     """The `anchors` of `[scene.photo]` from "X,Y,METRES" or "VALUE,METRES".
 
     Raises:
-        ConfigError: text that is neither.
+        ConfigError: text that is neither, or one of each.
     """
-    return [_numbers(text, "--anchor", (2, 3), "X,Y,METRES or VALUE,METRES") for text in texts]
+    found = [_numbers(text, "--anchor", (2, 3), "X,Y,METRES or VALUE,METRES") for text in texts]
+    if len({len(anchor) for anchor in found}) > 1:
+        raise ConfigError(
+            f"--anchor {' and --anchor '.join(texts)}: one is a place X,Y,METRES and another a value"
+            " VALUE,METRES; give two of the same form"
+        )
+    return found
 
 
 def _numbers(text: str, option: str, counts: tuple[int, ...], expected: str) -> list[float]:

@@ -163,7 +163,12 @@ def refocus(
     ] = None,
     anchor: Annotated[
         list[str] | None,
-        typer.Option("--anchor", metavar="X,Y,METRES", help="For relative: a known distance; give two."),
+        typer.Option(
+            "--anchor",
+            metavar="X,Y,METRES|VALUE,METRES",
+            help="For relative: the distance of a pixel of the photograph's file, or of a value of the"
+            " depth map (48,36 is: value 48 is 36 m away); give two of one form.",
+        ),
     ] = None,
     focal_length_35mm: Annotated[
         float | None, typer.Option("--focal-length-35mm", help="mm as on 36 x 24 mm film, if EXIF has none.")
@@ -172,11 +177,21 @@ def refocus(
         float | None, typer.Option("--focal-length-px", help="The same in pixels of the photograph.")
     ] = None,
     sharp: Annotated[
-        list[str] | None, typer.Option("--sharp", metavar="X,Y", help="A pixel to be sharp; may be repeated.")
+        list[str] | None,
+        typer.Option(
+            "--sharp",
+            metavar="X,Y",
+            help="A pixel to be sharp, of the picture that is made: of the smaller one with --set"
+            " camera.resolution; may be repeated.",
+        ),
     ] = None,
     blur: Annotated[
         list[str] | None,
-        typer.Option("--blur", metavar="X,Y=N", help="A pixel to be blurred by N pixels; may be repeated."),
+        typer.Option(
+            "--blur",
+            metavar="X,Y=N",
+            help="A pixel to be blurred by N pixels, counted as for --sharp; may be repeated.",
+        ),
     ] = None,
     focus_distance: Annotated[
         float | None, typer.Option("--focus-distance", help="Metres, in place of wishes.")
@@ -194,6 +209,7 @@ def refocus(
 ) -> None:
     """Refocus a photograph with depth."""
     from focusjax._carry_out import carry_out
+    from focusjax._photo_options import in_options
     from focusjax._refocus import refocus_config
     from focusjax.config import Config
 
@@ -224,7 +240,8 @@ def refocus(
         )
 
     folder = out if out is not None else Path("out") / photo.stem
-    carry_out(read, folder, solving=focus_distance is None, rendering=True, talk=talk)
+    solving = focus_distance is None
+    carry_out(read, folder, solving=solving, rendering=True, talk=talk, reword=in_options)
 
 
 @app.command()

@@ -10,6 +10,7 @@ import hashlib
 import io
 import struct
 import subprocess
+import zlib
 
 import imageio_ffmpeg
 import numpy as np
@@ -48,6 +49,18 @@ def with_segments(data, segments):
     return data[:2] + b"".join(parts) + data[2:]
 
 
+def png16(values):
+    """A PNG file of 16-bit samples [h, w, c], of 1 to 4 channels."""
+    kind = {1: 0, 2: 4, 3: 2, 4: 6}[values.shape[2]]
+    rows = b"".join(b"\0" + row.astype(">u2").tobytes() for row in values)
+    head = struct.pack(">IIBBBBB", values.shape[1], values.shape[0], 16, kind, 0, 0, 0)
+    parts = ((b"IHDR", head), (b"IDAT", zlib.compress(rows)), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+        for name, body in parts
+    )
+
+
 def range_inverse(depth):
     """Stored greys of a depth map between `NEAR_M` and `FAR_M`: 0 is near."""
     share = (1 / NEAR_M - 1 / depth) / (1 / NEAR_M - 1 / FAR_M)
@@ -62,7 +75,7 @@ def description(attributes, inside=""):
     ).encode()
 
 
-def gdepth_jpeg(picture, depth, units="m", per_metre=1, extended=False):
+def gdepth_jpeg(picture, depth, units="m", per_metre=1, extended=False, measure=None, exif=None):
     """A JPEG with GDepth, its map in the first packet or in extended XMP of several segments."""
     data = base64.b64encode(png(range_inverse(depth))).decode()
     space = 'xmlns:GDepth="http://ns.google.com/photos/1.0/depthmap/"'
@@ -71,8 +84,10 @@ def gdepth_jpeg(picture, depth, units="m", per_metre=1, extended=False):
         f' GDepth:Far="{FAR_M * per_metre}"'
         f' GDepth:Mime="image/png" GDepth:Units="{units}"'
     )
+    if measure:
+        said += f' GDepth:MeasureType="{measure}"'
     if not extended:
-        return with_segments(jpeg(picture), [XMP + description(f'{said} GDepth:Data="{data}"')])
+        return with_segments(jpeg(picture, exif), [XMP + description(f'{said} GDepth:Data="{data}"')])
     more = description(f'{space} GDepth:Data="{data}"')
     name = hashlib.md5(more).hexdigest().upper().encode()
     pieces = [
@@ -82,7 +97,7 @@ def gdepth_jpeg(picture, depth, units="m", per_metre=1, extended=False):
     return with_segments(jpeg(picture), [XMP + description(said), *pieces])
 
 
-def dynamic_depth_jpeg(picture, depth, cut=0):
+def dynamic_depth_jpeg(picture, depth, cut=0, measure="OpticalAxis"):
     """A Dynamic Depth JPEG: another picture and then the map follow the primary one."""
     other, depth_map = jpeg(picture[:8, :8]), png(range_inverse(depth))
     items = "".join(
@@ -97,7 +112,8 @@ def dynamic_depth_jpeg(picture, depth, cut=0):
     inside = (
         f"<Device:Container><Container:Directory><rdf:Seq>{items}</rdf:Seq></Container:Directory>"
         '</Device:Container><Camera:DepthMap DepthMap:Format="RangeInverse" DepthMap:Units="Meters"'
-        f' DepthMap:Near="{NEAR_M}" DepthMap:Far="{FAR_M}" DepthMap:DepthURI="android/depthmap"/>'
+        f' DepthMap:Near="{NEAR_M}" DepthMap:Far="{FAR_M}" DepthMap:DepthURI="android/depthmap"'
+        f' DepthMap:MeasureType="{measure}"/>'
     )
     base = "http://ns.google.com/photos/dd/1.0/"
     spaces = " ".join(

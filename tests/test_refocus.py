@@ -88,7 +88,19 @@ def test_holes_are_reported_and_wishes_in_them_get_a_warning(folder):
         (("--sharp", "here", "--f-number", "2"), "--sharp here: expected X,Y in pixels, such as 320,240"),
         (("--blur", "9,9", "--f-number", "2"), "--blur 9,9: expected X,Y=PIXELS"),
         (("--anchor", "9", "--sharp", "9,9", "--f-number", "2"), "--anchor 9: expected X,Y,METRES or VALUE"),
-        (("--sharp", "9,9", "--f-number", "2"), "EXIF does not say the focal length; give focal_length_35mm"),
+        (
+            ("--sharp", "9,9", "--f-number", "2"),
+            "give --focal-length-35mm (mm as on 36 x 24 mm film, about 26 for a phone) or --focal-length-px",
+        ),
+        (
+            ("--anchor", "9,9,2", "--anchor", "48,36", "--sharp", "9,9", "--f-number", "2"),
+            "--anchor 9,9,2 and --anchor 48,36: one is a place X,Y,METRES and another a value VALUE,METRES",
+        ),
+        (("--depth", "none.png", "--sharp", "9,9"), "none.png: there is no such depth map; check the path"),
+        (
+            ("--set", "camera.position=[0,0,0]", "--sharp", "9,9", "--f-number", "2"),
+            "phone.jpg brings the camera that took it, and camera.position is only half of another pose",
+        ),
     ],
 )
 def test_what_is_missing_is_said_in_one_sentence(folder, tmp_path, arguments, said):
@@ -97,3 +109,40 @@ def test_what_is_missing_is_said_in_one_sentence(folder, tmp_path, arguments, sa
     assert said in complaints
     assert "Traceback" not in complaints
     assert not (tmp_path / "none").exists()
+
+
+def test_messages_name_options(folder, tmp_path):
+    wish = ("--sharp", "9,9", "--f-number", "2", "--focal-length-px", "40", "--out", tmp_path / "none")
+    depth = ("--depth", folder / "depth.npy")
+    status, _, said = refocus(folder / "plain.jpg", *depth, *wish)
+    assert status == 2
+    assert (
+        "depth.npy: nothing says what the values of this depth map mean; give --depth-unit as one of m,"
+        in said
+    )
+    _, _, said = refocus(folder / "plain.jpg", *depth, "--depth-unit", "relative", *wish)
+    assert (
+        "has 0; give as --anchor two places X,Y,METRES or two values VALUE,METRES of known distance" in said
+    )
+    _, _, said = refocus(folder / "plain.jpg", *depth, "--depth-unit", "feet", *wish)
+    assert '--depth-unit is "feet"; expected' in said
+    assert "scene.photo" not in said
+    _, _, said = refocus(folder / "plain.jpg", *wish)
+    assert "give a depth map of its own with --depth, or a portrait HEIC" in said
+
+
+def test_a_photograph_that_is_missing_or_a_folder_is_said_first(folder):
+    status, _, said = refocus(folder / "nope.png", "--sharp", "30,36")
+    assert status == 2
+    assert "nope.png: there is no such photograph; check the path" in said
+    status, _, said = refocus(folder, "--sharp", "30,36")
+    assert status == 2
+    assert "this is a folder, not a photograph; name a file in it" in said
+
+
+def test_help_says_in_which_pixels_places_are(folder):
+    printed = " ".join(refocus("--help")[1].replace("│", " ").split())
+    assert "X,Y,METRES|VALUE,METRES" in printed
+    assert "of a pixel of the photograph's file" in printed
+    assert "48,36 is: value 48 is 36 m away" in printed
+    assert "A pixel to be sharp, of the picture that is made" in printed

@@ -18,7 +18,8 @@ def with_camera_of_photo(data: dict[str, Any], reach: Reach) -> dict[str, Any]:
     """`data` with a `[camera]` that has what the photograph says, where it says nothing itself.
 
     Raises:
-        ConfigError: the photograph cannot be read, or does not say its focal length.
+        ConfigError: the photograph cannot be read, does not say its focal length, or half of another pose is
+            given.
     """
     scene, camera = data.get("scene"), data.get("camera", {})
     if not isinstance(scene, dict) or "photo" not in scene or not isinstance(camera, dict):
@@ -28,6 +29,12 @@ def with_camera_of_photo(data: dict[str, Any], reach: Reach) -> dict[str, Any]:
     except ValidationError:
         # Refused where all tables are looked at.
         return data
+    posed = [key for key in _POSE if key in camera]
+    if posed and "matrix" not in camera and not {"position", "look_at"} <= set(posed):
+        raise ConfigError(
+            f"{table.file} brings the camera that took it, and camera.{posed[0]} is only half of another pose"
+            "; leave it out, or give both position and look_at"
+        )
     try:
         taken = photo_camera(
             reach.file(table.file, "scene.photo.file"),
@@ -37,7 +44,7 @@ def with_camera_of_photo(data: dict[str, Any], reach: Reach) -> dict[str, Any]:
     except ValueError as error:
         raise ConfigError(str(error)) from error
     filled: dict[str, Any] = {"resolution": [taken.width, taken.height]}
-    if not any(key in camera for key in _POSE):
+    if not posed:
         filled["matrix"] = np.asarray(taken.world_from_camera, dtype=float).tolist()
     if not any(key in camera for key in (*_LENGTH, "sensor_width_mm")):
         filled["focal_length_mm"] = 1000 * float(taken.focal_length)

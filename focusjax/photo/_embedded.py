@@ -8,6 +8,8 @@ between a near depth n and a far depth f,
 
     RangeInverse   z = f n / (f - d (f - n)),  which is  w = 1/f + (1 - d) (1/n - 1/f) ... in 1 - d
     RangeLinear    z = n + d (f - n).
+
+Distances are along the view axis (MeasureType OpticalAxis) or from the camera (OpticRay).
 """
 
 import math
@@ -16,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from focusjax.photo._depth_file import StoredDepth
-from focusjax.photo._errors import PhotoError
+from focusjax.photo._errors import PhotoError, one_line
 from focusjax.photo._jpeg import JpegMetadata, decoded_base64, jpeg_metadata
 from focusjax.photo._picture_file import image_of, is_heif, open_heif
 
@@ -27,7 +29,7 @@ _UNITS = {"m": 1.0, "meters": 1.0, "metres": 1.0, "mm": 1e-3, "millimeters": 1e-
 def embedded_depth(path: Path) -> StoredDepth | None:
     """The depth map inside the photograph at `path`, None where there is none.
 
-    Upright as the picture's stored pixels are, before EXIF turns them; in HEIC both are turned already.
+    As the file has it: turned as the picture's stored pixels are, or upright already.
 
     Raises:
         PhotoError: there is one that cannot be read.
@@ -57,7 +59,7 @@ def _of_heif(path: Path) -> StoredDepth | None:
         raise
     except Exception as error:
         raise PhotoError(
-            f"{path}: the depth in this HEIC file cannot be read ({error}); export it again"
+            f"{path}: the depth in this HEIC file cannot be read ({one_line(error)}); export it again"
         ) from error
     values = values[..., 0] if values.ndim == 3 else values
     largest = 255.0 if values.max() <= 255 else 65535.0
@@ -120,7 +122,9 @@ def _between(picture: bytes, said: dict[str, str], path: Path, what: str) -> Sto
         image = image_of(picture)
         values = np.asarray(image if image.mode.startswith("I") else image.convert("L")).astype(np.float64)
     except Exception as error:
-        raise PhotoError(f"{path}: its {what} depth map is no picture ({error}); export it again") from error
+        raise PhotoError(
+            f"{path}: its {what} depth map is no picture ({one_line(error)}); export it again"
+        ) from error
     largest = 255.0 if not image.mode.startswith("I") else 65535.0
     try:
         near, far = float(said["Near"]), float(said["Far"])
@@ -141,7 +145,13 @@ def _between(picture: bytes, said: dict[str, str], path: Path, what: str) -> Sto
         raise PhotoError(
             f"{path}: its {what} has Format = {said.get('Format')}; expected RangeInverse or RangeLinear"
         )
-    source = f"{path} (its {what})"
+    measure = said.get("MeasureType", "OpticalAxis").lower()
+    if measure not in ("opticalaxis", "opticray"):
+        raise PhotoError(
+            f"{path}: its {what} has MeasureType = {said['MeasureType']}; expected OpticalAxis or OpticRay,"
+            " so save the map as a PNG and declare its unit"
+        )
+    source, is_along_ray = f"{path} (its {what})", measure == "opticray"
     step = (1 / near - 1 / far) / largest if form == "rangeinverse" else 0.0
     if units in ("diopters", "dioptres"):
         raise PhotoError(
@@ -150,6 +160,6 @@ def _between(picture: bytes, said: dict[str, str], path: Path, what: str) -> Sto
         )
     if units not in _UNITS:
         # Near and far of no unit: shapes are right, but distances have to be declared.
-        return StoredDepth(disparity, step, False, source)
+        return StoredDepth(disparity, step, False, source, is_along_ray=is_along_ray)
     metres = _UNITS[units]
-    return StoredDepth(disparity / metres, step / metres, False, source, "1/m")
+    return StoredDepth(disparity / metres, step / metres, False, source, "1/m", is_along_ray)

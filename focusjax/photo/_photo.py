@@ -25,7 +25,7 @@ from focusjax.photo._picture_file import (
     turned_upright,
 )
 from focusjax.photo._scene import photo_scene
-from focusjax.photo._units import UNITS, DepthUnit, disparity_of
+from focusjax.photo._units import UNITS, DepthUnit, along_axis, disparity_of
 from focusjax.scene import Scene
 
 _ALIGN_PX = 2.0
@@ -119,7 +119,8 @@ def load_photo(
         depth_focal_px: focal length of the stereo pair in the depth map's pixels, for px.
         depth_offset_px: what is added to disparities in px: the principal points' difference.
         baseline_m: distance of the stereo pair's cameras, for px.
-        anchors: two of [x, y, metres] (a place in the photograph) or [value, metres], for relative depth.
+        anchors: two of [x, y, metres] (a place in the photograph) or two of [value, metres], for relative
+            depth.
         focal_length_35mm: mm as on 36 x 24 mm film, in place of EXIF's.
         focal_length_px: in pixels of the photograph, in place of EXIF's.
         curve: "srgb", "linear", or the exponent of a power curve.
@@ -160,6 +161,8 @@ def load_photo(
     stored = dataclasses.replace(stored, values=_upright(stored, picture, path, size, embedded=own))
     disparity, known, step = disparity_of(stored, unit, size)
     camera = _camera(picture, path, focal_length_35mm, focal_length_px)
+    if stored.is_along_ray:
+        disparity = along_axis(disparity, camera)
     exact = stored.is_exact
     reach = (0.0 if exact else _ALIGN_PX) if align_px is None else float(align_px)
     light = linear_light(picture, curve, highlight_stops)
@@ -215,12 +218,16 @@ def _unit(stored: StoredDepth, declared: str | None, *, invalid: float | None, *
 def _upright(
     stored: StoredDepth, picture: PictureFile, path: Path, size: tuple[int, int], *, embedded: bool
 ) -> Float[np.ndarray, "h w"]:
-    """The depth map turned as the photograph was, if it was not already."""
+    """The depth map turned as the photograph was, if its shape does not say that it was already.
+
+    Where the shape cannot say, a map inside the photograph is taken to be as the stored pixels are.
+    """
     values, turn = stored.values, picture.orientation
-    stored_size = (size[1], size[0]) if turn >= 5 else size
-    if embedded or (turn >= 5 and not _alike(values, size) and _alike(values, stored_size)):
+    upright, lying = _alike(values, size), turn >= 5 and _alike(values, (size[1], size[0]))
+    is_turned = turn >= 5 and upright and not lying
+    if (lying and not upright) or (embedded and not is_turned):
         values = turned_upright(values, turn)
-    elif turn > 1 and (turn < 5 or size[0] == size[1]):
+    elif not embedded and turn > 1 and (turn < 5 or size[0] == size[1]):
         raise PhotoError(
             f"{path}: EXIF turns this photograph (orientation {turn}), and its depth {stored.source} may be"
             " turned or not; save both upright, without the EXIF orientation"

@@ -9,10 +9,12 @@ import numpy as np
 from jaxtyping import Float
 from PIL import ExifTags, Image, ImageOps
 
-from focusjax.photo._errors import PhotoError
-from focusjax.scene import read_image
+from focusjax.photo._errors import PhotoError, check_file, one_line
+from focusjax.scene import check_pixels, open_picture, read_image
 
 SRGB, LINEAR = "srgb", "linear"
+_WHITE_16 = 65535
+"""White of greys with more than 8 bits."""
 _BRIGHT = 0.8
 """Linear value from which on highlights are expanded."""
 _FILM_DIAGONAL_MM = 43.2666
@@ -51,23 +53,35 @@ def read_picture(path: Path) -> PictureFile:
     Raises:
         PhotoError: no such file, or none that can be read.
     """
-    if not path.is_file():
-        raise PhotoError(f"{path}: there is no such photograph; check the path")
+    check_file(path, "photograph")
     if path.suffix.lower() == ".exr":
         return PictureFile(read_exr(path), True, 1, None)
     try:
         if is_heif(path):
             return _read_heif(path)
-        with Image.open(path) as opened:
+        with open_photo(path) as opened:
             opened.load()
-            return picture_of(opened, opened.getexif())
+            return picture_of(opened, opened.getexif(), path)
     except PhotoError:
         raise
     except Exception as error:
         raise PhotoError(
-            f"{path}: this photograph cannot be read ({error}); expected a whole JPEG, PNG, TIFF, HEIC or"
-            " OpenEXR file, so export it again"
+            f"{path}: this photograph cannot be read ({one_line(error)}); expected a whole JPEG, PNG, TIFF,"
+            " HEIC or OpenEXR file, so export it again"
         ) from error
+
+
+def open_photo(path: Path) -> Image.Image:
+    """A picture that is not decoded yet.
+
+    Raises:
+        PhotoError: it has too many pixels.
+        OSError: no picture.
+    """
+    try:
+        return open_picture(path)
+    except ValueError as error:
+        raise PhotoError(f"{path}: {error}") from None
 
 
 def read_exr(path: Path) -> Float[np.ndarray, "h w 3"]:
@@ -87,13 +101,39 @@ def read_exr(path: Path) -> Float[np.ndarray, "h w 3"]:
     return np.maximum(light, 0.0)
 
 
-def picture_of(image: Image.Image, exif: Image.Exif) -> PictureFile:
-    """An opened picture, upright."""
+def picture_of(image: Image.Image, exif: Image.Exif, path: Path) -> PictureFile:
+    """The opened picture of `path`, upright.
+
+    Raises:
+        PhotoError: samples of which it is not known what white is.
+    """
     orientation = int(exif.get(ExifTags.Base.Orientation, 1) or 1)
     size = image.size
-    turned = image.transpose(_TURNS[orientation]) if orientation in _TURNS else image
-    shown = np.asarray(turned.convert("RGB"), dtype=np.float32) / np.float32(255)
+    if image.mode == "F" or image.mode.startswith("I"):
+        # A conversion to RGB would cut these off at 255.
+        grey = turned_upright(_grey(image, path), orientation)
+        shown = np.repeat(grey[..., None], 3, axis=2)
+    else:
+        turned = image.transpose(_TURNS[orientation]) if orientation in _TURNS else image
+        shown = np.asarray(turned.convert("RGB"), dtype=np.float32) / np.float32(255)
     return PictureFile(shown, False, orientation, focal_length_of(exif, size))
+
+
+def _grey(image: Image.Image, path: Path) -> Float[np.ndarray, "h w"]:
+    """Greys of more than 8 bits, 0 to 1."""
+    if image.mode == "F":
+        raise PhotoError(
+            f"{path}: the greys of this photograph are floats, which do not say what white is; save it as"
+            " OpenEXR with channels R, G and B, or with 16 bits"
+        )
+    values = np.asarray(image)
+    low, high = int(values.min()), int(values.max())
+    if low < 0 or high > _WHITE_16:
+        raise PhotoError(
+            f"{path}: the greys of this photograph go from {low} to {high}; expected 0 to {_WHITE_16}, so"
+            " save it with 16 bits"
+        )
+    return values.astype(np.float32) / np.float32(_WHITE_16)
 
 
 def is_heif(path: Path) -> bool:
@@ -121,6 +161,7 @@ def open_heif(path: Path) -> Any:
 
 def _read_heif(path: Path) -> PictureFile:
     opened = open_heif(path)
+    check_pixels(opened.size)
     image = opened.to_pillow()
     exif = Image.Exif()
     if opened.info.get("exif"):
@@ -210,6 +251,6 @@ def turned_upright(values: np.ndarray, orientation: int) -> np.ndarray:
 
 def image_of(data: bytes) -> Image.Image:
     """A picture from bytes, decoded and upright by its own EXIF."""
-    with Image.open(io.BytesIO(data)) as opened:
+    with open_picture(io.BytesIO(data)) as opened:
         opened.load()
         return ImageOps.exif_transpose(opened)

@@ -17,7 +17,7 @@ from focusjax.photo._beyond import extended
 from focusjax.photo._hidden import LAMP, MIXED, MIXED_EXACT, carried_behind, membrane, without_lamps
 from focusjax.photo._mattes import Mattes, mattes
 from focusjax.photo._mesh import Squares, squares, triangles
-from focusjax.photo._tears import GAP, links, torn_sides
+from focusjax.photo._tears import GAP, links, torn_sides, without_slivers
 from focusjax.scene import Material, Scene, SceneObject, constant_background, make_scene
 
 SEEN, HOLES, EDGES, GUESS = "photograph", "holes", "edges", "guess"
@@ -67,6 +67,8 @@ def sheets(
     """
     least = _FARTHEST / max(parallax, 1e-12)
     disparity = np.maximum(disparity, least).astype(np.float32)
+    if edge_px > 1:
+        disparity = without_slivers(disparity, parallax)
     border = min(int(np.ceil(parallax * (disparity.max() - disparity.min()))) + _BORDER, *disparity.shape)
     depth = np.pad(disparity, border, mode="symmetric")
     picture = extended(light, border)

@@ -62,3 +62,36 @@ def torn_sides(
         near[second] |= torn & ~first_near
         far[first] |= torn & ~first_near
     return near, far
+
+
+def without_slivers(disparity: Float[np.ndarray, "h w"], parallax: float) -> Float[np.ndarray, "h w"]:
+    """A depth map in which no pixel lies between the two sides of a silhouette.
+
+    Depth maps are soft, so that some pixels along a silhouette have a depth that is neither the foreground's
+    nor the background's. As surfaces of their own they would hide the background, which then goes on behind
+    them no farther than one pixel, and rays that pass between the two would see nothing at all. Each takes
+    the depth of that neighbour, of those that are no slivers, which is most like its own.
+
+    Args:
+        disparity: 1/m.
+        parallax: pixels per dioptre at the rim of the widest lens.
+    """
+    near, far = torn_sides(disparity, links(disparity, parallax))
+    sliver = near & far
+    out = disparity.copy()
+    while sliver.any():
+        known = np.pad(np.where(sliver, np.nan, out), 1, constant_values=np.nan)
+        best, apart = out.copy(), np.full(out.shape, np.inf, dtype=out.dtype)
+        height, width = out.shape
+        for dy in range(3):
+            for dx in range(3):
+                value = known[dy : dy + height, dx : dx + width]
+                off = np.abs(value - disparity)
+                nearer = off < apart
+                best[nearer], apart[nearer] = value[nearer], off[nearer]
+        found = sliver & np.isfinite(apart)
+        if not found.any():
+            break
+        out[found] = best[found]
+        sliver &= ~found
+    return out

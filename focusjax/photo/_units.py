@@ -18,12 +18,19 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from focusjax.geometry import Camera
 from focusjax.photo._depth_file import StoredDepth
 from focusjax.photo._errors import PhotoError
 
 UNITS = ("m", "mm", "1/m", "px", "relative")
 _FARTHEST_LIKELY, _NEAREST_LIKELY = 200.0, 0.02
 """Metres: a photograph's median distance beyond these is more likely a wrong unit."""
+_BACKGROUND = 1e-9
+"""In 1/m; what is no nearer is a background: renderers write infinity, or 1e10 m."""
+_BEHIND_INFINITY = 0.01
+"""Share of a relative map behind infinity from which on its anchors are doubted."""
+_NEAR_FOR_ANCHORS = 0.1
+"""Metres; nearer than that, and than half of the nearest anchor, anchors are doubted."""
 _LARGEST_DISPARITY = 1e4
 """In 1/m; nothing nearer than a tenth of a millimetre is photographed."""
 
@@ -66,8 +73,8 @@ def check_unit(unit: DepthUnit, source: str) -> None:
                 )
     if unit.unit == "relative" and len(unit.anchors) != 2:
         raise PhotoError(
-            f"{source}: relative depth needs two anchors, and has {len(unit.anchors)}; give two places [x, y,"
-            " metres] or values [value, metres] of known distance"
+            f"{source}: relative depth needs two anchors, and has {len(unit.anchors)}; give as anchors two"
+            " places [x, y, metres] or two values [value, metres] of known distance"
         )
     if unit.unit != "relative" and unit.anchors:
         raise PhotoError(
@@ -79,6 +86,16 @@ def check_unit(unit: DepthUnit, source: str) -> None:
                 f"{source}: the anchor {list(anchor)} is no place [x, y, metres] or value [value, metres];"
                 " expected a positive distance at its end"
             )
+    if len({len(anchor) for anchor in unit.anchors}) > 1:
+        raise PhotoError(
+            f"{source}: one anchor is a place [x, y, metres] and the other a value [value, metres]; give two"
+            " of the same form"
+        )
+    if unit.anchors and unit.anchors[0][-1] == unit.anchors[1][-1]:
+        raise PhotoError(
+            f"{source}: both anchors are {unit.anchors[0][-1]:g} m away, which makes everything flat; choose"
+            " anchors at two distances"
+        )
 
 
 def disparity_of(
@@ -92,10 +109,10 @@ def disparity_of(
         size: width and height of the photograph, whose pixels anchors are counted in.
 
     Raises:
-        PhotoError: nothing valid, anchors on holes or of equal values.
+        PhotoError: nothing valid, all infinitely far, anchors on holes or of equal values or distances.
 
     Warns:
-        Distances that no photograph has: the unit contradicts the values.
+        Distances that no photograph has: the unit or the anchors contradict the values.
     """
     check_unit(unit, stored.source)
     v = np.asarray(stored.values, dtype=np.float64)
@@ -117,6 +134,8 @@ def disparity_of(
         known &= np.isfinite(v)
         factor, offset = _affine(unit, np.where(known, scaled, np.nan), stored.source, size)
         disparity = offset + factor * np.where(known, scaled, 0.0)
+        if unit.unit == "relative" and known.any():
+            _warn_of_anchors(disparity[known], unit, stored.source)
         known &= disparity >= 0
         step = abs(factor) * step
     if not known.any():
@@ -125,6 +144,11 @@ def disparity_of(
             f" {unit.invalid} only where nothing is known"
         )
     nearest = float(disparity[known].max())
+    if nearest <= _BACKGROUND:
+        raise PhotoError(
+            f"{stored.source}: everything in this depth map is infinitely far, which leaves nothing to"
+            " refocus; give the depth of a picture with something nearer"
+        )
     if not nearest <= _LARGEST_DISPARITY:
         raise PhotoError(
             f"{stored.source}: in {unit.unit} the nearest place is {1.0 / nearest:.3g} m away; expected at"
@@ -185,9 +209,52 @@ def _warn_of_unlikely(disparity: Float[np.ndarray, "n"], unit: DepthUnit, source
     if unit.unit in ("m", "mm", "1/m", "px") and (
         eight_bit or not _NEAREST_LIKELY <= distance <= _FARTHEST_LIKELY
     ):
+        side = "farther" if distance > _FARTHEST_LIKELY or eight_bit else "nearer"
         values = "values of 0 to 255 look like 8-bit greys, not metres; " if eight_bit else ""
         warnings.warn(
-            f"{source}: in {unit.unit} half of the photograph is farther than {distance:.3g} m, which is"
+            f"{source}: in {unit.unit} half of the photograph is {side} than {distance:.3g} m, which is"
             f" unlikely; {values}check the depth unit and scale",
             stacklevel=1,
         )
+
+
+def _warn_of_anchors(disparity: Float[np.ndarray, "n"], unit: DepthUnit, source: str) -> None:
+    """Say so where anchors put much of a map behind infinity, or right before the lens.
+
+    Args:
+        disparity: of all that is known, negative behind infinity.
+        unit: with two anchors.
+        source: the depth map, for messages.
+    """
+    behind = float((disparity < 0).mean())
+    nearest = 1.0 / max(float(np.percentile(disparity, 99)), 1e-12)
+    if behind > _BEHIND_INFINITY:
+        found = f"{100 * behind:.0f} % of the depth map falls behind infinity and counts as holes"
+    elif nearest < _NEAR_FOR_ANCHORS and nearest < 0.5 * min(anchor[-1] for anchor in unit.anchors):
+        found = f"the nearest places are {100 * nearest:.2g} cm away"
+    else:
+        return
+    warnings.warn(
+        f"{source}: with these anchors {found}; check their distances, and choose one near and one far",
+        stacklevel=1,
+    )
+
+
+def along_axis(disparity: Float[np.ndarray, "h w"], camera: Camera) -> Float[np.ndarray, "h w"]:
+    """Disparity along the view axis from that along each pixel's ray.
+
+    A point at distance d on the ray through (x, y), from the principal point and in focal lengths, is
+
+        z = d / sqrt(1 + x^2 + y^2)
+
+    ahead.
+
+    Args:
+        disparity: 1 / d of a map over the whole picture, of any size.
+        camera: that took the photograph.
+    """
+    height, width = disparity.shape
+    middle, focal = np.asarray(camera.principal_point, dtype=float), float(camera.focal_px)
+    x = ((np.arange(width) + 0.5) * camera.width / width - middle[0]) / focal
+    y = ((np.arange(height) + 0.5) * camera.height / height - middle[1]) / focal
+    return disparity * np.sqrt(1.0 + x[None, :] ** 2 + y[:, None] ** 2)

@@ -34,5 +34,6 @@ from focusjax.scene._scene import Scene as Scene
 from focusjax.scene._scene import make_scene as make_scene
 from focusjax.scene._shader import Shader as Shader
 from focusjax.scene._sizes import MOST_PIXELS as MOST_PIXELS
+from focusjax.scene._sizes import check_pixels as check_pixels
 from focusjax.scene._sizes import gltf_json as gltf_json
 from focusjax.scene._textures import TextureTable as TextureTable

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from PIL import Image
 
 from focusjax.scene._exr import colour_channels, exr_channels
-from focusjax.scene._sizes import check_pixels
+from focusjax.scene._sizes import MOST_PIXELS, check_pixels
 
 
 def open_picture(source: str | Path | io.BytesIO) -> Image.Image:
@@ -24,8 +24,11 @@ def open_picture(source: str | Path | io.BytesIO) -> Image.Image:
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)
         try:
             picture = Image.open(source)
-        except Image.DecompressionBombError as error:
-            raise ValueError(f"{error}; make it smaller") from None
+        except Image.DecompressionBombError:
+            raise ValueError(
+                f"it has more pixels than can be read; expected at most {MOST_PIXELS / 1e6:.0f} million,"
+                " so make it smaller"
+            ) from None
     try:
         check_pixels(picture.size)
     except ValueError:

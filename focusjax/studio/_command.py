@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 
 from focusjax._console import fail, say
+from focusjax._photo_options import STUDIO, in_options
 from focusjax._refocus import anchors_of
 from focusjax.config import ConfigError
 
@@ -41,6 +42,11 @@ def _free_port(host: str, port: int | None) -> int:
     raise OSError(f"{which} at {host}: cannot be listened to ({problem}); choose another with --port")
 
 
+def _in_words(message: str, files: list[Path]) -> str:
+    """A message with the options of this command, unless a config is opened, which has keys."""
+    return message if files[0].suffix.lower() == ".toml" else in_options(message, STUDIO)
+
+
 def command(
     files: Annotated[
         list[Path] | None,
@@ -60,8 +66,9 @@ def command(
         list[str] | None,
         typer.Option(
             "--anchor",
-            metavar="X,Y,METRES",
-            help="A known distance, or VALUE,METRES; two of them for depth without a unit.",
+            metavar="X,Y,METRES|VALUE,METRES",
+            help="For relative: the distance of a pixel of the photograph's file, or of a value of the"
+            " depth map (48,36 is: value 48 is 36 m away); give two of one form.",
         ),
     ] = None,
     focal_length_35mm: Annotated[
@@ -112,7 +119,7 @@ def command(
         try:
             desk.open(files, root=root, photo=photo)
         except ConfigError as error:
-            fail(errors, error, _BAD_INPUT)
+            fail(errors, ConfigError(_in_words(str(error), files)), _BAD_INPUT)
     serve(
         desk,
         host=host,

@@ -119,6 +119,12 @@ def _of_photo(path: Path, given: dict[str, Any]) -> tuple[str, Path]:
     if "depth" in given:
         depth = Path(given["depth"])
         folder = Path(os.path.commonpath([folder, depth.absolute().parent]))
+        # The page has no field for it, so that what is missing is said before there is a page.
+        if not given.get("depth_unit"):
+            raise ConfigError(
+                f"{depth}: nothing says what the values of this depth map mean; give depth_unit as one of"
+                " m, mm, 1/m, px or relative"
+            )
         given = given | {"depth": Path(os.path.relpath(depth.absolute(), folder)).as_posix()}
     document, file = _started(path.stem, ""), _new_file(folder, path.stem)
     _add_lens(document)

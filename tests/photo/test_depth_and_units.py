@@ -1,11 +1,12 @@
 """Depth files and their units: values by hand, holes, and a sentence for everything that cannot be used."""
 
+import struct
 import warnings
 
 import numpy as np
 import OpenEXR
 import pytest
-from depth_photos import disk_scene, jpeg, png
+from depth_photos import disk_scene, jpeg, png, png16
 from PIL import Image
 
 from focusjax.photo import PhotoError, load_photo
@@ -106,6 +107,10 @@ def test_what_is_missing_or_contradicts_itself_is_refused_in_words(photo_file):
     (folder / "d.png").write_bytes(png((depth * 100).astype(np.uint8)))
     said = refused(photo_file)
     assert "d.png: nothing says what the values of this depth map mean; give depth_unit" in said
+    said = refused(photo_file, depth_unit="relative", anchors=[(1, 1, 2.0), (24, 18, 2.0)])
+    assert "both anchors are 2 m away, which makes everything flat" in said
+    said = refused(photo_file, depth_unit="relative", anchors=[(1, 1, 2.0), (50, 0.5)])
+    assert "one anchor is a place [x, y, metres] and the other a value [value, metres]" in said
     assert "focal length of the stereo pair" in refused(photo_file, depth_unit="px")
     assert "needs two anchors, and has 0" in refused(photo_file, depth_unit="relative")
     said = refused(photo_file, depth_unit="relative", anchors=[(1, 1, 2.0), (3, 1, 1.0)])
@@ -117,6 +122,14 @@ def test_what_is_missing_or_contradicts_itself_is_refused_in_words(photo_file):
     assert "the PFM file is cut off" in refused(photo_file, "cut.pfm", depth_unit="m")
     Image.fromarray(disk_scene()[0]).save(folder / "colour.png")
     assert "is a colour picture (RGB)" in refused(photo_file, "colour.png", depth_unit="m")
+    assert ": this is a folder, not a depth map; name a file in it" in refused(photo_file, "")
+    head = b"Pf\n%s\n-1.0\n" + bytes(64)
+    (folder / "less.pfm").write_bytes(head % b"-4 -4")
+    assert "less.pfm: the PFM file is of -4 x -4 pixels; expected 1" in refused(photo_file, "less.pfm")
+    (folder / "text.pfm").write_bytes(head % b"a b")
+    assert "text.pfm: the PFM file has no width, height and scale" in refused(photo_file, "text.pfm")
+    (folder / "more.pfm").write_bytes(head % b"99999 99999")
+    assert "more.pfm: it has 99999 x 99999 pixels; expected at most" in refused(photo_file, "more.pfm")
     np.save(folder / "empty.npy", np.full((HEIGHT, WIDTH), np.nan))
     assert "no value of this depth map is valid" in refused(photo_file, "empty.npy", depth_unit="m")
     near = np.ones((HEIGHT, WIDTH))
@@ -127,6 +140,81 @@ def test_what_is_missing_or_contradicts_itself_is_refused_in_words(photo_file):
     said = refused(photo_file, "wide.npy", depth_unit="m")
     assert "the depth map is 96 x 36 pixels" in said
     assert "photograph photo.jpg 48 x 36" in said
+
+
+def test_arrays_are_refused_by_their_header(photo_file):
+    def header(shape, length):
+        text = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".encode().ljust(117) + b"\n"
+        return b"\x93NUMPY\1\0" + struct.pack("<H", len(text)) + text + bytes(length)
+
+    file = photo_file.parent / "d.npy"
+    file.write_bytes(header((1000000, 1000000), 800))
+    said = refused(photo_file, "d.npy", depth_unit="m")
+    assert "d.npy: it has 1000000 x 1000000 pixels; expected at most 134 million, so make it smaller" in said
+    file.write_bytes(header((HEIGHT, WIDTH), 800))
+    said = refused(photo_file, "d.npy", depth_unit="m")
+    assert "d.npy: the NPY file is cut off (800 of 13824 bytes); copy it again" in said
+    file.write_bytes(b"\x93NUM")
+    assert "d.npy: this depth map cannot be read" in refused(photo_file, "d.npy", depth_unit="m")
+
+
+@pytest.mark.parametrize("mode", ["LA", "RGBA"])
+def test_transparent_depth_is_a_hole(photo_file, mode):
+    grey = (disk_scene()[1] * 100).astype(np.uint8)
+    alpha = np.where(np.arange(WIDTH) < 5, 0, 255).astype(np.uint8) + np.zeros_like(grey)
+    Image.fromarray(np.dstack([grey] * (len(mode) - 1) + [alpha]), mode).save(photo_file.parent / "d.png")
+    found = load(photo_file, "d.png", depth_unit="m", depth_scale=0.01)
+    assert not found.measured[:, :5].any()
+    assert found.measured[:, 5:].all()
+
+
+def test_three_equal_channels_of_8_bits_are_one(photo_file):
+    """An uncompressed picture, of which a row has 160 bytes: no 16 bits."""
+    grey = np.full((40, 53), 150, np.uint8)
+    Image.fromarray(np.dstack([grey] * 3)).save(photo_file.parent / "d.bmp")
+    found = load(photo_file, "d.bmp", depth_unit="m", depth_scale=0.01)
+    np.testing.assert_allclose(found.disparity, 1 / 1.5, rtol=1e-6)
+
+
+@pytest.mark.parametrize("channels", [2, 3, 4])
+def test_several_channels_of_16_bits_are_refused(photo_file, channels):
+    """Pillow would give their upper 8 bits: depth 256 times too small."""
+    values = np.repeat((disk_scene()[1] * 1000)[..., None], channels, axis=2)
+    (photo_file.parent / "d.png").write_bytes(png16(values))
+    said = refused(photo_file, depth_unit="mm")
+    assert "d.png: this depth map has 16 bits in each of several channels" in said
+
+
+@pytest.mark.parametrize(
+    ("anchors", "said"),
+    [
+        # 0.5 1/m over 10 values: what is below 202 would be behind infinity.
+        ([(212, 2.0), (222, 1.0)], r"with these anchors 7\d % of the depth map falls behind infinity"),
+        ([(0, 1.0), (4, 0.8)], r"with these anchors the nearest places are 5\.\d cm away"),
+    ],
+)
+def test_anchors_that_cannot_be_right_get_a_warning(photo_file, anchors, said):
+    np.save(photo_file.parent / "d.npy", np.linspace(0, 255, WIDTH)[None].repeat(HEIGHT, 0))
+    with pytest.warns(UserWarning, match=said):
+        load(photo_file, "d.npy", depth_unit="relative", anchors=anchors)
+
+
+def test_distances_that_no_photograph_has_get_a_warning(photo_file):
+    file = photo_file.parent / "d.npy"
+    np.save(file, disk_scene()[1])
+    with pytest.warns(
+        UserWarning, match=r"in mm half of the photograph is nearer than 0\.002 m, which is un"
+    ):
+        load(photo_file, "d.npy", depth_unit="mm")
+    np.save(file, disk_scene()[1] * 1000)
+    with pytest.warns(
+        UserWarning, match=r"in m half of the photograph is farther than 2e\+03 m, which is un"
+    ):
+        load(photo_file, "d.npy", depth_unit="m")
+    for far in (np.inf, 1e10):
+        np.save(file, np.full((HEIGHT, WIDTH), far))
+        said = refused(photo_file, "d.npy", depth_unit="m")
+        assert "everything in this depth map is infinitely far, which leaves nothing to refocus" in said
 
 
 def test_greys_called_metres_get_a_warning(photo_file):
@@ -140,6 +228,8 @@ def test_the_photograph_itself_is_refused_in_words(tmp_path):
     file = tmp_path / "photo.jpg"
     with pytest.raises(PhotoError, match="there is no such photograph"):
         load_photo(file)
+    with pytest.raises(PhotoError, match="this is a folder, not a photograph; name a file in it"):
+        load_photo(tmp_path)
     whole = jpeg(disk_scene()[0])
     file.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(PhotoError, match="this photograph cannot be read"):
@@ -191,6 +281,53 @@ def test_light_is_linear_and_highlights_grow_by_the_stated_rule(tmp_path):
     brighter = load_photo(tmp_path / "p.png", highlight_stops=3, **rest).light
     assert brighter[0, 0, 0] == pytest.approx(8.0)
     assert brighter[9, 9, 0] == pytest.approx(0.5029, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "mode"),
+    [("p.png", "I;16"), ("p.tiff", "I;16"), ("p.tiff", "I;16B"), ("p.pgm", "I;16"), ("p.tiff", "I")],
+)
+def test_greys_of_16_bits_keep_their_range(tmp_path, name, mode):
+    ramp = np.linspace(0, 65535, WIDTH).astype(np.uint16)[None].repeat(HEIGHT, 0)
+    kind = {"I;16": "<u2", "I;16B": ">u2", "I": "<i4"}[mode]
+    picture = Image.frombytes(mode, (WIDTH, HEIGHT), ramp.astype(kind).tobytes())
+    picture.save(tmp_path / name)
+    np.save(tmp_path / "d.npy", np.full((HEIGHT, WIDTH), 2.0))
+    rest = {"depth": tmp_path / "d.npy", "depth_unit": "m", "focal_length_px": 40, "curve": "linear"}
+    light = load_photo(tmp_path / name, **rest).light
+    np.testing.assert_allclose(light, (ramp / 65535)[..., None].repeat(3, 2), atol=1e-7)
+    if name == "p.png":
+        picture.save(tmp_path / name, exif=exif(6))
+        turned = load_photo(tmp_path / name, **rest).light
+        np.testing.assert_allclose(turned, np.rot90(light, -1), atol=1e-7)
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGBA", "CMYK", "YCbCr", "LAB"])
+def test_pictures_of_8_bits_of_any_kind_are_read(tmp_path, mode):
+    grey = np.where(np.arange(WIDTH) < 9, 0, 255).astype(np.uint8)[None].repeat(HEIGHT, 0)
+    grey = Image.fromarray(np.dstack([grey] * 3))
+    if mode == "LAB":
+        plain = Image.new("L", grey.size, 128)
+        made = Image.merge("LAB", [grey.getchannel(0), plain, plain])
+    else:
+        made = grey.convert(mode)
+    made.save(tmp_path / "p.tiff")
+    np.save(tmp_path / "d.npy", np.full((HEIGHT, WIDTH), 2.0))
+    found = load_photo(tmp_path / "p.tiff", depth=tmp_path / "d.npy", depth_unit="m", focal_length_px=40)
+    np.testing.assert_allclose(found.light[5, [2, 30]], [[0, 0, 0], [1, 1, 1]], atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        (np.full((HEIGHT, WIDTH), 0.5, np.float32), "the greys of this photograph are floats"),
+        (np.full((HEIGHT, WIDTH), 70000, np.int32), "go from 70000 to 70000; expected 0 to 65535"),
+    ],
+)
+def test_greys_without_a_white_are_refused(tmp_path, values, said):
+    Image.fromarray(values).save(tmp_path / "p.tiff")
+    with pytest.raises(PhotoError, match=rf"p\.tiff: .*{said}"):
+        load_photo(tmp_path / "p.tiff")
 
 
 def test_the_step_of_stored_values_becomes_one_of_disparity(tmp_path):

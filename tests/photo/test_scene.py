@@ -16,7 +16,8 @@ from focusjax.photo._beyond import extended
 from focusjax.photo._hidden import without_lamps
 from focusjax.photo._mattes import mattes
 from focusjax.photo._scene import sheets
-from focusjax.photo._tears import links
+from focusjax.photo._tears import links, torn_sides, without_slivers
+from focusjax.scene import constant_background
 from focusjax.trace import render, render_pinhole
 
 WIDTH, HEIGHT = 64, 48
@@ -192,6 +193,38 @@ def test_bars_that_stand_before_a_wall_go_on_behind_a_nearer_bar():
     np.testing.assert_allclose(depth[middle, 31:33], 1.0, atol=0.02)
     green = np.broadcast_to([0.1, 0.8, 0.1], (len(middle), 2, 3))
     np.testing.assert_allclose(colour[middle, 31:33], green, atol=0.02)
+
+
+def test_no_ray_passes_between_what_is_seen_and_a_soft_edge_of_depth():
+    """Pixels of the disk's outline are anywhere between it and the wall, as in maps of phones."""
+    _, depth = disk_scene(WIDTH, HEIGHT)
+    near = depth == NEAR_M
+    rim = binary_dilation(near) & ~near
+    disparity = (1 / depth).astype(np.float32)
+    disparity[rim] += 1.5 * np.random.default_rng(3).random(rim.sum(), dtype=np.float32)
+    light = np.where(near[..., None], 0.05, 0.8).astype(np.float32).repeat(3, 2)
+    light[rim] = 0.4
+    found = dataclasses.replace(photo(light), disparity=disparity, edge_px=3)
+    scene = found.scene(f_number=0.2)
+    lens = lens_at(FAR_M, 0.2)
+    lit = dataclasses.replace(scene, background=constant_background(1.0))
+    seen = [np.asarray(render(peel(each, CAMERA, lens), lens, rays=64)) for each in (scene, lit)]
+    # The share of rays that meet nothing at all; observed 0.0022, and 0.51 with the outline as it is.
+    assert (seen[1] - seen[0])[4:-4, 4:-4].max() < 0.02
+
+
+def test_slivers_take_the_depth_of_the_side_that_is_most_like_theirs():
+    row = np.array([1.0, 1.0, 1.2, 1.9, 2.0, 2.0, 1.0, 1.0, 3.0, 3.0], np.float32)
+    disparity = np.tile(row, (4, 1))
+    got = without_slivers(disparity, 20.0)
+    np.testing.assert_array_equal(got, np.tile([1, 1, 1, 2, 2, 2, 1, 1, 3, 3], (4, 1)))
+    near, far = torn_sides(got, links(got, 20.0))
+    assert not (near & far).any()
+    # A slope is no silhouette, however steep, and a wire no sliver.
+    slope = np.tile(np.linspace(1, 3, 10, dtype=np.float32), (4, 1))
+    np.testing.assert_array_equal(without_slivers(slope, 20.0), slope)
+    wire = np.where(np.arange(10) == 5, 2.0, 1.0).astype(np.float32) + np.zeros((4, 1), np.float32)
+    np.testing.assert_array_equal(without_slivers(wire, 20.0), wire)
 
 
 def test_lamps_do_not_go_on_behind_what_hides_them():

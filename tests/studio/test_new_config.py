@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 from boxes_config import CONFIG, write_boxes
+from complaints import complaints_in
 from PIL import Image
+from typer.testing import CliRunner
 
+from focusjax.cli import app
 from focusjax.config import ConfigError, build_camera, build_scene, load_config
 from focusjax.studio import EditError
 from focusjax.studio._desk import Desk
@@ -63,6 +66,22 @@ def test_a_photograph_with_depth_has_the_camera_that_took_it(tmp_path):
     assert session.config.camera.resolution == (1024, 34)
     with pytest.raises(ConfigError, match=r"desk\.png.*focal length"):
         open_session([tmp_path / "desk.png"], photo=photo | {"focal_length_35mm": None})
+    with pytest.raises(ConfigError, match=r"deep\.png: nothing says what the values of this depth map mean"):
+        open_session([tmp_path / "desk.png"], photo=photo | {"depth_unit": None})
+
+
+def test_the_command_names_its_options(tmp_path):
+    Image.fromarray(np.full((40, 60, 3), 90, np.uint8)).save(tmp_path / "desk.png")
+    Image.fromarray(np.full((40, 60), 2000, np.uint16)).save(tmp_path / "deep.png")
+
+    def said(*arguments):
+        given = ["studio", str(tmp_path / "desk.png"), "--depth", str(tmp_path / "deep.png"), "--no-open"]
+        result = CliRunner().invoke(app, [*given, *arguments])
+        assert result.exit_code == 2
+        return complaints_in(result.stderr)
+
+    assert "give --focal-length-35mm (mm as" in said("--depth-unit", "mm")
+    assert "give --depth-unit as one of m, mm" in said("--focal-length-35mm", "26")
 
 
 @pytest.mark.parametrize(

@@ -192,7 +192,7 @@ def _run(
             solution, exposed = again[0], again[1] or exposed
             lens, points, camera = solution.lens, solution.points, solution.camera
     glass = None
-    if config.lens.prescription is not None:
+    if config.lens.real is not None:
         with watch.stage("glass"):
             glass = through_glass(config, camera, lens, points if solving else None, disparity, fit=rendering)
     picture, photograph, guessed = None, None, None

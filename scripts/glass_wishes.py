@@ -39,8 +39,8 @@ LENSES = (
 WIDTH, HEIGHT = 240, 160
 NEAR, FAR = 0.7, 4.0
 SIDE_PX = 1.0
-REACH_PX = 12.0
-"""Of the film that is looked at around a wish's place."""
+PLACES = 49
+"""Of the film that are looked at around a wish's place, on either axis."""
 STEP = 1e-4
 
 
@@ -83,9 +83,15 @@ def light(
     return jax.lax.map(one, xy + off, batch_size=64)
 
 
-def measured(camera: Camera, lens: AbstractLens, xy: jax.Array, disparity: jax.Array, rays: int) -> float:
-    """The blur, without its sign, of a small square on the film; nothing is followed from the point."""
-    steps = np.arange(-REACH_PX, REACH_PX + 0.01, 0.5) + 0.13
+def measured(
+    camera: Camera, lens: AbstractLens, xy: jax.Array, disparity: jax.Array, rays: int, about: float
+) -> float:
+    """The blur, without its sign, of a small square on the film; nothing is followed from the point.
+
+    Places are as dense as a blur of `about` pixels needs.
+    """
+    reach = SIDE_PX + 1.2 * about + 0.5
+    steps = np.linspace(-reach, reach, PLACES)
     off = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     share = np.asarray(light(camera, lens, xy, disparity, jnp.asarray(off), rays))
     share = share / share.sum()
@@ -128,7 +134,8 @@ def main() -> None:
         seconds.append(time.perf_counter() - began)
         assert isinstance(solution.glass, AbstractLens)
         for index, row in enumerate(solution.table()):
-            seen = measured(camera, solution.glass, points.xy[index], points.disparity[index], options.rays)
+            place = points.xy[index], points.disparity[index]
+            seen = measured(camera, solution.glass, *place, options.rays, abs(row.got))
             rows.append({"lens": name, "wish": row.name, "reported": row.got, "measured": seen})
         if len(gradients) < options.gradients:
             gradients.append(slopes(points, camera, start, glass, free))

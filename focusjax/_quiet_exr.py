@@ -17,7 +17,7 @@ _LOCK = threading.Lock()
 def open_exr(path: str | Path, *, header_only: bool = False) -> OpenEXR.File:
     """The file with each channel by itself; all of it is read here, and nothing is printed.
 
-    A part whose pixels cannot be read is left out, which `header_only` tells.
+    A part whose pixels cannot be read is left out; `header_only` lists it.
 
     Raises:
         Exception: whatever the library has for a file that it cannot open.

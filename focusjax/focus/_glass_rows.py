@@ -58,11 +58,8 @@ class GlassRows(eqx.Module):
         settled = jax.lax.stop_gradient(found.blur.signed[0])
 
         def one(found: Sensed, value: Array) -> tuple[Array, Array, Array]:
-            error, slopes = self._rows(found, settled)
-            slopes, far = slopes[:, columns], priors(value)
-            gradient = error @ slopes + far * priors.inverse
-            cost = 0.5 * (error @ error + far @ far)
-            return cost, gradient, slopes.T @ slopes + jnp.diag(priors.inverse**2)
+            error, slopes = self._rows(found, settled, columns, value, priors)
+            return 0.5 * error @ error, error @ slopes, slopes.T @ slopes
 
         costs, gradients, normals = jax.vmap(one)(found, values)
         k = unit.size
@@ -73,8 +70,9 @@ class GlassRows(eqx.Module):
         self, found: Sensed, value: Float[Array, "k"], columns: Int[Array, "k"], priors: PriorRows
     ) -> Float[Array, "k"]:
         """That of half the sum of squared errors, of what is found at one setting."""
-        error, slopes = self._rows(found, jax.lax.stop_gradient(found.blur.signed))
-        return error @ slopes[:, columns] + priors(value) * priors.inverse
+        settled = jax.lax.stop_gradient(found.blur.signed)
+        error, slopes = self._rows(found, settled, columns, value, priors)
+        return error @ slopes
 
     def _counting(self, size: Float[Array, "m"]) -> Bool[Array, "n"]:
         """Rows of blur with something to wish for; of limits those that are not kept with room to spare."""
@@ -90,9 +88,14 @@ class GlassRows(eqx.Module):
         )
 
     def _rows(
-        self, found: Sensed, settled: Float[Array, "m"]
-    ) -> tuple[Float[Array, "r"], Float[Array, "r 2"]]:
-        """Root of weight times errors, and slopes; of what is to be sharp its defocus and its spot.
+        self,
+        found: Sensed,
+        settled: Float[Array, "m"],
+        columns: Int[Array, "k"],
+        value: Float[Array, "k"],
+        priors: PriorRows,
+    ) -> tuple[Float[Array, "r"], Float[Array, "r k"]]:
+        """Residuals and their slopes: of wishes, of what is to be sharp its defocus and its spot, of priors.
 
         Blur is on the sides of the focus that `settled` says.
         """
@@ -110,10 +113,9 @@ class GlassRows(eqx.Module):
         slopes = jnp.where(sharp[:, None], slope.defocus[:count], slopes)
         root, on = root_weight(points.weight), self._counting(settled)
         rows, spots = jnp.where(on, root, 0.0), jnp.where(sharp & on, root, 0.0)
-        return (
-            jnp.concatenate([rows * miss, spots * blur.spot[:count]]),
-            jnp.concatenate([rows[:, None] * slopes, spots[:, None] * slope.spot[:count]]),
-        )
+        error = jnp.concatenate([rows * miss, spots * blur.spot[:count], priors(value)])
+        wished = jnp.concatenate([rows[:, None] * slopes, spots[:, None] * slope.spot[:count]])
+        return error, jnp.concatenate([wished[:, columns], jnp.diag(priors.inverse)])
 
 
 def diameters(found: Sensed) -> tuple[Float[Array, "*v m"], Float[Array, "*v m 2"]]:

@@ -163,17 +163,15 @@ def defocus_slopes(
 ) -> Float[np.ndarray, "n 2"]:
     """Change of defocus in pixels with focus disparity and aperture radius; the glass is wide open."""
     setting = jnp.stack([focus_disparity, radius])
-    found = _looked(glass, camera, pupil_radius(glass), xy, disparity, setting)
-    return np.asarray(found.slope.defocus[0])
+    return np.asarray(_looked(glass, camera, xy, disparity, setting).slope.defocus)
 
 
 def seen_through(solution: Solution, glass: AbstractLens) -> Solution:
     """The solution of a thin lens with what its settings make of the wishes through `glass`, set alike."""
-    points, widest = solution.points, pupil_radius(glass)
-    setting = jnp.stack([solution.lens.focus_disparity, widest])
-    xy, disparity = rows_and_references(points)
-    found = _looked(glass, solution.camera, widest, xy, disparity, setting)
-    own, other = own_and_other(jax.tree.map(lambda leaf: leaf[0], found.blur), points)
+    points = solution.points
+    setting = jnp.stack([solution.lens.focus_disparity, pupil_radius(glass)])
+    found = _looked(glass, solution.camera, *rows_and_references(points), setting)
+    own, other = own_and_other(found.blur, points)
     error = errors_of(points, placed(points, own.signed), None if other is None else other.signed)
     return dataclasses.replace(solution, blur=own.signed, error=error, glass=glass)
 
@@ -182,10 +180,11 @@ def seen_through(solution: Solution, glass: AbstractLens) -> Solution:
 def _looked(
     glass: AbstractLens,
     camera: Camera,
-    widest: Float[Array, ""],
     xy: Float[Array, "n 2"],
     disparity: Float[Array, "n"],
     setting: Float[Array, "2"],
 ) -> Sensed:
-    """The blur of points at one setting."""
-    return sensed(settable(glass, camera, setting[0]), camera, widest, xy, disparity, setting[None])
+    """The blur of points at one setting of glass that is wide open."""
+    aimed = settable(glass, camera, setting[0])
+    found = sensed(aimed, camera, pupil_radius(glass), xy, disparity, setting[None])
+    return jax.tree.map(lambda leaf: leaf[0], found)

@@ -26,6 +26,8 @@ _BOXES_AT_ONCE, _PAIRS_AT_ONCE = 1 << 15, 1 << 15
 """In one call of the compiled program; there are no more boxes in a part of `boxes_on`."""
 _SLACK = 1e-5
 """Samples by which a triangle is fattened, so that rounding loses nothing."""
+_GRID_AT_ONCE = 1 << 22
+"""Samples of the grid, in whole rows, of which tables are held at a time."""
 _WIDEST = 8
 """Edge in samples of the largest boxes that are left out beforehand where they lie behind all squares."""
 
@@ -75,9 +77,30 @@ def touching(
         low: least disparity at each.
         high: largest disparity at each.
     """
-    # Nothing is held of rows without squares: of many squares, few rows are asked for at once.
-    ends = cell[[0, -1]] // grid.columns if len(cell) else np.zeros(2, dtype=int)
-    band = range(int(ends[0]), int(ends[1]) + 1)
+    rows = max(1, _GRID_AT_ONCE // grid.columns)
+    first = int(cell[0]) // grid.columns if len(cell) else grid.rows
+    pieces = [_nothing()]
+    while first < grid.rows:
+        band = range(first, min(first + rows, grid.rows))
+        mine = slice(*np.searchsorted(cell, (first * grid.columns, band.stop * grid.columns)))
+        if mine.start < mine.stop:
+            square, *others = _touching_in(band, triangles, grid, cell[mine], low[mine], high[mine])
+            pieces.append([square + np.int32(mine.start), *others])
+        # Nothing is looked at of rows without squares.
+        first = int(cell[mine.stop]) // grid.columns if mine.stop < len(cell) else grid.rows
+    square, triangle, points, centre, *plane = (np.concatenate(a) for a in zip(*pieces, strict=True))
+    return Touching(square, triangle, points, centre, tuple(plane))
+
+
+def _touching_in(
+    band: range,
+    triangles: ScreenTriangles,
+    grid: Grid,
+    cell: Int[np.ndarray, " s"],
+    low: Float[np.ndarray, " s"],
+    high: Float[np.ndarray, " s"],
+) -> list[np.ndarray]:
+    """The columns of what `touching` returns, for squares in the rows `band`."""
     low, high = low.astype(np.float32), high.astype(np.float32)
     cell = (cell - band.start * grid.columns).astype(np.int32)
     before = np.zeros(len(band) * grid.columns + 1, dtype=np.int32)
@@ -118,11 +141,13 @@ def touching(
         for part in boxes_on(grid, triangles, wanted=wanted, first_row=band.start)
         for less in _not_behind(part, triangles, _first_of(part, band, grid), farthest)
     ]
-    types = (np.int32, np.int32, np.uint32, bool, np.float32, np.float32, np.float32)
-    nothing = (np.zeros(0, dtype=each) for each in types)
-    found = zip(nothing, *in_parallel(some, work), strict=True)
-    square, triangle, points, centre, *plane = (np.concatenate(a) for a in found)
-    return Touching(square, triangle, points, centre, tuple(plane))
+    return [np.concatenate(a) for a in zip(_nothing(), *in_parallel(some, work), strict=True)]
+
+
+def _nothing() -> list[np.ndarray]:
+    """The columns of what `touching` returns of no squares."""
+    kinds = (np.int32, np.int32, np.uint32, bool, np.float32, np.float32, np.float32)
+    return [np.zeros(0, dtype=each) for each in kinds]
 
 
 def _first_of(boxes: Boxes, band: range, grid: Grid) -> Int[np.ndarray, " b"]:

@@ -24,7 +24,7 @@ def with_attributes(content: dict[str, Any]) -> dict[str, Any]:
     """
     accessors, materials = content.get("accessors", []), content.get("materials", [])
 
-    def told(piece: dict[str, Any]) -> dict[str, Any]:
+    def marked(piece: dict[str, Any]) -> dict[str, Any]:
         attributes = piece.get("attributes", {})
         normalised = [
             name
@@ -38,7 +38,7 @@ def with_attributes(content: dict[str, Any]) -> dict[str, Any]:
         return {**piece, "extensions": {**piece.get("extensions", {}), _OWN: own}}
 
     meshes = [
-        {**mesh, "primitives": [told(piece) for piece in mesh["primitives"]]}
+        {**mesh, "primitives": [marked(piece) for piece in mesh["primitives"]]}
         for mesh in content.get("meshes", [])
     ]
     return {**content, "meshes": meshes} if meshes else content

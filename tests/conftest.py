@@ -5,6 +5,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
+from pathlib import Path
 
 # No GPU is assumed.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
@@ -30,16 +31,22 @@ install_import_hook("focusjax", "annotation_checks.check")
 # Tracing makes millions of objects that stay: looking through them as often as usual is a fifth of its time.
 gc.set_threshold(50_000, 20, 50)
 
+_MOST_MEMORY = 2 << 30
+"""Bytes of a process after which its programs are let go: most of its memory is what compiling left."""
 _PROGRAMS = "FOCUSJAX_TESTS_PROGRAMS"
 """The variable that tells the processes of one run the folder of the programs that they share."""
 
 
 @pytest.fixture(autouse=True, scope="module")
 def programs_within_limits() -> Iterator[None]:
-    """Compiled programs are let go before there are more of them than a process can map into memory."""
+    """Compiled programs are let go before they take more memory than two processes have room for."""
     yield
-    from focusjax._freed import return_programs
+    from focusjax._freed import return_freed, return_programs
 
+    if _resident() > _MOST_MEMORY:
+        jax.clear_caches()
+        gc.collect()
+        return_freed(_MOST_MEMORY)
     return_programs()
 
 
@@ -60,6 +67,12 @@ def pytest_unconfigure(config: pytest.Config) -> None:
     """Nothing is left for the next run."""
     if not _is_worker(config):
         shutil.rmtree(os.environ.pop(_PROGRAMS), ignore_errors=True)
+
+
+def _resident() -> int:
+    """Bytes of memory that this process holds; 0 where the system does not say."""
+    statm = Path("/proc/self/statm")
+    return int(statm.read_text().split()[1]) * os.sysconf("SC_PAGESIZE") if statm.exists() else 0
 
 
 def _is_worker(config: pytest.Config) -> bool:

@@ -17,7 +17,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.stats import qmc
 
 from focusjax.geometry import Camera
 from focusjax.lens import PrescriptionLens, SettableLens
@@ -144,4 +143,7 @@ def sensed(
 
 
 def _square_points() -> Float[np.ndarray, "s 2"]:
+    # Imported for real lenses alone, as it takes long.
+    from scipy.stats import qmc
+
     return qmc.Sobol(2, rng=np.random.default_rng(0)).random(_RAYS)

@@ -26,13 +26,13 @@ from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, SettableLens, settable
 
 _ROUNDS = 5
-"""Of the thin lens's problem; the first is that of the points themselves."""
-_AIMED_ANEW = (0, 2, _ROUNDS)
-"""Steps before which rays are aimed for the focus that is reached."""
+"""Of the thin lens's problem, at most; the first is that of the points themselves."""
+_AIMED_ANEW = (0, 2)
+"""Rounds before which rays are aimed for the focus that is reached, as they are before Newton's method."""
 _STEPS = 8
 """Of Newton's method, at most."""
 _STEP_PX = 0.02
-"""Change of the picture over which curvatures are taken."""
+"""Change of the picture over which curvatures are taken, and that ends the rounds when one makes less."""
 _SETTLED = 1e-3
 """Last step, in those over which curvatures are taken, at which the method has settled."""
 _OPEN = 1e-9
@@ -45,6 +45,7 @@ class Reached(eqx.Module):
 
     Attributes:
         number: steps done.
+        exact: whether the rounds are done and Newton's method goes on.
         basin: of the thin lens's problem.
         value: where rays look next.
         best: the best value that Newton's method has looked at, or the last.
@@ -54,6 +55,7 @@ class Reached(eqx.Module):
     """
 
     number: Int[Array, ""]
+    exact: Bool[Array, ""]
     basin: Basin
     value: Float[Array, "k"]
     best: Float[Array, "k"]
@@ -81,7 +83,9 @@ def best_settings(
         exchanged = _exchanged(asked, setting, jax.tree.map(lambda leaf: leaf[0], found))
         exchanged = jax.tree.map(lambda a, b: jnp.where(state.number == 0, a, b), points, exchanged)
         basin = basin_of(dataclasses.replace(asked, points=exchanged))
-        return dataclasses.replace(state, basin=basin, value=basin.value)
+        same = (state.number > 0) & (jnp.max(jnp.abs(basin.value - state.value) / unit) < 1.0)
+        exact = same | (state.number + 1 == _ROUNDS)
+        return dataclasses.replace(state, exact=exact, basin=basin, value=basin.value)
 
     def newton(state: Reached, found: Sensed) -> Reached:
         values = state.value[None] + _about(unit)
@@ -96,12 +100,17 @@ def best_settings(
 
     def step(carry: tuple[Reached, SettableLens]) -> tuple[Reached, SettableLens]:
         state, aims = carry
-        anew = jnp.any(state.number == jnp.array(_AIMED_ANEW))
+        anew = jnp.any(state.number == jnp.array(_AIMED_ANEW)) | (state.exact & jnp.isinf(state.last))
         aims = jax.lax.cond(anew, lambda: eqx.filter(aim(state.value), eqx.is_array), lambda: aims)
-        found = sensed_rows(
-            points, eqx.combine(aims, fixed), asked.camera, widest, _settings(start, state.value)
-        )
-        state = jax.lax.cond(state.number < _ROUNDS, thin_again, newton, state, found)
+        glass, settings = eqx.combine(aims, fixed), _settings(start, state.value)
+
+        def look(at: Array, found: Sensed) -> Sensed:
+            one = sensed_rows(points, glass, asked.camera, widest, settings[at][None])
+            return jax.tree.map(lambda whole, row: whole.at[at].set(row[0]), found, one)
+
+        # Rounds need no curvature. What is looked at in turn is compiled once.
+        found = jax.lax.fori_loop(0, jnp.where(state.exact, len(settings), 1), look, unseen)
+        state = jax.lax.cond(state.exact, newton, thin_again, state, found)
         return dataclasses.replace(state, number=state.number + 1), aims
 
     def moving(carry: tuple[Reached, SettableLens]) -> Bool[Array, ""]:
@@ -115,9 +124,9 @@ def best_settings(
             sensed_rows(points, aim(first), asked.camera, widest, _settings(start, first)),
         )
     )
-    blank, basin, found = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), (shapes, *sample))
+    blank, basin, unseen = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), (shapes, *sample))
     far = jnp.full_like(first[0], jnp.inf)
-    state = Reached(jnp.array(0), basin, first, first, found, far, far)
+    state = Reached(jnp.array(0), jnp.array(False), basin, first, first, unseen, far, far)
     state, aims = jax.lax.while_loop(moving, step, (state, blank))
     return state, eqx.combine(aims, fixed)
 

@@ -16,7 +16,7 @@ from focusjax.batch import BatchError, ItemResult, make_items, parse_grid, run_b
 from focusjax.config import ConfigError
 
 
-def tell(result: ItemResult) -> None:
+def report(result: ItemResult) -> None:
     """A line as soon as an item has ended."""
     print(f"{result.status:7} {result.item.name} {result.message}", flush=True)
 
@@ -48,7 +48,7 @@ def main() -> int:
             workers=arguments.jobs,
             existing="resume",
             solve_only=not arguments.render,
-            on_result=tell,
+            on_result=report,
             on_note=print,
         )
     except (BatchError, ConfigError) as error:

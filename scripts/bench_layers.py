@@ -1,7 +1,7 @@
 """Seconds and memory of peeling against the number of triangles and of pixels, beside Mitsuba's ray cast.
 
 Every case runs in a process of its own: lumpy balls before a wall, at one size of picture. The first call
-tells what compiling costs; the medians of the calls after it are the stages:
+shows what compiling costs; the medians of the calls after it are the stages:
 
     frame     project, clip, find the margin and the triangles that rays can reach
     raster    all samples that triangles cover

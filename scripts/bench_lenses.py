@@ -1,13 +1,13 @@
 """How long real lenses take to trace beside thin ones, exactly and by polynomials, and how far these are off.
 
 One scene, one camera, rays enough: each lens peels once, then all are traced in turns, so that what else the
-machine does falls on all alike. The first round tells what compiling costs, the medians of those after it
+machine does falls on all alike. The first round shows what compiling costs, the medians of those after it
 what tracing costs, over that of the thin lens of the same f-number: in seconds by the clock, which want a
 quiet machine, and in seconds of all cores, which suffer less from what else runs.
 
     python scripts/bench_lenses.py --json result.json
 
-With `--fits` it only tells how far polynomials for lenses that come along are off, wide open.
+With `--fits` it only reports how far polynomials for lenses that come along are off, wide open.
 
     python scripts/bench_lenses.py --fits
 """
@@ -74,7 +74,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--spectral", action="store_true", help="the double Gauss in colours, too")
     parser.add_argument(
-        "--fits", action="store_true", help="tell the errors of polynomials, and trace nothing"
+        "--fits", action="store_true", help="report the errors of polynomials, and trace nothing"
     )
     parser.add_argument("--json", type=Path, help="file for the results")
     return parser.parse_args()

@@ -1,6 +1,6 @@
 """How long a picture of a 600 000-triangle scene takes at 800 x 600, and how right it is.
 
-Load, peel and trace are timed separately: the first call tells what compiling costs, the median of
+Load, peel and trace are timed separately: the first call shows what compiling costs, the median of
 the calls after it what the work costs. Run it on a quiet machine.
 
     python scripts/bench_render.py --reference truth.npz --json result.json

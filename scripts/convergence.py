@@ -1,6 +1,6 @@
 """How the error falls with the rays, away from silhouettes and near them, and with the layers.
 
-Two errors are told, each the root of the mean square. That of the rays is against a picture of very many
+Two errors are reported, each the root of the mean square. That of the rays is against a picture of very many
 rays through the same layers; it has no floor. The whole error is against a ray cast of the triangles, which
 shows what the layers leave. Every pixel gets as many rays, but for the last column, where they go where they
 matter. Exponents are those of straight lines through all points, log against log.
@@ -133,8 +133,8 @@ def markdown(rays: dict, layers: list[dict]) -> str:
     lines = ["| Rays | " + " | ".join(names) + " |", "| --- " * (len(names) + 1) + "|"]
     for row in rays["rows"]:
         lines.append(f"| {row['rays']} | " + " | ".join(f"{row[name]:.5f}" for name in names) + " |")
-    told = ", ".join(f"{name} {value:.2f}" for name, value in rays["exponents"].items())
-    lines += ["", f"Exponents: {told} (wanted: {', '.join(f'{n} {v}' for n, v in WANTED.items())})."]
+    listed = ", ".join(f"{name} {value:.2f}" for name, value in rays["exponents"].items())
+    lines += ["", f"Exponents: {listed} (wanted: {', '.join(f'{n} {v}' for n, v in WANTED.items())})."]
     lines += ["", "| Layers | Error |", "| --- | --- |"]
     lines += [f"| {row['layers']}{'' if row['complete'] else '+'} | {row['error']:.5f} |" for row in layers]
     return "\n".join(lines) + "\n"

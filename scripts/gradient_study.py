@@ -12,7 +12,7 @@ has none by focus distance and aperture radius.
 
     python scripts/gradient_study.py --cache truths
 
-`gradient_cost.py` tells what they cost.
+`gradient_cost.py` measures what they cost.
 """
 
 import argparse

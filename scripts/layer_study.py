@@ -53,7 +53,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--counts", nargs="+", type=int, default=[4, 8, 16], help="of layers, and of slabs")
     parser.add_argument("--full", type=int, default=24, help="layers of plain peeling")
     parser.add_argument("--rays", type=int, default=64, help="per pixel")
-    parser.add_argument("--examined", type=int, default=1 << 17, help="rays that tell the missed light")
+    parser.add_argument("--examined", type=int, default=1 << 17, help="rays that measure the missed light")
     parser.add_argument("--samples", type=int, default=1024, help="per pixel, for the reference")
     parser.add_argument("--references", type=Path, help="folder that keeps the converged pictures")
     parser.add_argument("--radius", type=float, default=0.05, help="aperture radius in metres for meshes")

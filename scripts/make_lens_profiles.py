@@ -1,6 +1,6 @@
 """Make the lens profiles in focusjax/lens/data from the prescriptions that come with focusjax.
 
-Every number is computed from traced rays, but for the ranges, which prescriptions do not tell: the smallest
+Every number is computed from traced rays, but for the ranges, which prescriptions do not state: the smallest
 opening is f/16, and the nearest focus is ten focal lengths away, where the profile is compared with the rays
 once more. What the profile leaves of the rays stands in the file's head.
 

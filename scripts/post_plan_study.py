@@ -1,11 +1,11 @@
-"""What is told of post-processing before it is chosen, what comes of it, and what choosing it spares.
+"""What is estimated of post-processing before it is chosen, what comes of it, and what choosing it spares.
 
-For each config and size a picture is post-processed, its error told as `plan_post` does, and compared with
-the error against a picture of many rays through the same layers. Beside it, for each quality, stands what
-`plan_rays` plans. `choosing` is the time to plan and make a picture: of post-processing where it is told to
-reach the quality, else that in vain, and then that of planned rays; `tracing` plans rays at once. Seconds are
-of process time (all cores), the least of some turns, programs being compiled; what is told of 4 rays over
-post-processing is the median of ratios of wall-clock times.
+For each config and size a picture is post-processed, its error estimated as `plan_post` does, and compared
+with the error against a picture of many rays through the same layers. Beside it, for each quality, stands
+what `plan_rays` plans. `choosing` is the time to plan and make a picture: of post-processing where it is
+estimated to reach the quality, else that in vain, and then that of planned rays; `tracing` plans rays at
+once. Seconds are of process time (all cores), the least of some turns, programs being compiled; what is
+estimated of 4 rays over post-processing is the median of ratios of wall-clock times.
 
     python scripts/post_plan_study.py configs/town.toml configs/bars.toml --out out/post_plans
     python scripts/post_plan_study.py configs/still_life.toml --baked --out out/post_plans_baked
@@ -37,7 +37,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--out", type=Path, required=True, help="folder for the tables")
     parser.add_argument("--qualities", nargs="+", default=["20 dB", "25 dB", "30 dB", "35 dB"])
     parser.add_argument("--sizes", nargs="+", default=["320x240"])
-    parser.add_argument("--seeds", type=int, default=8, help="of which each tells the error anew")
+    parser.add_argument("--seeds", type=int, default=8, help="of which each measures the error anew")
     parser.add_argument("--reference-rays", type=int, default=512)
     parser.add_argument("--baked", action="store_true", help="without lights brighter than white, or gloss")
     parser.add_argument("--turns", type=int, default=3)
@@ -57,7 +57,7 @@ def least_seconds(runs: dict[str, Callable[[], Any]], turns: int) -> dict[str, f
 
 
 def study(path: Path, size: str, options: argparse.Namespace) -> tuple[dict, list[dict]]:
-    """What is told of post-processing, and a row for each quality."""
+    """What is estimated of post-processing, and a row for each quality."""
     config = load_config(path)
     outcome = job.run(config, rendering=False)
     camera = resized(outcome.camera, *(int(edge) for edge in size.split("x")))
@@ -73,24 +73,25 @@ def study(path: Path, size: str, options: argparse.Namespace) -> tuple[dict, lis
         {
             "post": lambda: np.asarray(post_process(view, camera, lens, taps=taps)),
             "4 rays": lambda: np.asarray(render(layers, lens, rays=4)),
-            "telling": lambda: plan_post(view, layers, lens, 30),
+            "estimating": lambda: plan_post(view, layers, lens, 30),
         },
         options.turns,
     )
-    telling, blurring = took["telling"], took["post"]
+    estimating, blurring = took["estimating"], took["post"]
     head = {"scene": path.stem, "size": size}
-    told = head | {
+    ratios = [plan.fewest_seconds / plan.seconds for plan in plans]
+    estimate = head | {
         "real dB": real,
-        "told dB, least": min(plan.decibels for plan in plans),
+        "estimated dB, least": min(plan.decibels for plan in plans),
         "most": max(plan.decibels for plan in plans),
         "sure dB, least": min(plan.at_least for plan in plans),
         "sure, most": max(plan.at_least for plan in plans),
         "post s": blurring,
         "4 rays s": took["4 rays"],
-        "4 rays over post, told": float(np.median([plan.fewest_seconds / plan.seconds for plan in plans])),
-        "telling s": telling,
+        "4 rays over post, estimated": float(np.median(ratios)),
+        "estimating s": estimating,
     }
-    print(told, flush=True)
+    print(estimate, flush=True)
     rows = []
     for quality in options.qualities:
         wanted, plan = decibels_of(quality), plan_rays(layers, lens, quality)
@@ -104,7 +105,7 @@ def study(path: Path, size: str, options: argparse.Namespace) -> tuple[dict, lis
         )
         post = plans[0].at_least >= wanted
         traced = took["planning"] + took["tracing"]
-        choosing = telling + (blurring if post else traced)
+        choosing = estimating + (blurring if post else traced)
         rows.append(
             head
             | {
@@ -118,18 +119,19 @@ def study(path: Path, size: str, options: argparse.Namespace) -> tuple[dict, lis
             }
         )
         print(rows[-1], flush=True)
-    return told, rows
+    return estimate, rows
 
 
 def main() -> None:
     options = arguments()
     options.out.mkdir(parents=True, exist_ok=True)
     found = [study(path, size, options) for path in options.configs for size in options.sizes]
-    told, rows = [one for one, _ in found], [row for _, some in found for row in some]
-    tables = f"{markdown(told)}\n{markdown(rows)}"
+    estimate, rows = [one for one, _ in found], [row for _, some in found for row in some]
+    tables = f"{markdown(estimate)}\n{markdown(rows)}"
     print(tables)
     (options.out / "post_plans.md").write_text(tables)
-    (options.out / "post_plans.json").write_text(json.dumps({"told": told, "chosen": rows}, indent=1) + "\n")
+    found = {"estimated": estimate, "chosen": rows}
+    (options.out / "post_plans.json").write_text(json.dumps(found, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """The hard cases of the papers as pictures and numbers: ours, a ray cast, and filters of one sharp view.
 
-The truth of the highlights is their closed form, as a ray cast of them would be too noisy to tell.
+The truth of the highlights is their closed form, as a ray cast of them would be too noisy to judge by.
 
 For every case, folder OUT gets the picture and a sheet: above, the pinhole view, the ray cast (the truth) and
 ours; below, four times the error of ours, multilayer and gather. results.json and results.md hold PSNR in dB
@@ -206,8 +206,8 @@ def markdown(results: list[dict]) -> str:
         )
     for row in results:
         if "parting" in row:
-            told = ", ".join(f"{name} {value:.2f}" for name, value in row["parting"].items())
-            lines += ["", f"Branches, darkness beside the crossing over that in its middle: {told}."]
+            listed = ", ".join(f"{name} {value:.2f}" for name, value in row["parting"].items())
+            lines += ["", f"Branches, darkness beside the crossing over that in its middle: {listed}."]
         for name, found in row.get("highlights", {}).items():
             energy = ", ".join(f"{100 * (value - 1):+.2f} %" for value in found["energy"])
             lines += ["", f"Highlights, {name}: energy {energy}; outside the outline"]

@@ -34,7 +34,7 @@ gc.set_threshold(50_000, 20, 50)
 _MOST_MEMORY = 2 << 30
 """Bytes of a process after which its programs are let go: most of its memory is what compiling left."""
 _PROGRAMS = "FOCUSJAX_TESTS_PROGRAMS"
-"""The variable that tells the processes of one run the folder of the programs that they share."""
+"""The variable that gives the processes of one run the folder of the programs that they share."""
 
 
 @pytest.fixture(autouse=True, scope="module")

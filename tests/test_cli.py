@@ -331,7 +331,7 @@ def test_a_config_nested_too_deep_is_one_sentence(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has a device that is always full")
-def test_a_full_disk_is_told_with_its_folder(scene_folder, tmp_path, monkeypatch):
+def test_a_full_disk_is_reported_with_its_folder(scene_folder, tmp_path, monkeypatch):
     """Writing to a full disk fails without the file's name."""
 
     def save(stage, outcome):
@@ -355,7 +355,7 @@ def test_a_lens_that_is_not_solved_needs_a_focus_distance(scene_folder, tmp_path
     assert "lens.focus_distance_m is missing; give it, or solve for it with `focusjax run`" in complaint
 
 
-def test_an_output_folder_that_cannot_be_written_is_told_early(scene_folder, tmp_path):
+def test_an_output_folder_that_cannot_be_written_is_reported_early(scene_folder, tmp_path):
     (tmp_path / "file").write_text("in the way")
     status, _, complaint = focusjax("run", scene_folder / "boxes.toml", "--out", tmp_path / "file" / "out")
     assert status == 1

@@ -59,7 +59,7 @@ def test_the_tilted_row_is_sharp_where_no_single_distance_can_be():
     assert max(worst[name, False] for name in ROW) > 10.0
 
 
-def test_the_tilted_row_renders_and_tells_its_movements(tmp_path):
+def test_the_tilted_row_renders_and_reports_its_movements(tmp_path):
     result = CliRunner().invoke(app, ["render", str(TILTED), "--out", str(tmp_path), *OPTIONS])
     assert result.exit_code == 0, result.output
     assert "Tilt +0.00°, swing -5.79°; hinge 49.6 cm from the lens" in result.output
@@ -91,7 +91,7 @@ def test_swing_is_solved_for_a_slanted_row(tmp_path):
 
 
 def test_rise_and_shift_are_solved_for(tmp_path):
-    """The lens slides until the whole vase is well inside the frame, and the report tells how far."""
+    """The lens slides until the whole vase is well inside the frame, and the report says how far."""
     wish = "focus.4={object='vase', in_frame_height=0.15}"
     options = ["--set", wish, "--set", "solve.free=['focus', 'swing', 'shift', 'rise']", *OPTIONS]
     result = CliRunner().invoke(app, ["solve", str(TILTED), "--out", str(tmp_path), *options])

@@ -16,7 +16,7 @@ from focusjax.cli import app
 
 
 class Clock:
-    """Seconds that pass when they are told to."""
+    """Seconds that pass when they are asked to."""
 
     def __init__(self, monkeypatch):
         self.now = 100.0
@@ -31,11 +31,11 @@ def clock(monkeypatch):
 def said(clock, talk, terminal=False):
     """What is said of a run of 4 s of loading and 40 s of rendering."""
     out = io.StringIO()
-    with progress(Console(file=out, force_terminal=terminal, width=80), talk) as tell:
-        tell("load", None)
+    with progress(Console(file=out, force_terminal=terminal, width=80), talk) as report:
+        report("load", None)
         clock.now += 4.0
         for quarter in range(5):
-            tell("render", quarter / 4)
+            report("render", quarter / 4)
             clock.now += 10.0 * (quarter < 4)
     return out.getvalue()
 
@@ -63,9 +63,9 @@ def test_verbose_says_how_long_each_stage_took(clock):
 
 def test_a_terminal_shows_the_time_left():
     out = io.StringIO()
-    with progress(Console(file=out, force_terminal=True, width=80)) as tell:
-        tell("render", 0.2)
-        tell("render", 0.5)
+    with progress(Console(file=out, force_terminal=True, width=80)) as report:
+        report("render", 0.2)
+        report("render", 0.5)
     assert "Tracing rays" in out.getvalue()
     assert re.search(r"\d:\d\d", out.getvalue())
 

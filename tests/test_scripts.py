@@ -48,7 +48,7 @@ def said():
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
-def test_a_script_can_be_imported_and_tells_its_options(said, script):
+def test_a_script_can_be_imported_and_lists_its_options(said, script):
     state, rest = said[str(script)]
     if state == "missing" and rest in OPTIONAL:
         pytest.skip(f"{rest} is not installed")

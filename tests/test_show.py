@@ -23,7 +23,7 @@ def test_a_picture_is_shown_small_and_as_it_is_saved():
     assert shown[7, 280].tolist() == [255, 255, 255]
 
 
-def test_scenes_and_lenses_are_told_in_a_few_words():
+def test_scenes_and_lenses_are_described_in_a_few_words():
     card = fj.make_object("a <card>", [(0, 0, -2), (1, 0, -2), (0, 0.5, -2)], [(0, 1, 2)])
     scene = fj.make_scene([card], unlit=True)
     shown = fj.show(scene)

@@ -1,4 +1,4 @@
-"""Seconds are counted once, and compiling is told apart from work."""
+"""Seconds are counted once, and compiling is counted apart from work."""
 
 import time
 
@@ -10,13 +10,13 @@ from focusjax._stopwatch import Stopwatch
 
 
 def test_stages_compile_time_and_order():
-    told = []
-    watch = Stopwatch(on_stage=told.append)
+    stages = []
+    watch = Stopwatch(on_stage=stages.append)
     with watch.stage("sleep"):
         time.sleep(0.05)
     with watch.stage("compile"):
         jax.jit(lambda x: jnp.sin(x) + 41.5)(jnp.ones(17)).block_until_ready()
-    assert told == ["sleep", "compile"]
+    assert stages == ["sleep", "compile"]
     assert watch.seconds["sleep"] >= 0.05
     assert watch.compile_seconds["sleep"] == 0.0
     assert watch.compile_seconds["compile"] > 0.0

@@ -91,7 +91,7 @@ def test_diameter(name: str) -> None:
 def test_which_way_the_plane_turns(name: str, behind: int) -> None:
     """Leaning forward is sharp near below, looking left near on the left: there dots are behind the focus.
 
-    Behind it the opening stands upright in the picture, before it on its head: the third moment tells.
+    Behind it the opening stands upright in the picture, before it on its head: the third moment shows it.
     """
     light, position = window(name)
     moment = (light * position**3).sum() / light.sum()

@@ -37,7 +37,7 @@ def config(scene, tmp_path):
 
 
 def solve(items, folder, **options):
-    """A batch without pictures, and what it told of: results and notes."""
+    """A batch without pictures, and what it reported: results and notes."""
     results, notes = [], []
     batch = run_batch(
         items, folder, solve_only=True, on_result=results.append, on_note=notes.append, **options
@@ -80,7 +80,7 @@ def test_a_failing_item_is_named_and_stops_no_other(mixed):
     assert sorted(path.name for path in (folder / "good").iterdir()) == files
 
 
-def test_a_misspelt_object_is_told_with_item_key_and_nearest_name(config, tmp_path, batch):
+def test_a_misspelt_object_is_reported_with_item_key_and_nearest_name(config, tmp_path, batch):
     status, printed, _ = batch(config, "--grid", 'focus.1.object=["far bix"]', "--out", tmp_path / "out")
     assert status == 1
     assert "boxes,focus.1.object=far_bix  failed: " in printed

@@ -84,7 +84,7 @@ def test_names_do_not_depend_on_other_items(boxes):
     assert few[0].name in names(many)
 
 
-def test_configs_of_the_same_name_are_told_apart(boxes, tmp_path):
+def test_configs_of_the_same_name_are_distinguished(boxes, tmp_path):
     twin = tmp_path / "boxes.toml"
     twin.write_text(boxes.read_text())
     first, second = names(make_items([boxes, twin]))
@@ -113,7 +113,7 @@ def test_names_are_good_for_folders(wanted, pattern):
     assert len(name.encode()) <= 120
 
 
-def test_names_that_differ_in_capitals_alone_are_told_apart():
+def test_names_that_differ_in_capitals_alone_are_distinguished():
     first, second = safe_names(["Lamp", "lamp"], ["1", "2"])
     assert first.casefold() != second.casefold()
 

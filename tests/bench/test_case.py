@@ -1,4 +1,4 @@
-"""What all methods are given: baked, kept in a file, told apart by its hash."""
+"""What all methods are given: baked, kept in a file, distinguished by its hash."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Converged pictures: made once, told apart, never half there."""
+"""Converged pictures: made once, kept apart, never half there."""
 
 import numpy as np
 import pytest

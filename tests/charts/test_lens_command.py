@@ -122,7 +122,7 @@ def test_glass_from_a_file(tmp_path):
         (["planar_us583336_f4.5_1897", "--f-number", "2"], "opens to f/4.5 at most"),
     ],
 )
-def test_what_is_refused_is_told_in_one_sentence(arguments, message):
+def test_what_is_refused_is_reported_in_one_sentence(arguments, message):
     result = CliRunner().invoke(app, ["lens", *arguments])
     assert result.exit_code == 2
     assert message in " ".join(result.output.split())

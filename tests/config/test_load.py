@@ -201,11 +201,11 @@ def test_the_method_is_the_solves(path):
     assert build_solve_options(load_config(path, ["solve.method=jaxopt"]))["method"] == "jaxopt"
 
 
-def test_limits_of_what_is_not_free_are_told(path):
+def test_limits_of_what_is_not_free_are_reported(path):
     changes = ["solve.free=['focus']", "solve.tilt_max_deg=8", "solve.keep_field_of_view=true"]
-    with pytest.warns(UserWarning, match="limits nothing") as told:
+    with pytest.warns(UserWarning, match="limits nothing") as caught:
         options = build_solve_options(load_config(path, changes))
-    messages = " ".join(str(each.message) for each in told)
+    messages = " ".join(str(each.message) for each in caught)
     assert (
         "solve.tilt_max_deg limits nothing, since tilt is not free; add 'tilt' to solve.free, or" in messages
     )

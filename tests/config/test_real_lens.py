@@ -26,9 +26,9 @@ def test_a_picture_through_glass(boxes, tmp_path):
     options = ["--set", GAUSS, "--set", "solve.free=['focus']", "--out", str(tmp_path)]
     result = CliRunner().invoke(app, ["run", str(boxes), *options])
     assert result.exit_code in (0, 3), result.output
-    told = " ".join(result.output.split())
-    assert "Through the glass of gauss_jp62087922_f1.8_1987: focused at" in told
-    assert "Rays are by polynomials" in told
+    output = " ".join(result.output.split())
+    assert "Through the glass of gauss_jp62087922_f1.8_1987: focused at" in output
+    assert "Rays are by polynomials" in output
     report = json.loads((tmp_path / "report.json").read_text())
     glass = report["lens"]["glass"]
     # The ideal lens whose settings the report has is focused as the glass is.
@@ -49,9 +49,9 @@ def test_a_quality_decides_on_polynomials_unless_the_config_does(boxes, tmp_path
     assert not left_to_quality(load_config(boxes, [GAUSS]))
     result = CliRunner().invoke(app, ["render", str(file), "--set", GAUSS, "--out", str(tmp_path)])
     assert result.exit_code == 0, result.output
-    told = " ".join(result.output.split())
-    assert "Rays are by polynomials" in told
-    assert "They were chosen for the quality: " in told
+    output = " ".join(result.output.split())
+    assert "Rays are by polynomials" in output
+    assert "They were chosen for the quality: " in output
     fit = json.loads((tmp_path / "report.json").read_text())["lens"]["glass"]["fit"]
     # Ten more than are wanted. Observed: 52.2, and 0.038 px.
     assert fit["expected_db"] >= 40.0

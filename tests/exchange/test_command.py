@@ -56,17 +56,17 @@ def test_a_shot_is_keyframed(tmp_path):
     assert text.count("float focusDistance") == 1
 
 
-def test_approximations_are_told(tmp_path):
+def test_approximations_are_reported(tmp_path):
     config, file = write_boxes(tmp_path), tmp_path / "c.xml"
     turned = ["--set", "lens.swing_deg=3"]
     refused = export(config, "--to", "mitsuba", "--out", file, *turned)
     assert refused.exit_code == 2
     assert "Mitsuba cannot express a lens turned against the sensor" in refused.output
     assert not file.exists()
-    told = export(config, "--to", "mitsuba", "--out", file, "--approximate", *turned)
-    assert told.exit_code == 0
-    assert "Approximated: the lens stands upright" in told.output
-    assert "px in diameter." in told.output
+    result = export(config, "--to", "mitsuba", "--out", file, "--approximate", *turned)
+    assert result.exit_code == 0
+    assert "Approximated: the lens stands upright" in result.output
+    assert "px in diameter." in result.output
 
 
 @pytest.mark.parametrize(

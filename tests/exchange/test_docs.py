@@ -23,7 +23,7 @@ def test_commands_run(line, tmp_path, monkeypatch):
     words[words.index("--out") + 1] = str(out)
     small = ["--set", "camera.resolution=[48, 36]"]
     if "--shot" in words:
-        # Wishes and keyframes for frames beyond the last are told of, and left.
+        # Wishes and keyframes for frames beyond the last are reported, and left.
         small += ["--set", "shot.frames=3"]
     done = CliRunner().invoke(app, [*words[1:], *small])
     assert done.exit_code == 0, done.output

@@ -125,7 +125,7 @@ def test_one_of_many_is_diagnosed_as_by_itself(camera, lens):
     assert one.conflicts[0].first_gains == pytest.approx(alone.conflicts[0].first_gains, abs=1e-9)
 
 
-def test_a_pull_of_one_side_alone_is_told_with_its_direction(camera, lens):
+def test_a_pull_of_one_side_alone_is_reported_with_its_direction(camera, lens):
     wishes = [at(0, 0, 2, weight=100.0, name="hero"), at(0, 0, 4, name="extra")]
     (conflict,) = diagnose(solved := solve(locate(wishes, camera), camera, lens)).conflicts
     whole = PER_DIOPTRE * 0.25

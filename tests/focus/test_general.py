@@ -343,7 +343,7 @@ def test_equal_blur_before_and_behind(camera, lens):
     np.testing.assert_allclose(solution.lens.focus_disparity, 0.375, rtol=1e-9)
 
 
-def test_a_wish_without_weight_is_told_of_and_not_missed(camera, lens):
+def test_a_wish_without_weight_is_reported_and_not_missed(camera, lens):
     points = locate([*sharp((0, 0, 2.0), name="x"), *sharp((0, 0, 4.0), name="y", weight=0)], camera)
     rows = {row.name: row for row in solve(points, camera, lens).table()}
     assert rows["x"].counts

@@ -223,7 +223,7 @@ def test_a_long_gap_is_bridged_in_single_precision(make_setup, make_frames):
             camera, lens = make_setup()
             weight = np.isin(frame, (0, 1, FRAMES - 2, FRAMES - 1))[:, None]
             points = make_frames(np.where(frame < 9, 0.2, 0.8)[:, None], weight=weight)
-            # Room for the f-number that float32 can tell from none.
+            # Room for the f-number that float32 distinguishes from none.
             room = (2.0, 2.0 * (1 + 1e-6))
             found[wide] = solve_frames(
                 points, camera, lens, free=("focus", "f_number"), f_number_range=room, smoothness=1e4
@@ -276,7 +276,7 @@ def test_frames_that_do_not_fit_are_refused(make_setup, make_frames):
         solve_frames([points[0], other], camera, lens)
 
 
-def test_too_few_steps_are_told(make_setup, make_frames):
+def test_too_few_steps_are_reported(make_setup, make_frames):
     camera, lens = make_setup()
     points = make_frames(np.linspace(0.3, 0.9, FRAMES)[:, None], target=5.0, signed=False)
     with pytest.raises(RuntimeError, match="the solve of 48 frames failed after 1 steps"):

@@ -107,7 +107,7 @@ def test_tolerances_may_be_traced():
     assert met(100.0).tolist() == [True, False]
 
 
-def test_what_has_to_be_known_is_told():
+def test_what_has_to_be_known_is_reported():
     def place(z):
         return locate([at(z, Sharp())], CAMERA, disparity_map=MAP).disparity
 

@@ -117,7 +117,7 @@ def test_a_wrong_mask_is_refused(camera, wall, mask, message):
         locate([FocusPoint(OnMask(mask), Sharp())], camera, disparity_map=wall)
 
 
-def test_what_is_outside_the_frame_is_ignored_unless_told_otherwise(camera):
+def test_what_is_outside_the_frame_is_ignored_unless_asked_otherwise(camera):
     inside = FocusPoint(AtPoint((0, 0, -2)), Sharp())
     for place, note in (
         (AtPoint((5, 0, -2)), "outside the frame"),

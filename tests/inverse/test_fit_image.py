@@ -165,7 +165,7 @@ def test_a_robust_fit_is_misled_less():
 
 
 def test_noise_is_weighed():
-    """A half that is noise tells nothing when it is said to be."""
+    """A half that is noise shows nothing when it is said to be."""
     noise = np.full(target().shape[:2], 1e-3)
     noise[:, 16:] = 10.0
     random = np.random.default_rng(0).normal(size=(24, 32, 3))

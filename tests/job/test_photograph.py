@@ -1,4 +1,4 @@
-"""What `[exposure]` and `[film]` make of a run's picture, and what the report tells of it."""
+"""What `[exposure]` and `[film]` make of a run's picture, and what the report says of it."""
 
 import json
 import re
@@ -35,8 +35,8 @@ def plain(boxes, tmp_path_factory):
     return folder, rendered(boxes, folder)[1]
 
 
-def test_settings_are_chosen_and_told(boxes, plain, tmp_path):
-    told, report = rendered(boxes, tmp_path, *LIGHT)
+def test_settings_are_chosen_and_reported(boxes, plain, tmp_path):
+    output, report = rendered(boxes, tmp_path, *LIGHT)
     taken = report["exposure"]
     assert (taken["f_number"], taken["iso"], taken["limits"]) == (pytest.approx(2.0), 100.0, [])
     assert taken["chosen"] == ["time", "iso"]
@@ -47,7 +47,7 @@ def test_settings_are_chosen_and_told(boxes, plain, tmp_path):
     # The mean of the picture is brighter than the grey of 0.18 that light values are about.
     brighter = np.log2(taken["metered_radiance"] / 0.18)
     assert taken["exposure_value"] == pytest.approx(10 + brighter, abs=0.1)
-    assert f"{taken['shutter']} at ISO 100, EV {taken['exposure_value']:.1f};" in told
+    assert f"{taken['shutter']} at ISO 100, EV {taken['exposure_value']:.1f};" in output
     page = (tmp_path / "report.html").read_text()
     assert f"<dt>Shutter</dt><dd>{taken['shutter']}</dd>" in page
     # Radiance is what it was, and the display's picture is a grey world.
@@ -65,13 +65,14 @@ def test_what_is_absent_changes_nothing(plain):
 
 
 def test_a_shutter_that_is_too_short_makes_the_picture_dark_and_says_so(boxes, tmp_path):
-    told, report = rendered(boxes, tmp_path, "--set", "exposure.light_ev=2", "--set", "exposure.iso_max=800")
+    dark = ("--set", "exposure.light_ev=2", "--set", "exposure.iso_max=800")
+    output, report = rendered(boxes, tmp_path, *dark)
     off = report["exposure"]["stops_off"]
     assert off < -1
     sentence = f"The picture is {-off:.1f} stops too dark at the longest time and the highest ISO speed; f/"
-    assert sentence in told
+    assert sentence in output
     assert sentence in (tmp_path / "report.html").read_text()
-    right = float(re.search(r"speed; f/([0-9.]+) would be right", told)[1])
+    right = float(re.search(r"speed; f/([0-9.]+) would be right", output)[1])
     assert right == pytest.approx(2.0 * 2 ** (off / 2), rel=0.03)
 
 
@@ -96,21 +97,21 @@ def test_depth_of_field_exposed_by_hand(boxes, tmp_path):
     deep = boxes.with_name("deep.toml")
     text = boxes.read_text().replace("f_number = 2.0\nfocus_distance_m = 4.0", "")
     deep.write_text(text.replace("[lens]", "[lens]\nsharp_from_m = 2\nsharp_to_m = 4"))
-    told, report = rendered(deep, tmp_path, "--set", "exposure.light_ev=8")
+    output, report = rendered(deep, tmp_path, "--set", "exposure.light_ev=8")
     taken, depth = report["exposure"], report["lens"]["depth_of_field"]
     assert (depth["near_m"], depth["far_m"]) == (pytest.approx(2.0), pytest.approx(4.0))
-    assert "sharp from 2.00 m to 4.00 m" in told
+    assert "sharp from 2.00 m to 4.00 m" in output
     assert taken["f_number"] == pytest.approx(report["lens"]["f_number"])
     assert taken["time_s"] == pytest.approx(1 / 60)
     assert 100 < taken["iso"] < 6400
     assert taken["stops_off"] == pytest.approx(0.0, abs=1e-6)
     dim = ["--set", "exposure.light_ev=2", "--set", "exposure.priority=exposure"]
-    told, report = rendered(deep, tmp_path, *dim)
+    output, report = rendered(deep, tmp_path, *dim)
     assert abs(report["exposure"]["stops_off"]) < 1e-3
     assert report["lens"]["f_number"] < taken["f_number"] / 2
     depth = report["lens"]["depth_of_field"]
     left = f"Focus gives way: at f/{report['lens']['f_number']:.2g} it is sharp from {depth['near_m']:.3g} to"
-    assert left in told
+    assert left in output
     assert left in (tmp_path / "report.html").read_text()
     with pytest.raises(ConfigError, match="has one of sharp_from_m and sharp_to_m; give both"):
         load_config(boxes, ["lens.sharp_from_m=2"])
@@ -198,7 +199,7 @@ def test_tables_that_make_no_sense_are_refused(boxes, overrides, message):
         ),
     ],
 )
-def test_what_turns_out_impossible_is_told_in_a_sentence(boxes, tmp_path, options, message):
+def test_what_turns_out_impossible_is_reported_in_a_sentence(boxes, tmp_path, options, message):
     given = [part for option in options for part in ("--set", option)]
     if "lens.aperture_radius_mm=0" in options:
         text = boxes.read_text().replace("f_number = 2.0\n", "")

@@ -1,4 +1,4 @@
-"""Which layers a run is made of, and what it tells of them."""
+"""Which layers a run is made of, and what it reports of them."""
 
 import json
 

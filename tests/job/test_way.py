@@ -64,7 +64,7 @@ def with_seconds(monkeypatch, seconds: float) -> None:
     monkeypatch.setattr("focusjax.job._way.plan_post", plan)
 
 
-def test_a_draft_by_post_processing_is_told_of(boxes, tmp_path, monkeypatch):
+def test_a_draft_by_post_processing_is_reported(boxes, tmp_path, monkeypatch):
     with_seconds(monkeypatch, 1.0)
     options = ["--set", "render.method=auto", "--set", "render.quality='15 dB'", "--out", str(tmp_path)]
     result = CliRunner().invoke(app, ["render", str(boxes), *options])
@@ -77,10 +77,10 @@ def test_a_draft_by_post_processing_is_told_of(boxes, tmp_path, monkeypatch):
     assert quality["expected_db"] == quality["weighed"]["post"]["expected_db"] > 15
     assert quality["weighed"]["trace"] == {"rays": None, "expected_db": None, "expected_seconds": 2.0}
     said = f"Post-processed for 15 dB: {quality['expected_db']:.1f} dB, and "
-    told = "post-processing in 1 s; even the fewest rays would take 2 s. Reached: "
+    sentence = "post-processing in 1 s; even the fewest rays would take 2 s. Reached: "
     for text in (" ".join(result.output.split()), (tmp_path / "report.html").read_text()):
         assert said in text
-        assert told in text
+        assert sentence in text
     assert "post-process</td>" in (tmp_path / "report.html").read_text()
 
 

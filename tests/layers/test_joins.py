@@ -122,7 +122,7 @@ def test_a_surface_is_followed_into_the_layer_it_changes_to(layer: int):
 
 
 def test_the_plane_that_fits_best_is_joined_whichever_layer_it_is_in():
-    """A twig pushes a wall down a layer, next to a backdrop so close behind that no ray could tell."""
+    """A twig pushes a wall down a layer, next to a backdrop so close behind that no ray could show it."""
     x, _ = grid()
     twig = x == 4
     w = np.stack([np.where(twig, 1.5, 1.0), np.where(twig, 1.0, 0.992), np.where(twig, 0.992, 0.0)])

@@ -81,9 +81,9 @@ def test_a_system_that_does_not_tell_is_trusted(monkeypatch: pytest.MonkeyPatch)
     _memory.check_frame(Grid(10000, 10000, 1, 0))
 
 
-def test_this_machine_tells():
-    told = _memory.machine_memory()
-    assert told is None or told > 1 << 28
+def test_this_machine_says_how_much_it_has():
+    found = _memory.machine_memory()
+    assert found is None or found > 1 << 28
     camera = front_camera()
     assert disparity_map(varied_scene(), camera).shape == (camera.height, camera.width)
 

@@ -110,7 +110,7 @@ def test_fewer_layers_miss_more():
     assert shares[0] > shares[1] > shares[2]
 
 
-def test_plain_layers_tell_what_the_ray_cast_tells():
+def test_plain_layers_find_what_the_ray_cast_finds():
     scene, camera, lens = varied_scene(), front_camera(), varied_layers().lens
     plain = peel(scene, camera, lens, supersampling=2, umbra=False, max_layers=12)
     assert missed_light(plain, nearest_in_layers(plain)).share == 0.0

@@ -164,7 +164,7 @@ def test_disparity_and_weights_are_those_of_the_ray():
 
 
 def test_slope_is_that_of_the_plane():
-    """Disparity is affine on screen, so two samples of one triangle tell its slope."""
+    """Disparity is affine on screen, so two samples of one triangle give its slope."""
     drawn, (centre, certain, _) = drawn_soup(), truth()
     sample, face = drawn.fragments.sample, drawn.surface.face
     has_right = (sample % WIDTH < WIDTH - 1) & certain[sample, face]

@@ -83,7 +83,7 @@ def test_a_round_fan_of_small_triangles():
     assert ours.sum() == pytest.approx(np.pi * radius**2, rel=0.005)
 
 
-def test_fringe_samples_are_told_from_those_at_centres():
+def test_fringe_samples_are_distinguished_from_those_at_centres():
     corners = np.array([[10.3, 5.0], [30.3, 5.0], [30.3, 25.0], [10.3, 25.0]])
     layers = layers_of(corners, np.array([[0, 1, 2], [0, 2, 3]]))
     held, centre = np.asarray(layers.disparity) > 0, np.asarray(layers.triangle) >= 0

@@ -171,7 +171,7 @@ def test_it_stays_when_the_lens_is_focused_elsewhere_or_splits_colours():
     coloured = spectral_lens(nearer, CAMERA)
     for each in (nearer, *(channel.lens for channel in coloured.channels())):
         assert jax.tree.all(jax.tree.map(jnp.array_equal, each.aperture, shape))
-        # Light of all colours is told in that of the middle one. Observed: 0.9974 to 1.0071.
+        # Light of all colours is measured in that of the middle one. Observed: 0.9974 to 1.0071.
         assert float(rays_at(each, AXIS).weight.mean()) == pytest.approx(1.0, abs=1e-2)
     fitted = refocused(fitted_lens(lens, CAMERA), CAMERA, jnp.asarray(0.8))
     assert isinstance(fitted, FittedLens)
@@ -185,7 +185,7 @@ def test_derivatives_by_its_shape_are_those_of_differences():
     square = jnp.asarray(qmc.Sobol(2, rng=np.random.default_rng(3)).random_base2(12))
 
     @jax.jit
-    def told(values):
+    def light_and_spread(values):
         roundness, focus = values
         blades = dataclasses.replace(polygon(5, rotation=0.3), roundness=roundness)
         lens = focused_lens(PRESCRIPTION, camera, focus, aperture=blades, focus="paraxial")
@@ -194,7 +194,7 @@ def test_derivatives_by_its_shape_are_those_of_differences():
         return jnp.mean(rays.weight * spread**2) + rays.weight.mean()
 
     # Where rays are aimed is fitted to some whose places have no derivatives. Observed: 1.3e-6.
-    check_gradients(told, jnp.array([0.4, 0.5]), rtol=1e-5)
+    check_gradients(light_and_spread, jnp.array([0.4, 0.5]), rtol=1e-5)
 
 
 PRESCRIPTION = biconvex()

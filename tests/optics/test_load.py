@@ -232,7 +232,7 @@ def test_a_placeholder_of_zemax_is_not_taken_as_glass(write):
     assert float(abbe_number(known.glasses[0])) == pytest.approx(31.07, abs=0.01)
 
 
-def test_a_glass_that_the_file_says_otherwise_is_told_of(write):
+def test_a_glass_that_the_file_says_otherwise_is_reported(write):
     with pytest.warns(UserWarning, match="line 12: glass N-BK7 has n_d = 1.6 in the file and 1.5168 in the"):
         load_lens(write("a.zmx", zemax(glass="GLAS N-BK7 0 0 1.6 64.17")))
 

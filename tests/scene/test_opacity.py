@@ -134,13 +134,13 @@ def test_an_opacity_given_replaces_the_files(tmp_path):
     assert glass.textures
 
 
-def test_materials_nobody_will_see_are_told(tmp_path):
+def test_materials_nobody_will_see_are_reported(tmp_path):
     with pytest.warns(UserWarning, match=r"material 'leaf' of mesh file .*a\.obj is wholly transparent"):
         item = load_mesh(leaf_obj(tmp_path, "d 0"))
     assert at(item, 0.2, 0.5) == 0.0
 
 
-def test_textures_without_coordinates_are_told(tmp_path):
+def test_textures_without_coordinates_are_reported(tmp_path):
     half_there().save(tmp_path / "t.png")
     path = leaf_obj(tmp_path, "map_Kd t.png")
     path.write_text(
@@ -156,7 +156,7 @@ def test_textures_without_coordinates_are_told(tmp_path):
 
 
 @pytest.mark.parametrize("ending", ["glb", "obj"])
-def test_pictures_of_unknown_formats_are_told(tmp_path, ending):
+def test_pictures_of_unknown_formats_are_reported(tmp_path, ending):
     if ending == "obj":
         (tmp_path / "t.ktx2").write_bytes(b"\xabKTX 20\xbb")
         path = leaf_obj(tmp_path, "map_Kd t.ktx2")

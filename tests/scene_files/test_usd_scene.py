@@ -108,9 +108,9 @@ def test_what_is_left_out_is_said(tmp_path):
         token visibility = "invisible"
     }"""
     path = write_usd_scene(tmp_path, more=others)
-    with pytest.warns() as told:
+    with pytest.warns() as caught:
         found = read_scene(path)
-    said = sorted(str(each.message).removeprefix(f"{path}: ") for each in told)
+    said = sorted(str(each.message).removeprefix(f"{path}: ") for each in caught)
     assert said[0].startswith("only meshes are read; left out: ball (Sphere), so")
     assert said[1].startswith("subdivision is not read, and polygons are shown as they are, of soft (Mesh)")
     assert said[2].startswith("window (RectLight) is left out: focusjax has distant lights")

@@ -240,7 +240,7 @@ def test_a_shutter_and_an_exposure_have_one_time(config_file):
         ),
     ],
 )
-def test_what_a_shutter_gets_wrong_is_told(config_file, overrides, message):
+def test_what_a_shutter_gets_wrong_is_reported(config_file, overrides, message):
     with pytest.raises(ConfigError, match=re.escape(message)):
         load_config(config_file, overrides)
 
@@ -289,7 +289,7 @@ def test_a_film_without_ffmpeg_is_refused_before_anything_is_done(config_file, t
         ("shot.objects.0.first_frame=3", "has first_frame or frames_per_step without vertices; remove them"),
     ],
 )
-def test_what_a_config_gets_wrong_is_told(config_file, override, message):
+def test_what_a_config_gets_wrong_is_reported(config_file, override, message):
     with pytest.raises(ConfigError, match=re.escape(message)):
         build_shot(load_config(config_file, [override]))
 
@@ -327,7 +327,7 @@ def test_a_deforming_mesh_is_followed_from_a_config(config_file):
     assert solved.diagnosis.sentences == ()
 
 
-def test_keyframes_outside_the_shot_are_told(config_file):
+def test_keyframes_outside_the_shot_are_reported(config_file):
     with pytest.warns(
         UserWarning, match=r"shot\.camera has a keyframe at frame 9, outside the shot's frames 1 to"
     ):

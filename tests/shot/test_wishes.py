@@ -104,7 +104,7 @@ def test_bad_wishes_are_refused(make, message):
         make()
 
 
-def test_what_a_frame_lacks_is_told_with_its_number(screen_passes):
+def test_what_a_frame_lacks_is_reported_with_its_number(screen_passes):
     pixel = TimedWish(
         FocusPoint(AtPixel(3, 4), Sharp(), name="here"), place=keyframes({1: (3, 4), 3: (300, 4)})
     )
@@ -150,7 +150,7 @@ FAR = FocusPoint(AtPoint((0, 0, -8)), Sharp(), name="far")
         ),
     ],
 )
-def test_wishes_that_never_act_are_told(screen_passes, timed, disparity, message):
+def test_wishes_that_never_act_are_reported(screen_passes, timed, disparity, message):
     with pytest.warns(UserWarning, match=message):
         found_of(screen_passes, timed, disparity=disparity)
 

@@ -73,6 +73,6 @@ def test_a_rolling_shutter_takes_longer_for_the_whole_picture():
         ),
     ],
 )
-def test_what_is_no_shutter_is_told(arguments, message):
+def test_what_is_no_shutter_is_reported(arguments, message):
     with pytest.raises(ValueError, match=re.escape(message)):
         make_shutter(**arguments)

@@ -189,7 +189,7 @@ def test_a_studio_ends_with_the_last_of_ten_drags(session):
     studio.close()
 
 
-def test_a_studio_tells_what_it_cannot_use(tmp_path):
+def test_a_studio_says_what_it_cannot_use(tmp_path):
     path = write_boxes(tmp_path)
     path.write_text(CONFIG.replace('"box.ply"', '"bax.ply"', 1))
     studio = Studio(Session(path))
@@ -210,7 +210,7 @@ def test_the_camera_goes_to_other_programs(session, tmp_path):
     studio.close()
 
 
-def test_layers_are_told_by_brightness():
+def test_layers_are_distinguished_by_brightness():
     shown = layers_overlay(np.array([[0, 1, 2, 9]]))[0].astype(int)
     light = shown[:, :3].sum(axis=1)
     assert light[1] < light[2] < light[3]

@@ -140,7 +140,7 @@ def test_without_wishes_the_lens_is_the_configs_own(session):
     assert session.solve().problem == NO_WISH
 
 
-def test_what_cannot_be_solved_is_told(session):
+def test_what_cannot_be_solved_is_reported(session):
     session.set_text(CONFIG.replace("object =", "object ="[:-1] + '= "wall" #'))
     answer = session.solve()
     assert answer.outcome is None

@@ -33,7 +33,7 @@ RAYS = 128
 STEP = 0.06
 """Of the logarithm of an array: half a pixel of blur."""
 _LEAST, _NOISY = 1e-6, 0.05
-"""Of differences: squares in all, and the share of them that is noise, that tell something."""
+"""Of differences: squares in all, and the share of them that is noise, that show something."""
 
 
 def thin(aperture) -> ThinLens:
@@ -113,9 +113,9 @@ def test_forward_and_reverse_agree_in_single_precision():
 
 @pytest.mark.parametrize("name", lenses())
 def test_differences_of_converged_pictures(name: str):
-    """By each array that changes the picture; two differences by other rays tell how far they are noise."""
+    """By each array that changes the picture; two differences by other rays show how far they are noise."""
     lens, (jacobian, _, _) = lenses()[name], derivatives(name)
-    told = []
+    checked = []
     for number, leaf in enumerate(names_of(lens)):
         step = np.zeros(jacobian.shape[-1])
         step[number] = STEP
@@ -143,7 +143,7 @@ def test_differences_of_converged_pictures(name: str):
         found, power = blocks(jacobian[..., number]), (first * second).sum()
         if power < _LEAST or ((first - second) ** 2).sum() / 4 > _NOISY * power:
             continue
-        told.append(leaf)
+        checked.append(leaf)
         # Observed: 0.97 to 1.04, and 1.08 by the disk of the cat's eyes, whose differences are not straight.
         assert abs((found * (first + second)).sum() / 2 / power - 1.0) < 0.12, leaf
-    assert len(told) >= {"tilted, blades": 2, "aberrated, cat's eyes": 8}.get(name, 3)
+    assert len(checked) >= {"tilted, blades": 2, "aberrated, cat's eyes": 8}.get(name, 3)

@@ -74,7 +74,7 @@ def test_large_pictures_are_tried_in_squares():
     plan = plan_rays(layers, lens, 42.0)
     picture = np.asarray(render(layers, lens, rays=plan.rays))
     reached = psnr(picture, np.asarray(render(layers, lens, rays=256, even=True, seed=5)))
-    # Observed: 41.3 dB reached where 42 were wanted; 44.0 expected, as few windows tell what denoising gains.
+    # Observed: 41.3 dB reached where 42 were wanted; 44.0 expected, as few windows show what denoising gains.
     assert reached > 41.0
     assert reached == pytest.approx(plan.decibels, abs=3.0)
     estimated = estimate_quality(layers, lens, picture, rays=plan.rays).decibels

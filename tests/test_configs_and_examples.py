@@ -257,8 +257,11 @@ def test_the_example_photographs_and_reads_the_print(capsys, monkeypatch, tmp_pa
     assert iio.imread("photograph.png").shape == (72, 96, 3)
 
 
-def test_a_page_shows_the_example_as_it_is():
-    assert (ROOT / "examples" / "spot.py").read_text() in (HOW_TO / "python.md").read_text()
+@pytest.mark.parametrize(
+    ("page", "example"), [("python.md", "spot.py"), ("focus_from_a_picture.md", "fit_photo.py")]
+)
+def test_a_page_shows_the_example_as_it_is(page, example):
+    assert (ROOT / "examples" / example).read_text() in (HOW_TO / page).read_text()
 
 
 @pytest.mark.parametrize("page", [ROOT / "README.md", HOW_TO / "config.md"], ids=lambda page: page.name)

@@ -16,6 +16,7 @@ DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *sorted(page for page in DOCS.rglob("*.md") if "_build" not in page.parts)]
 NOT_RUN = {
     "docs/studio.md": "the session of the studio is run by tests/studio",
+    "docs/howto/focus_from_a_picture.md": "this is examples/fit_photo.py, which is run likewise",
     "docs/howto/python.md": "this is examples/spot.py, which is run by tests/test_configs_and_examples.py",
 }
 SMALLER = [

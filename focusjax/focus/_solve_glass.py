@@ -142,7 +142,8 @@ def _carried(
     found = jax.tree.map(lambda leaf: leaf[0], reached.found)
     found = _known(asked.points, glass, asked.camera, widest, setting, found)
     size, slope = diameters(found)
-    own = size + slope[:, columns] @ move
+    # The move is nothing but derivatives: those of slopes would be multiplied by 0.
+    own = size + still(slope[:, columns]) @ move
     own = jnp.where(found.blur.defocus >= 0.0, own, -own)
     points, count = asked.points, asked.points.disparity.shape[0]
     light, other = found.blur.light[:count], None if points.reference is None else own[count:]

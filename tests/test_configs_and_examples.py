@@ -26,7 +26,12 @@ SMALL = ["camera.resolution=[48, 36]", "render.rays=2", "render.supersampling=1"
 OPTIONS = [part for override in SMALL for part in ("--set", override)]
 
 
-@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def _marked(path: Path):
+    """Through glass a run takes minutes to compile; shots and stills through it have tests of their own."""
+    return pytest.param(path, marks=pytest.mark.slow) if "glass" in path.stem else path
+
+
+@pytest.mark.parametrize("path", [_marked(path) for path in CONFIGS], ids=lambda path: path.stem)
 def test_config_runs(path, tmp_path):
     result = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path), *OPTIONS])
     # Blur is wished in pixels, so a wish may be out of reach in so small a picture.
@@ -199,6 +204,7 @@ def test_the_example_finds_the_lens_of_a_picture(capsys, monkeypatch):
     assert gain == pytest.approx(0.8, rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_example_matches_a_plate(capsys, monkeypatch, tmp_path):
     path = ROOT / "examples" / "match_plate.py"
     monkeypatch.chdir(tmp_path)

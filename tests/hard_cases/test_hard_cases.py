@@ -52,6 +52,7 @@ def test_slopes_and_glass_keep_their_bounds(name: str):
     assert not broken([each for each in checks if not each.kept])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [case.name for case in CASES if case.stage.common])
 def test_pictures_keep_their_bounds(name: str):
     checks = hard_cases([name])
@@ -59,6 +60,7 @@ def test_pictures_keep_their_bounds(name: str):
     assert not broken([each for each in checks if not each.kept])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case", [case for case in CASES if not case.stage.common], ids=lambda case: case.name
 )

@@ -130,8 +130,8 @@ def main() -> None:
     tables = f"{markdown(estimate)}\n{markdown(rows)}"
     print(tables)
     (options.out / "post_plans.md").write_text(tables)
-    found = {"estimated": estimate, "chosen": rows}
-    (options.out / "post_plans.json").write_text(json.dumps(found, indent=1) + "\n")
+    saved = {"estimated": estimate, "chosen": rows}
+    (options.out / "post_plans.json").write_text(json.dumps(saved, indent=1) + "\n")
 
 
 if __name__ == "__main__":

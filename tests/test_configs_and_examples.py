@@ -192,6 +192,7 @@ def test_the_batch_shown_runs_at_small_size(tmp_path):
     assert least[30, 1.4] < least[30, 2.8]
 
 
+@pytest.mark.slow
 def test_the_example_finds_the_lens_of_a_picture(capsys, monkeypatch):
     path = ROOT / "examples" / "fit_photo.py"
     monkeypatch.chdir(ROOT)

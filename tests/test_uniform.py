@@ -59,6 +59,7 @@ def test_stays_uniform(walls: bool, focus: float, radius: float, aperture: Abstr
     np.testing.assert_allclose(picture, np.broadcast_to(RADIANCE, picture.shape), rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_stays_uniform_through_a_lens_of_many_faults() -> None:
     """An opening that is brighter here than there, aberrations, and colours that go their own ways."""
     camera = look_at(np.zeros(3), np.array([0.1, -0.1, -1.0]), width=48, height=40, field_of_view=0.8)

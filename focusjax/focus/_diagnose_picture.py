@@ -25,8 +25,9 @@ from focusjax.focus._findings import (
 )
 from focusjax.focus._image_points import ImagePoints
 from focusjax.focus._sensitivity import Sensitivity, sensitivity
-from focusjax.focus._solution import Asked, Solution, WishResult
+from focusjax.focus._solution import Solution, WishResult
 from focusjax.focus._solve import solve_asked
+from focusjax.focus._solve_glass import nearly_best_errors
 
 _MOST_WISHES = 16
 """Every wish is dropped once to see what the others gain; of more than this, the weightiest."""
@@ -73,8 +74,8 @@ def diagnose_picture(solution: Solution) -> Diagnosis:
     table = solution.table()
     sensed = sensitivity(solution, asked)
     verdict = picture_verdict(solution.points, np.asarray(solution.error))
-    conflicts = _conflicts(asked, verdict, table)
-    unreachable = find_unreachable(verdict, partial(_alone, asked), over_time=False)
+    conflicts = _conflicts(solution, verdict, table)
+    unreachable = find_unreachable(verdict, partial(_alone, solution), over_time=False)
     directions = tuple(dict(zip(sensed.names, map(float, row), strict=True)) for row in sensed.directions)
     bounds = solution.active_bounds
     zooms = "focal_length" in solution.free and not asked.plan.keep_view
@@ -139,31 +140,34 @@ def idle_sentences(table: tuple[WishResult, ...]) -> list[str]:
     return [f'"{row.name}" is {row.note} and does not count.' for row in table if not row.counts and row.note]
 
 
-def _conflicts(asked: Asked, verdict: Verdict, table: tuple[WishResult, ...]) -> tuple[Conflict, ...]:
-    chosen = weightiest(asked.points, _MOST_WISHES)
+def _conflicts(solution: Solution, verdict: Verdict, table: tuple[WishResult, ...]) -> tuple[Conflict, ...]:
+    chosen = weightiest(solution.points, _MOST_WISHES)
     if not notable(verdict) or len(chosen) < 2:
         return ()
-    return find_conflicts(verdict, verdict.judged, chosen, partial(_without, asked), over_time=False)
+    return find_conflicts(verdict, verdict.judged, chosen, partial(_without, solution), over_time=False)
 
 
-def _without(asked: Asked, dropped: int) -> Errors:
+def _without(solution: Solution, dropped: int) -> Errors:
     """Errors without one wish."""
-    mine = np.asarray(asked.points.wish) == dropped
-    return _errors(asked, np.where(mine, 0.0, np.asarray(asked.points.weight)))
+    mine = np.asarray(solution.points.wish) == dropped
+    return _errors(solution, np.where(mine, 0.0, np.asarray(solution.points.weight)))
 
 
-def _alone(asked: Asked, kept: int) -> Errors:
+def _alone(solution: Solution, kept: int) -> Errors:
     """Errors when no other wish counts."""
-    mine = np.asarray(asked.points.wish) == kept
-    return _errors(asked, np.where(mine, np.asarray(asked.points.weight), 0.0))
+    mine = np.asarray(solution.points.wish) == kept
+    return _errors(solution, np.where(mine, np.asarray(solution.points.weight), 0.0))
 
 
-def _errors(asked: Asked, weight: Float[np.ndarray, "n"]) -> Errors:
+def _errors(solution: Solution, weight: Float[np.ndarray, "n"]) -> Errors:
     """The largest error in pixels of every wish, when solved with other weights."""
+    asked = solution.asked
+    assert asked is not None
     points = asked.points
     changed = dataclasses.replace(points, weight=jnp.asarray(weight, dtype=points.weight.dtype))
-    solution, _ = solve_asked(dataclasses.replace(asked, points=changed))
-    return picture_verdict(points, np.asarray(solution.error)).error
+    asked = dataclasses.replace(asked, points=changed)
+    error = solve_asked(asked)[0].error if asked.glass is None else nearly_best_errors(asked, solution)
+    return picture_verdict(points, np.asarray(error)).error
 
 
 def _open_sentences(sensed: Sensitivity) -> list[str]:

@@ -12,6 +12,8 @@ p = c + k (b - mean b) has L = k sqrt(8 var b), positive behind the focus, and D
 spot of aberrations that no focus takes away.
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -140,6 +142,65 @@ def sensed(
         return Sensed(found, slope)
 
     return jax.vmap(one)(settings)
+
+
+def numbers_of(
+    camera: Camera,
+    widest: Float[Array, ""],
+    xy: Float[Array, "n 2"],
+    disparity: Float[Array, "n"],
+    setting: Float[Array, "2"],
+) -> Float[Array, "n i"]:
+    """All that the blur of points at one setting follows, a row for each, in the order of `changes`."""
+    shared = jax.tree.leaves((setting, widest, _of_camera(camera)))
+    return jax.vmap(lambda *own: jnp.concatenate([jnp.atleast_1d(leaf) for leaf in (*shared, *own)]))(
+        xy, disparity
+    )
+
+
+def changes(
+    lens: SettableLens,
+    camera: Camera,
+    widest: Float[Array, ""],
+    xy: Float[Array, "n 2"],
+    disparity: Float[Array, "n"],
+    setting: Float[Array, "2"],
+) -> Float[Array, "n o i"]:
+    """Derivatives of the o numbers of each point's `Sensed` by those of `numbers_of`, forwards alone.
+
+    Second derivatives of rays, compiled once and without a way back, serve whatever is asked of a solution.
+    """
+
+    def one(setting: Array, widest: Array, of_camera: tuple, seen: Array, w: Array) -> Array:
+        placed = dataclasses.replace(
+            camera, focal_length=of_camera[0], sensor_width=of_camera[1], principal_point=of_camera[2]
+        )
+        return row_of(sensed(lens, placed, widest, seen[None], w[None], setting[None]))[0, 0]
+
+    def of_point(seen: Array, w: Array) -> Array:
+        found = jax.jacfwd(one, argnums=(0, 1, 2, 3, 4))(setting, widest, _of_camera(camera), seen, w)
+        return jnp.concatenate([jnp.atleast_2d(leaf.T).T for leaf in jax.tree.leaves(found)], axis=1)
+
+    return jax.vmap(of_point)(xy, disparity)
+
+
+def row_of(found: Sensed) -> Float[Array, "*v n o"]:
+    """All numbers of each point."""
+    single = [leaf[..., None] for leaf in jax.tree.leaves(found.blur)]
+    return jnp.concatenate([*single, *jax.tree.leaves(found.slope)], axis=-1)
+
+
+def of_row(row: Float[Array, "*v n 9"]) -> Sensed:
+    """What `row_of` made the numbers of."""
+    return Sensed(
+        GlassBlur(*(row[..., number] for number in range(3))),
+        GlassBlur(*(row[..., number : number + 2] for number in (3, 5, 7))),
+    )
+
+
+def _of_camera(camera: Camera) -> tuple[Array, Array, Array]:
+    """What the blur follows of a camera: points are in its picture already."""
+    return camera.focal_length, camera.sensor_width, camera.principal_point
 
 
 def _square_points() -> Float[np.ndarray, "s 2"]:

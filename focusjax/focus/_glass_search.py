@@ -80,9 +80,9 @@ def best_settings(
 
     def thin_again(state: Reached, found: Sensed) -> Reached:
         setting = start.whole(state.value)[jnp.array([FOCUS, RADIUS])]
-        exchanged = _exchanged(asked, setting, jax.tree.map(lambda leaf: leaf[0], found))
-        exchanged = jax.tree.map(lambda a, b: jnp.where(state.number == 0, a, b), points, exchanged)
-        basin = basin_of(dataclasses.replace(asked, points=exchanged))
+        thin = exchanged(asked, setting, jax.tree.map(lambda leaf: leaf[0], found))
+        thin = jax.tree.map(lambda a, b: jnp.where(state.number == 0, a, b), points, thin)
+        basin = basin_of(dataclasses.replace(asked, points=thin))
         same = (state.number > 0) & (jnp.max(jnp.abs(basin.value - state.value) / unit) < 1.0)
         exact = same | (state.number + 1 == _ROUNDS)
         return dataclasses.replace(state, exact=exact, basin=basin, value=basin.value)
@@ -147,7 +147,7 @@ def _settings(start: Start, value: Float[Array, "k"]) -> Float[Array, "v 2"]:
     return jax.vmap(start.whole)(value[None] + _about(unit_steps(start)))[:, jnp.array([FOCUS, RADIUS])]
 
 
-def _exchanged(asked: Asked, setting: Float[Array, "2"], found: Sensed) -> ImagePoints:
+def exchanged(asked: Asked, setting: Float[Array, "2"], found: Sensed) -> ImagePoints:
     """Points that the thin lens blurs as the glass blurs those of the problem, about what is reached."""
     own, other = own_and_other(found.blur, asked.points)
     slope = found.slope.defocus[: asked.points.disparity.shape[0], 0]

@@ -12,16 +12,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from focusjax.focus._basin import ended, place_of
-from focusjax.focus._glass_blur import Sensed, sensed
-from focusjax.focus._glass_rows import GlassRows, diameters, placed
+from focusjax.focus._basin import basin_of, ended, place_of
+from focusjax.focus._glass_blur import GlassBlur, Sensed, changes, numbers_of, of_row, row_of, sensed
+from focusjax.focus._glass_rows import GlassRows, placed
 from focusjax.focus._glass_search import (
     Reached,
     best_settings,
+    exchanged,
     inverted,
     own_and_other,
     rows_and_references,
-    sensed_rows,
     unit_steps,
 )
 from focusjax.focus._image_points import ImagePoints, errors_of
@@ -30,6 +30,8 @@ from focusjax.focus._search import Basin
 from focusjax.focus._solution import Asked, Result, Solution
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, SettableLens, pupil_radius, refocused, settable, stopped
+
+_EXCHANGES = 2
 
 
 def solve_through(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
@@ -63,65 +65,53 @@ def _no_wider(asked: Asked, widest: Float[Array, ""]) -> Asked:
 
 
 @eqx.filter_custom_jvp
-def _known(
-    points: ImagePoints,
-    glass: SettableLens,
-    camera: Camera,
-    widest: Float[Array, ""],
-    setting: Float[Array, "2"],
-    found: Sensed,
-) -> Sensed:
-    """`found`, which rays say at one setting, with its derivatives, for which they are followed again."""
-    return found
-
-
-@_known.def_jvp
-def _known_jvp(primals: tuple, tangents: tuple) -> tuple[Sensed, Sensed]:
-    *inputs, found = primals
-    return found, eqx.filter_jvp(_sensed_at, tuple(inputs), tuple(tangents[:-1]))[1]
-
-
-def _sensed_at(
-    points: ImagePoints,
-    glass: SettableLens,
-    camera: Camera,
-    widest: Float[Array, ""],
-    setting: Float[Array, "2"],
-) -> Sensed:
-    """The blur of rows and references at one setting."""
-    return jax.tree.map(lambda leaf: leaf[0], sensed_rows(points, glass, camera, widest, setting[None]))
-
-
-@eqx.filter_custom_jvp
 def _optimum(
-    asked: Asked, widest: Float[Array, ""], glass: SettableLens, basin: Basin, value: Float[Array, "k"]
-) -> Float[Array, "k"]:
-    """`value`, where the gradient is 0, with the derivatives that the implicit function theorem gives it.
+    asked: Asked,
+    widest: Float[Array, ""],
+    glass: SettableLens,
+    basin: Basin,
+    value: Float[Array, "k"],
+    found: Sensed,
+) -> tuple[Float[Array, "k"], GlassBlur]:
+    """`value`, where the gradient is 0, and the blur there, with the derivatives of the optimum.
 
     What bounds hold has the derivatives of `value`. Curvatures are those of the very place: rays that the rim
     lets in or cuts off make others of differences.
     """
-    return value
+    return value, found.blur
 
 
 @_optimum.def_jvp
-def _optimum_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    asked, widest, glass, basin, value = primals
+def _optimum_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, GlassBlur], tuple[Array, GlassBlur]]:
+    asked, widest, glass, basin, value, found = primals
+    start, _, box, _ = place_of(asked)
 
-    def gradient(asked: Asked, widest: Float[Array, ""], value: Float[Array, "k"]) -> Float[Array, "k"]:
+    def gradient(asked: Asked, value: Float[Array, "k"], found: Sensed) -> Float[Array, "k"]:
         start, priors, _, _ = place_of(asked)
-        setting = start.whole(value)[jnp.array([FOCUS, RADIUS])]
-        found = _sensed_at(asked.points, glass, asked.camera, widest, setting)
         return GlassRows(asked.points).gradient(found, value, jnp.array(start.columns), priors)
 
-    start, _, box, _ = place_of(asked)
-    curvature = jax.jacfwd(lambda value: gradient(asked, widest, value))(value)
+    def followed(asked: Asked, widest: Float[Array, ""], value: Float[Array, "k"]) -> tuple:
+        setting = place_of(asked)[0].whole(value)[jnp.array([FOCUS, RADIUS])]
+        return asked.camera, widest, *rows_and_references(asked.points), setting
+
+    by = changes(glass, *followed(asked, widest, value))
+
+    def at(asked: Asked, widest: Float[Array, ""], value: Float[Array, "k"]) -> tuple[Array, Sensed]:
+        """The gradient and what rays say, linear about the optimum in what they follow."""
+        numbers = numbers_of(*followed(asked, widest, value))
+        row = row_of(found) + jnp.einsum("noi,ni->no", by, numbers - jax.lax.stop_gradient(numbers))
+        near = of_row(row)
+        return gradient(asked, value, near), near
+
+    curvature = jax.jacfwd(lambda value: at(asked, widest, value)[0])(value)
     inverse, _ = inverted(0.5 * (curvature + curvature.T), unit_steps(start), basin, box)
-    _, change = eqx.filter_jvp(
-        lambda asked, widest: gradient(asked, widest, value), (asked, widest), tuple(tangents[:2])
+    _, (change, _) = eqx.filter_jvp(
+        lambda asked, widest: at(asked, widest, value), (asked, widest), tuple(tangents[:2])
     )
     bound = jnp.zeros_like(value) if tangents[4] is None else tangents[4]
-    return value, bound - inverse @ (change + curvature @ bound)
+    move = bound - inverse @ (change + curvature @ bound)
+    _, (_, follows) = eqx.filter_jvp(at, (asked, widest, value), (*tangents[:2], move))
+    return (value, found.blur), (move, follows.blur)
 
 
 def _carried(
@@ -130,23 +120,15 @@ def _carried(
     """The solution with its derivatives."""
     still = jax.lax.stop_gradient
     start, priors, box, first = place_of(asked)
-    basin, columns = reached.basin, jnp.array(start.columns)
-    best = still(reached.best)
+    basin, best = reached.basin, still(reached.best)
     # What a bound or nothing holds follows the bound or the start.
     low, high = box.lower - still(box.lower), box.upper - still(box.upper)
     follows = jnp.where(basin.held, first - still(first), 0.0)
     follows = jnp.where(basin.at_lower, low, jnp.where(basin.at_upper, high, follows))
-    value = _optimum(asked, widest, glass, basin, best + follows)
-    move = value - best
-    setting = start.whole(best)[jnp.array([FOCUS, RADIUS])]
-    found = jax.tree.map(lambda leaf: leaf[0], reached.found)
-    found = _known(asked.points, glass, asked.camera, widest, setting, found)
-    size, slope = diameters(found)
-    # The move is nothing but derivatives: those of slopes would be multiplied by 0.
-    own = size + still(slope[:, columns]) @ move
-    own = jnp.where(found.blur.defocus >= 0.0, own, -own)
-    points, count = asked.points, asked.points.disparity.shape[0]
-    light, other = found.blur.light[:count], None if points.reference is None else own[count:]
+    found = still(jax.tree.map(lambda leaf: leaf[0], reached.found))
+    value, blur = _optimum(asked, widest, glass, basin, best + follows, found)
+    own, points, count = blur.signed, asked.points, asked.points.disparity.shape[0]
+    light, other = blur.light[:count], None if points.reference is None else own[count:]
     error = errors_of(points, placed(points, own[:count]), other)
     # Without light there is no blur.
     error = jnp.where((light > 0.0) | (points.weight == 0.0), error, jnp.nan)
@@ -172,9 +154,41 @@ def seen_through(solution: Solution, glass: AbstractLens) -> Solution:
     points = solution.points
     setting = jnp.stack([solution.lens.focus_disparity, pupil_radius(glass)])
     found = _looked(glass, solution.camera, *rows_and_references(points), setting)
+    own, _ = own_and_other(found.blur, points)
+    return dataclasses.replace(solution, blur=own.signed, error=_errors_of(points, found), glass=glass)
+
+
+def nearly_best_errors(asked: Asked, solution: Solution) -> Float[Array, "n"]:
+    """Errors in pixels at nearly the best settings for other weights than those of `solution`.
+
+    About what is reached, points are exchanged for those that a thin lens blurs as the glass does
+    (`exchanged`), twice. Errors are those of the glass where that leads, and stray from the least only by
+    the square of how far that is from the best.
+    """
+    glass, points = asked.glass, asked.points
+    assert glass is not None
+    setting = jnp.stack([solution.lens.focus_disparity, solution.lens.aperture_radius])
+    for _ in range(_EXCHANGES):
+        found = _looked(glass, asked.camera, *rows_and_references(points), setting)
+        setting = _thin_again(dataclasses.replace(asked, glass=None), glass, setting, found)
+    found = _looked(glass, asked.camera, *rows_and_references(points), setting)
+    return _errors_of(points, found)
+
+
+@eqx.filter_jit
+def _thin_again(
+    asked: Asked, glass: AbstractLens, setting: Float[Array, "2"], found: Sensed
+) -> Float[Array, "2"]:
+    """The best setting of a thin lens that blurs as the glass does about `setting`."""
+    asked = _no_wider(asked, pupil_radius(glass))
+    basin = basin_of(dataclasses.replace(asked, points=exchanged(asked, setting, found)))
+    return place_of(asked)[0].whole(basin.value)[jnp.array([FOCUS, RADIUS])]
+
+
+def _errors_of(points: ImagePoints, found: Sensed) -> Float[Array, "n"]:
+    """Errors in pixels of rows whose blur rays say."""
     own, other = own_and_other(found.blur, points)
-    error = errors_of(points, placed(points, own.signed), None if other is None else other.signed)
-    return dataclasses.replace(solution, blur=own.signed, error=error, glass=glass)
+    return errors_of(points, placed(points, own.signed), None if other is None else other.signed)
 
 
 @eqx.filter_jit

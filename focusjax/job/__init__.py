@@ -4,6 +4,7 @@ from focusjax.job._exposed import ExposedLens as ExposedLens
 from focusjax.job._exposed import ExposedSolution as ExposedSolution
 from focusjax.job._exposed import open_for_light as open_for_light
 from focusjax.job._exposed import solve_exposed as solve_exposed
+from focusjax.job._find import find_points as find_points
 from focusjax.job._glass import FIT_PX as FIT_PX
 from focusjax.job._glass import ThroughGlass as ThroughGlass
 from focusjax.job._glass import left_to_quality as left_to_quality
@@ -26,7 +27,6 @@ from focusjax.job._picture import Picture as Picture
 from focusjax.job._picture import Progress as Progress
 from focusjax.job._run import Outcome as Outcome
 from focusjax.job._run import blur_map as blur_map
-from focusjax.job._run import find_points as find_points
 from focusjax.job._run import run as run
 from focusjax.job._shutter_words import shutter as shutter
 from focusjax.job._way import Way as Way

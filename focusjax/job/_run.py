@@ -1,6 +1,6 @@
 """One run from a config to a picture: load, find the points, solve, peel, render."""
 
-from collections.abc import Sequence
+import dataclasses
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -9,36 +9,27 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from focusjax._arguments import require_kind, require_known
 from focusjax._freed import return_freed, returned_after_compiling
 from focusjax._stopwatch import Stopwatch
 from focusjax.config import (
     Config,
     build_camera,
-    build_control_points,
-    build_focal_surface,
     build_focus_points,
     build_lens,
     build_look,
     build_scene,
     build_solve_options,
-    refusals_located,
 )
-from focusjax.focus import (
-    FocusPoint,
-    ImagePoints,
-    Solution,
-    SurfaceSolution,
-    locate,
-)
+from focusjax.focus import ImagePoints, Solution, SurfaceSolution
 from focusjax.geometry import Camera
 from focusjax.job._exposed import ExposedLens, ExposedSolution
-from focusjax.job._glass import ThroughGlass, left_to_quality, solved_through, through_glass
+from focusjax.job._find import control_surface, find_wishes
+from focusjax.job._glass import ThroughGlass, left_to_quality, through_glass
 from focusjax.job._guessed import Guessed, guessed_shares, in_grey, warn_of_holes
-from focusjax.job._moving import build_moving
+from focusjax.job._moving import Moving, build_moving
 from focusjax.job._photograph import Photograph, take_photograph
 from focusjax.job._picture import Picture, Progress, make_picture, peel_picture
-from focusjax.job._solving import solved_lens, solved_surface
+from focusjax.job._solving import Settled, Settling
 from focusjax.job._weigh import metered_before, weighed_depth
 from focusjax.layers import Extent, disparity_map
 from focusjax.lens import (
@@ -162,105 +153,105 @@ def _run(
             lens = exposed.lens
     with watch.stage("locate"):
         disparity = np.asarray(disparity_map(scene, camera) if disparity is None else disparity)
-        points = _find(config, wishes, scene, camera, disparity) if wishes else None
-        surface = _control_surface(config, scene, camera, lens, disparity)
+        points = find_wishes(config, wishes, scene, camera, disparity) if wishes else None
+        surface = control_surface(config, scene, camera, lens, disparity)
         if config.scene.photo is not None:
             warn_of_holes(config, config.focus, scene, camera)
         return_freed(pixels)
-    solution = None
-    real = config.lens.prescription is not None
-    others = set(config.solve.free) - {"focus", "f_number"}
-    if surface is not None and solving:
-        assert points is not None
-        assert isinstance(lens, ThinLens)
-        solution = solved_surface(config, points, camera, surface, lens, watch)
-        lens, surface = solution.lens, solution.surface
+    settled = Settled(camera, lens, disparity, points, surface, exposed)
+    if solving:
+        settled = Settling(config, scene, wishes, options, grey, watch).settle(settled)
     elif surface is not None:
         assert isinstance(lens, ThinLens)
-        lens = focal_surface_lens(surface, camera, lens)
-    elif solving and real and not others and grey is None:
-        assert points is not None
-        assert isinstance(lens, ThinLens)
-        with watch.stage("solve"):
-            solution = solved_through(config, options, points, camera, lens, None)
-        lens, points = solution.lens, solution.points
-    elif solving:
-        assert points is not None
-        light = grey if exposed is None else None
-        solution, weighed = solved_lens(config, options, points, camera, lens, light, watch)
-        exposed, lens, points = exposed or weighed, solution.lens, solution.points
-        if set(config.solve.free) & {"focal_length", "shift", "rise"}:
-            camera = solution.camera
-            with watch.stage("locate_again"):
-                disparity = np.asarray(disparity_map(scene, camera))
-        if set(config.solve.free) & {"shift", "rise"}:
-            # The frame has moved, and with it what is inside.
-            points = _find(config, wishes, scene, camera, disparity)
-            again = solved_lens(config, options, points, camera, lens, light, watch, "solve_again")
-            solution, exposed = again[0], again[1] or exposed
-            lens, points, camera = solution.lens, solution.points, solution.camera
-    if real and solving and (others or grey is not None):
-        # What frames the picture, and what the light takes, an ideal lens has settled.
-        assert points is not None
-        assert isinstance(lens, ThinLens)
-        assert isinstance(solution, Solution)
-        with watch.stage("solve_glass"):
-            solution = solved_through(config, options, points, camera, lens, solution)
-        lens = solution.lens
+        settled = dataclasses.replace(settled, lens=focal_surface_lens(surface, camera, lens))
     glass = None
-    if real:
-        assert isinstance(lens, ThinLens)
-        assert not isinstance(solution, SurfaceSolution)
+    if config.lens.prescription is not None:
+        assert isinstance(settled.lens, ThinLens)
+        assert not isinstance(settled.solution, SurfaceSolution)
         with watch.stage("glass"):
-            glass = through_glass(config, camera, lens, solution, disparity, fit=rendering)
-    picture, photograph, guessed = None, None, None
+            glass = through_glass(
+                config, settled.camera, settled.lens, settled.solution, settled.disparity, fit=rendering
+            )
+    made = _Made(None, None, None, glass)
     if rendering:
-        look = build_look(config, camera, lens) if glass is None else glass.traced
-        choose = glass is not None and left_to_quality(config)
-        moving = None if moving is None else moving.with_camera(camera)
-        peeled = peel_picture(config.render, scene, camera, look, like, watch, moving=moving)
-        # Textures of a large photograph take more memory than its layers, and are of no more use.
-        objects, scene = scene.objects, None
-        return_freed(pixels)
-        picture = make_picture(config.render, peeled, camera, look, watch, choose_lens=choose, moving=moving)
-        if glass is not None and picture.lens_plan is not None:
-            glass = glass.planned(picture.lens_plan)
-        shares = config.scene.photo is not None and picture.method == "trace" and moving is None
-        # Of the layers of a large photograph, nothing else stays.
-        grey_layers = in_grey(objects, peeled.layers) if shares else None
-        del peeled
-        if grey_layers is not None:
-            return_freed(pixels)
-            with watch.stage("guess"):
-                seed = config.render.seed
-                guessed = guessed_shares(grey_layers, look, rays=picture.rays, seed=seed)
-            del grey_layers
-        if config.exposure is not None or config.film is not None:
-            with watch.stage("develop"):
-                middle = _in_the_middle(lens, camera)
-                compromise = None if exposed is None else exposed.sentence()
-                photograph = take_photograph(
-                    config, camera, middle, picture.image, picture.pinhole, grey=grey, weighed=compromise
-                )
+        handed_over = [scene]
+        # Nothing here holds on to the scene, so that it is freed once its layers are made of it.
+        del scene
+        made = _make(config, settled, glass, grey, handed_over, moving, like, watch)
+    exact = settled.lens if glass is None else glass.exact
+    blur = blur_map(exact, settled.camera, jnp.asarray(settled.disparity, dtype=float))
     return Outcome(
         config=config,
-        camera=camera,
-        lens=lens,
-        points=points,
-        solution=solution,
-        disparity=disparity,
-        blur=np.asarray(
-            blur_map(lens if glass is None else glass.exact, camera, jnp.asarray(disparity, dtype=float))
-        ),
-        picture=picture,
-        photograph=photograph,
+        camera=settled.camera,
+        lens=settled.lens,
+        points=settled.points,
+        solution=settled.solution,
+        disparity=settled.disparity,
+        blur=np.asarray(blur),
+        picture=made.picture,
+        photograph=made.photograph,
         seconds=watch.seconds,
         compile_seconds=watch.compile_seconds,
-        glass=glass,
-        exposed=exposed,
-        guessed=guessed,
-        surface=surface,
+        glass=made.glass,
+        exposed=settled.exposed,
+        guessed=made.guessed,
+        surface=settled.surface,
     )
+
+
+@dataclass(frozen=True)
+class _Made:
+    """What rendering leaves; attributes as those of `Outcome`."""
+
+    picture: Picture | None
+    photograph: Photograph | None
+    guessed: Guessed | None
+    glass: ThroughGlass | None
+
+
+def _make(
+    config: Config,
+    settled: Settled,
+    glass: ThroughGlass | None,
+    grey: float | None,
+    handed_over: list[Scene],
+    moving: Moving | None,
+    like: Extent | None,
+    watch: Stopwatch,
+) -> _Made:
+    """The picture, and what the camera makes of it; the scene is taken out of `handed_over`."""
+    camera, lens = settled.camera, settled.lens
+    scene, pixels = handed_over.pop(), camera.width * camera.height
+    look = build_look(config, camera, lens) if glass is None else glass.traced
+    choose = glass is not None and left_to_quality(config)
+    moving = None if moving is None else moving.with_camera(camera)
+    peeled = peel_picture(config.render, scene, camera, look, like, watch, moving=moving)
+    # Textures of a large photograph take more memory than its layers, and are of no more use.
+    objects = scene.objects
+    del scene
+    return_freed(pixels)
+    picture = make_picture(config.render, peeled, camera, look, watch, choose_lens=choose, moving=moving)
+    if glass is not None and picture.lens_plan is not None:
+        glass = glass.planned(picture.lens_plan)
+    shares = config.scene.photo is not None and picture.method == "trace" and moving is None
+    # Of the layers of a large photograph, nothing else stays.
+    grey_layers = in_grey(objects, peeled.layers) if shares else None
+    del peeled
+    guessed = None
+    if grey_layers is not None:
+        return_freed(pixels)
+        with watch.stage("guess"):
+            guessed = guessed_shares(grey_layers, look, rays=picture.rays, seed=config.render.seed)
+        del grey_layers
+    photograph = None
+    if config.exposure is not None or config.film is not None:
+        with watch.stage("develop"):
+            middle = _in_the_middle(lens, camera)
+            compromise = None if settled.exposed is None else settled.exposed.sentence()
+            photograph = take_photograph(
+                config, camera, middle, picture.image, picture.pinhole, grey=grey, weighed=compromise
+            )
+    return _Made(picture, photograph, guessed, glass)
 
 
 def _in_the_middle(
@@ -268,70 +259,6 @@ def _in_the_middle(
 ) -> ThinLens | TiltShiftLens:
     """The lens as the middle of the picture has it."""
     return lens.thin_lens_at(camera, camera.principal_point) if isinstance(lens, FocalSurfaceLens) else lens
-
-
-def _control_surface(
-    config: Config, scene: Scene, camera: Camera, lens: AbstractLens, disparity: Float[np.ndarray, "h w"]
-) -> FocalSurface | None:
-    """The config's focal surface, through its control points where they are in the picture."""
-    table = config.lens.focal_surface
-    if table is None:
-        return None
-    assert isinstance(lens, ThinLens)
-    controls = build_control_points(config, scene)
-    with refusals_located(config, "lens.focal_surface.points"):
-        found = find_points(controls, scene, camera, disparity=disparity, favour_near=table.favour_near)
-    return build_focal_surface(config, found, camera, lens)
-
-
-def find_points(
-    wishes: Sequence[FocusPoint],
-    scene: Scene,
-    camera: Camera,
-    *,
-    disparity: Float[np.ndarray, "h w"] | None = None,
-    favour_near: float = 0.0,
-) -> ImagePoints:
-    """Where each of the `wishes` is in the picture of `scene`, and how far away.
-
-    Args:
-        wishes: at least one.
-        scene: what they are about.
-        camera: the pinhole that frames the picture.
-        disparity: what `disparity_map` gives for them, when it is at hand already.
-        favour_near: how much more near wishes count (see `locate`).
-
-    The numbers of wishes may be traced by `jax.jit` and `jax.grad` (see `locate`), and `solve` is
-    differentiable in what is found; scene and camera have to be known.
-
-    Raises:
-        ArgumentError: as `locate`; a scene that is none.
-
-    Example:
-        >>> card = fj.make_object("card", [(-0.5, -0.4, -2), (0.5, -0.4, -2), (0, 0.4, -2)], [(0, 1, 2)])
-        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
-        >>> centre = fj.FocusPoint(fj.AtPixel(4.5, 3.5), fj.Sharp())
-        >>> corner = fj.FocusPoint(fj.AtPixel(0.5, 0.5), fj.Blur(3))
-        >>> fj.find_points([centre, corner], fj.make_scene([card]), camera).disparity.round(6).tolist()
-        [0.5, 0.0]
-    """
-    usage = "find_points(wishes, scene, camera)"
-    require_kind(scene, Scene, usage, "`make_scene` makes one", "scene")
-    require_kind(camera, Camera, usage, "`look_at` and `make_camera` make one", "camera")
-    if disparity is None:
-        remedy = "it decides what shows; locate the wishes before, and trace the points that are found"
-        require_known(camera, usage, remedy, "camera")
-        with jax.ensure_compile_time_eval():
-            disparity = disparity_map(scene, camera)
-    return locate(
-        wishes,
-        camera,
-        vertices=scene.vertices,
-        faces=scene.faces,
-        objects=scene.objects,
-        disparity_map=disparity,
-        favour_near=favour_near,
-    )
 
 
 @eqx.filter_jit
@@ -344,15 +271,3 @@ def blur_map(lens: AbstractLens, camera: Camera, disparity: Float[Array, "h w"])
     columns, rows = jnp.arange(camera.width), jnp.arange(camera.height)
     across = jax.vmap(one, in_axes=(0, None, 0))
     return jax.vmap(across, in_axes=(None, 0, 0))(columns, rows, disparity)
-
-
-def _find(
-    config: Config,
-    wishes: Sequence[FocusPoint],
-    scene: Scene,
-    camera: Camera,
-    disparity: Float[np.ndarray, "h w"],
-) -> ImagePoints:
-    """The wishes of a config in its picture; the error for one that cannot be found names its key."""
-    with refusals_located(config):
-        return find_points(wishes, scene, camera, disparity=disparity, favour_near=config.solve.favour_near)

@@ -10,6 +10,8 @@ Its coefficients are fitted by least squares to traced rays. So rays may be draw
 of any shape, and each stands for the area |dX / ds| around it.
 """
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -49,24 +51,25 @@ class StopMap(eqx.Module):
             table[low] + share * (table[low + 1] - table[low]) for table in (self.radial, self.tangential)
         )
 
-        def aim(r: Float[Array, ""], t: Float[Array, ""]) -> Pair:
-            powers = [[jnp.ones_like(x)] for x in (r, t)]
-            for _ in range(_DEGREE):
-                for x, found in zip((r, t), powers, strict=True):
-                    found.append(found[-1] * x)
+        # X_r = A_0 + A_2 t^2 + A_4 t^4 and X_t = A_1 t + A_3 t^3 + A_5 t^5, where A_j = sum_i c_ij r^i.
+        tables = [iter(radial), iter(tangential)]
+        factors = [[next(tables[j % 2]) for _ in range(_DEGREE + 1 - j)] for j in range(_DEGREE + 1)]
+        values, slopes = zip(*(_horner(each, r) for each in factors), strict=True)
+        q = t * t
+        out = _horner(values[0::2], q)
+        aside = _horner(values[1::2], q)
+        out_by_r, aside_by_r = _horner(slopes[0::2], q)[0], t * _horner(slopes[1::2], q)[0]
+        out_by_t, aside_by_t = 2.0 * t * out[1], aside[0] + 2.0 * q * aside[1]
+        return (out[0], t * aside[0]), jnp.abs(out_by_r * aside_by_t - aside_by_r * out_by_t)
 
-            def total(coefficients: Array, terms: tuple[tuple[int, int], ...]) -> Array:
-                return sum(
-                    (coefficients[n] * powers[0][i] * powers[1][j] for n, (i, j) in enumerate(terms)),
-                    jnp.zeros_like(r),
-                )
 
-            return total(radial, _RADIAL), total(tangential, _TANGENTIAL)
-
-        one, none = jnp.ones_like(r), jnp.zeros_like(r)
-        aimed, by_r = jax.jvp(aim, (r, t), (one, none))
-        _, by_t = jax.jvp(aim, (r, t), (none, one))
-        return aimed, jnp.abs(by_r[0] * by_t[1] - by_r[1] * by_t[0])
+def _horner(coefficients: Sequence[Array], x: Float[Array, ""]) -> Pair:
+    """A polynomial at x, and its derivative there."""
+    value, slope = coefficients[-1], jnp.zeros_like(coefficients[-1])
+    for number, coefficient in enumerate(coefficients[-2::-1]):
+        slope = slope * x + value if number else value
+        value = value * x + coefficient
+    return value, slope
 
 
 def find_stop_map(

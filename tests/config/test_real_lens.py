@@ -41,6 +41,7 @@ def test_a_picture_through_glass(boxes, tmp_path):
     assert iio.imread(tmp_path / "image.png").std() > 10
 
 
+@pytest.mark.slow
 def test_a_quality_decides_on_polynomials_unless_the_config_does(boxes, tmp_path):
     file = boxes.with_name("quality.toml")
     file.write_text(boxes.read_text().replace("rays = 4", 'quality = "30 dB"'))

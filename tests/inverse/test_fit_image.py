@@ -121,6 +121,7 @@ def spoilt() -> tuple[np.ndarray, np.ndarray]:
     return np.where(free[..., None], target(), 3.0), free
 
 
+@pytest.mark.slow
 def test_an_exact_renderer_takes_away_what_layers_get_wrong():
     """Layers that are all 5 % too bright, of which the last steps know nothing."""
 
@@ -156,6 +157,7 @@ def test_a_mask_leaves_out_what_the_layers_do_not_have():
     assert float(again.lens.aperture_radius) == float(fit.lens.aperture_radius)
 
 
+@pytest.mark.slow
 def test_a_robust_fit_is_misled_less():
     picture, _ = spoilt()
     plain, robust = (misses(fitted(picture, search=True, robust=robust)) for robust in (False, True))

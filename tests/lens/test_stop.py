@@ -200,6 +200,7 @@ def test_derivatives_by_its_shape_are_those_of_differences():
 PRESCRIPTION = biconvex()
 
 
+@pytest.mark.slow
 def test_lights_show_it_as_those_of_the_thin_lens():
     """A small light behind the focus, and one in front of it, through a heart, by rays aimed at them."""
 

@@ -47,7 +47,12 @@ def lit_layers(height: int = 70) -> Layers:
 
 @pytest.mark.parametrize(
     "settings",
-    [{"rays": 16}, {"rays": 3}, {"rays": 8, "even": True, "smooth": True}, {"rays": 8, "smooth": False}],
+    [
+        {"rays": 16},
+        {"rays": 3},
+        pytest.param({"rays": 8, "even": True, "smooth": True}, marks=pytest.mark.slow),
+        pytest.param({"rays": 8, "smooth": False}, marks=pytest.mark.slow),
+    ],
     ids=["adaptive", "few", "even", "unsmoothed"],
 )
 def test_bands_make_the_picture_of_the_whole(small_bands, settings):
@@ -76,6 +81,7 @@ def test_what_may_be_seen_through_is_the_same_in_bands(small_bands):
     np.testing.assert_array_equal(np.asarray(render_pinhole(layers)), sharp)
 
 
+@pytest.mark.slow
 def test_gradients_by_radiance_are_those_of_the_whole(small_bands):
     layers = lit_layers()
 
@@ -100,6 +106,7 @@ def test_bands_cover_a_picture_whatever_its_height():
     assert wide.rows >= 16
 
 
+@pytest.mark.slow
 def test_sums_are_held_for_a_band_alone(small_bands, monkeypatch):
     layers = lit_layers(2000)
     monkeypatch.setattr(_accumulate, "_RAYS_AT_ONCE", {"cpu": 1 << 10})

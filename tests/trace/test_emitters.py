@@ -127,6 +127,7 @@ def test_a_lamp_of_one_sample():
     assert picture.sum() == pytest.approx(20.0, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_discs_of_glass_hold_no_more_light_than_plain_rays_bring():
     """Discs of a few pixels, wide open, on the axis and in the corner, where rays turn over."""
     prescription = lens_preset("gauss_jp62087922_f1.8_1987")

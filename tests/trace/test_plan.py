@@ -81,6 +81,7 @@ def test_large_pictures_are_tried_in_squares():
     assert estimated == pytest.approx(reached, abs=1.5)
 
 
+@pytest.mark.slow
 def test_plans_count_small_lights_for_what_they_are():
     """A lamp of one pixel, seen between bars by rays that are aimed at it."""
     camera = front_camera(176, 132)

@@ -33,7 +33,8 @@ def diagnose(
     """What keeps a solution from being better: of one picture, of a focal surface, or of a shot.
 
     Solves again without each wish, and for each missed wish alone; that compiles nothing new. Of a shot this
-    is done only when some wish is missed.
+    is done only when some wish is missed. Through glass, errors are those at nearly the best settings: within
+    2 % of what solving again says of two wishes that a double Gauss cannot both meet.
 
     Args:
         solution: as `solve`, `solve_focal_surface`, `solve_frames` or `solve_surface_frames` returned it,

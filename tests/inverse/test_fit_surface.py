@@ -29,6 +29,7 @@ def layers():
     )
 
 
+@pytest.mark.slow
 def test_control_values_opening_and_gain_are_found(layers):
     camera = front_camera()
     surface = focal_surface(PLACES, TRUE)

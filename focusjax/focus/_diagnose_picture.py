@@ -1,11 +1,12 @@
 """What stands between the wishes of one picture and a perfect answer, in numbers and in words."""
 
 import dataclasses
+from collections.abc import Callable
 from functools import partial
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from focusjax.focus._findings import (
     Conflict,
@@ -25,9 +26,12 @@ from focusjax.focus._findings import (
 )
 from focusjax.focus._image_points import ImagePoints
 from focusjax.focus._sensitivity import Sensitivity, sensitivity
-from focusjax.focus._solution import Solution, WishResult
+from focusjax.focus._solution import Asked, Solution, WishResult
 from focusjax.focus._solve import solve_asked
-from focusjax.focus._solve_glass import nearly_best_errors
+from focusjax.focus._solve_glass import reweighted
+
+_SolveAgain = Callable[[Float[Array, "n"]], Float[Array, "n"]]
+"""From weights of rows to their errors in pixels."""
 
 _MOST_WISHES = 16
 """Every wish is dropped once to see what the others gain; of more than this, the weightiest."""
@@ -74,8 +78,11 @@ def diagnose_picture(solution: Solution) -> Diagnosis:
     table = solution.table()
     sensed = sensitivity(solution, asked)
     verdict = picture_verdict(solution.points, np.asarray(solution.error))
-    conflicts = _conflicts(solution, verdict, table)
-    unreachable = find_unreachable(verdict, partial(_alone, solution), over_time=False)
+    solve_again = _reweighted(asked) if asked.glass is None else reweighted(solution)
+    conflicts = _conflicts(solution.points, solve_again, verdict)
+    unreachable = find_unreachable(
+        verdict, partial(_errors, solution.points, solve_again, alone=True), over_time=False
+    )
     directions = tuple(dict(zip(sensed.names, map(float, row), strict=True)) for row in sensed.directions)
     bounds = solution.active_bounds
     zooms = "focal_length" in solution.free and not asked.plan.keep_view
@@ -140,34 +147,29 @@ def idle_sentences(table: tuple[WishResult, ...]) -> list[str]:
     return [f'"{row.name}" is {row.note} and does not count.' for row in table if not row.counts and row.note]
 
 
-def _conflicts(solution: Solution, verdict: Verdict, table: tuple[WishResult, ...]) -> tuple[Conflict, ...]:
-    chosen = weightiest(solution.points, _MOST_WISHES)
+def _conflicts(points: ImagePoints, solve_again: _SolveAgain, verdict: Verdict) -> tuple[Conflict, ...]:
+    chosen = weightiest(points, _MOST_WISHES)
     if not notable(verdict) or len(chosen) < 2:
         return ()
-    return find_conflicts(verdict, verdict.judged, chosen, partial(_without, solution), over_time=False)
+    without = partial(_errors, points, solve_again, alone=False)
+    return find_conflicts(verdict, verdict.judged, chosen, without, over_time=False)
 
 
-def _without(solution: Solution, dropped: int) -> Errors:
-    """Errors without one wish."""
-    mine = np.asarray(solution.points.wish) == dropped
-    return _errors(solution, np.where(mine, 0.0, np.asarray(solution.points.weight)))
+def _errors(points: ImagePoints, solve_again: _SolveAgain, wish: int, *, alone: bool) -> Errors:
+    """The largest error in pixels of every wish, when one counts `alone`, or all others do."""
+    counts = (np.asarray(points.wish) == wish) == alone
+    weight = jnp.where(counts, points.weight, 0.0)
+    return picture_verdict(points, np.asarray(solve_again(weight))).error
 
 
-def _alone(solution: Solution, kept: int) -> Errors:
-    """Errors when no other wish counts."""
-    mine = np.asarray(solution.points.wish) == kept
-    return _errors(solution, np.where(mine, np.asarray(solution.points.weight), 0.0))
+def _reweighted(asked: Asked) -> _SolveAgain:
+    """From weights of rows to their errors in pixels at the best settings."""
 
+    def errors(weight: Float[Array, "n"]) -> Float[Array, "n"]:
+        points = dataclasses.replace(asked.points, weight=weight)
+        return solve_asked(dataclasses.replace(asked, points=points))[0].error
 
-def _errors(solution: Solution, weight: Float[np.ndarray, "n"]) -> Errors:
-    """The largest error in pixels of every wish, when solved with other weights."""
-    asked = solution.asked
-    assert asked is not None
-    points = asked.points
-    changed = dataclasses.replace(points, weight=jnp.asarray(weight, dtype=points.weight.dtype))
-    asked = dataclasses.replace(asked, points=changed)
-    error = solve_asked(asked)[0].error if asked.glass is None else nearly_best_errors(asked, solution)
-    return picture_verdict(points, np.asarray(error)).error
+    return errors
 
 
 def _open_sentences(sensed: Sensitivity) -> list[str]:

@@ -5,6 +5,8 @@ function theorem, over what no bound holds.
 """
 
 import dataclasses
+import functools
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -32,6 +34,7 @@ from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, SettableLens, pupil_radius, refocused, settable, stopped
 
 _EXCHANGES = 2
+"""Of points for those of a thin lens, from one solution to that of other weights."""
 
 
 def solve_through(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
@@ -158,21 +161,30 @@ def seen_through(solution: Solution, glass: AbstractLens) -> Solution:
     return dataclasses.replace(solution, blur=own.signed, error=_errors_of(points, found), glass=glass)
 
 
-def nearly_best_errors(asked: Asked, solution: Solution) -> Float[Array, "n"]:
-    """Errors in pixels at nearly the best settings for other weights than those of `solution`.
+def reweighted(solution: Solution) -> Callable[[Float[Array, "n"]], Float[Array, "n"]]:
+    """From weights of rows to their errors in pixels at nearly the best settings, through the same glass.
 
     About what is reached, points are exchanged for those that a thin lens blurs as the glass does
     (`exchanged`), twice. Errors are those of the glass where that leads, and stray from the least only by
-    the square of how far that is from the best.
+    the square of how far that is from the best. Where `solution` is, the glass is looked through once.
     """
+    asked = solution.asked
+    assert asked is not None
     glass, points = asked.glass, asked.points
     assert glass is not None
-    setting = jnp.stack([solution.lens.focus_disparity, solution.lens.aperture_radius])
-    for _ in range(_EXCHANGES):
-        found = _looked(glass, asked.camera, *rows_and_references(points), setting)
-        setting = _thin_again(dataclasses.replace(asked, glass=None), glass, setting, found)
-    found = _looked(glass, asked.camera, *rows_and_references(points), setting)
-    return _errors_of(points, found)
+    thin, places = dataclasses.replace(asked, glass=None), rows_and_references(points)
+    start = jnp.stack([solution.lens.focus_disparity, solution.lens.aperture_radius])
+    first = functools.cache(lambda: _looked(glass, asked.camera, *places, start))
+
+    def errors(weight: Float[Array, "n"]) -> Float[Array, "n"]:
+        changed = dataclasses.replace(thin, points=dataclasses.replace(points, weight=weight))
+        setting, found = start, first()
+        for _ in range(_EXCHANGES):
+            setting = _thin_again(changed, glass, setting, found)
+            found = _looked(glass, asked.camera, *places, setting)
+        return _errors_of(changed.points, found)
+
+    return errors
 
 
 @eqx.filter_jit

@@ -8,12 +8,12 @@ import jax
 
 @contextmanager
 def compilations() -> Iterator[list[str]]:
-    """One entry for each program that XLA compiles meanwhile."""
+    """The name of each program that XLA compiles meanwhile."""
     compiled: list[str] = []
 
-    def listen(event: str, _seconds: float, **_about: object) -> None:
+    def listen(event: str, _seconds: float, **about: object) -> None:
         if event == "/jax/core/compile/backend_compile_duration":
-            compiled.append(event)
+            compiled.append(str(about["fun_name"]))
 
     jax.monitoring.register_event_duration_secs_listener(listen)
     try:

@@ -161,8 +161,8 @@ def test_no_solver_is_compiled_when_wishes_come_and_move(session):
         other = session.add_point(20, 20)
         session.wish_for(other, "blur", pixels=2.0)
         session.solve().with_sentences()
-    # JAX copies arrays of one row more by three programs that do nothing else.
-    assert len(compiled) <= 3
+    # JAX copies, converts and masks arrays of one row more by programs that do nothing else.
+    assert set(compiled) <= {"jit(stage)", "jit(convert_element_type)", "jit(_where)"}
 
 
 def test_a_focal_length_is_fixed_and_freed_within_a_range(session):

@@ -49,7 +49,9 @@ def slopes(values: dict[str, jax.Array], layers: Layers) -> jax.Array:
     return shown(render(layers, lens, rays=256, derivative_rays=256, even=True), values)
 
 
-@pytest.mark.parametrize("name", AT)
+@pytest.mark.parametrize(
+    "name", [name if name == "distortion" else pytest.param(name, marks=pytest.mark.slow) for name in AT]
+)
 def test_derivatives_are_differences_of_converged_pictures(name):
     def at(step: float) -> float:
         values = {key: jnp.array(value + (step if key == name else 0.0)) for key, value in AT.items()}

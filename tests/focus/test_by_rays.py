@@ -88,6 +88,7 @@ def test_a_real_lens_has_its_smallest_spots_there(single):
     assert focused["corner"] < -1.5
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_focusing_again(single):
     """By where a point is, and by the curvature of the glass."""
     curvature = lambda lens: lens.prescription.surfaces[0].curvature  # noqa: E731

@@ -101,6 +101,7 @@ def test_what_is_left_open_follows_the_start(pulled, make_points):
     np.testing.assert_allclose(slopes["radius"], 100.0 * PULL[1].sum(), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_single_precision_has_the_same_slopes(make_points):
     """Of one frame's lens, picked out with `at`, in the places of the wishes."""
     slopes = {}

@@ -97,9 +97,10 @@ def test_an_idle_limit_has_a_finite_slope(camera, lens, points):
     ("free", "options"),
     [
         (ALL, {"tilt_range": (-0.1, 0.06), "f_number_range": (3.0, 6.0)}),
-        (
+        pytest.param(
             ("focus", "tilt", "focal_length"),
             {"focal_length_range": (0.03, 0.09), "priors": {"focal_length": Prior(0.05, 0.002)}},
+            marks=pytest.mark.slow,
         ),
     ],
     ids=["bounds", "zoom"],
@@ -127,6 +128,7 @@ def test_solutions_follow_the_wishes(camera, lens, points, free, options):
     np.testing.assert_allclose(derivative, jnp.stack(columns, axis=-1), rtol=0, atol=1e-6 * scale)
 
 
+@pytest.mark.slow
 def test_what_is_left_open_follows_the_start(camera, lens, points):
     row = dataclasses.replace(points, relation=None, reference=None, weight=jnp.zeros(8).at[0].set(1.0))
 

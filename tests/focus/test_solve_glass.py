@@ -60,6 +60,7 @@ def second_moment(lens, position) -> float:
     return float(np.sqrt(8.0 * (share @ ((off - middle) ** 2).sum(axis=1) - 1.0 / 6.0)))
 
 
+@pytest.mark.slow
 def test_what_is_reported_is_what_the_picture_has(glass):
     solution = fj.solve(wished((NEAR, fj.Sharp()), (FAR, fj.Blur(7.0))), CAMERA, start(), through=glass)
     reported = np.asarray(solution.blur)
@@ -97,6 +98,7 @@ def test_focus_and_f_number_meet_two_wishes_and_stopped_down_glass_is_nearly_ide
     assert float(found.lens.focus_disparity) == pytest.approx(float(thin.lens.focus_disparity), rel=0.02)
 
 
+@pytest.mark.slow
 def test_the_glass_opens_no_farther_than_it_goes(glass):
     points = wished((NEAR, fj.Sharp()), (FAR, fj.Blur(40.0)))
     found = fj.solve(points, CAMERA, start(), through=glass, free=("focus", "f_number"))

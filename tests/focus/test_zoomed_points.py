@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from focusjax.focus import (
     AtPoint,
@@ -24,6 +25,7 @@ LENS = tilt_shift_lens(focus_distance=2.0, tilt=0.08, f_number=4.0, focal_length
 FREE = {"free": ("focus", "focal_length"), "focal_length_range": (0.03, 0.2)}
 
 
+@pytest.mark.slow
 def test_errors_at_the_zoomed_points_are_the_solutions():
     camera = make_camera(jnp.eye(4), width=640, height=480, focal_length=0.05)
     wishes = [

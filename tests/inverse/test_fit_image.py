@@ -70,6 +70,7 @@ def by_search() -> ImageFit:
     return fitted(target(), search=True)
 
 
+@pytest.mark.slow
 def test_all_parameters_are_found_from_a_picture_by_other_rays():
     fit = by_search()
     found = misses(fit)
@@ -146,6 +147,7 @@ def test_an_exact_renderer_takes_away_what_layers_get_wrong():
     assert fits[1].levels[-1].steps < 16
 
 
+@pytest.mark.slow
 def test_a_mask_leaves_out_what_the_layers_do_not_have():
     picture, free = spoilt()
     fit = fitted(picture, mask=free)

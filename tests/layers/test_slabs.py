@@ -114,6 +114,7 @@ def test_slabs_keep_surfaces_that_are_there():
     assert 0 < ours.samples_kept < every.samples_kept
 
 
+@pytest.mark.slow
 def test_pictures_approach_that_of_peeled_layers():
     peeled = np.asarray(render(varied_layers(), varied_layers().lens, rays=64))
     errors = []

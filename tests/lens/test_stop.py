@@ -179,6 +179,7 @@ def test_it_stays_when_the_lens_is_focused_elsewhere_or_splits_colours():
     assert np.abs(ours - exact).sum() / exact.sum() < 5e-3
 
 
+@pytest.mark.slow
 def test_derivatives_by_its_shape_are_those_of_differences():
     """Of light and of its spread."""
     camera = CAMERA

@@ -23,6 +23,7 @@ def boxes(tmp_path_factory):
     return write_boxes(tmp_path_factory.mktemp("boxes"))
 
 
+@pytest.mark.slow
 def test_every_frame_is_focused_as_a_still_is(boxes):
     """The wish counts in full in the first two of three frames; the last one keeps their offset."""
     shot = ["shot={frames=3, fade_frames=0, wishes=[{name='front', to_frame=2}]}"]

@@ -82,7 +82,9 @@ def test_frames_of_workers_and_a_scheduler_that_are_killed_are_gone_on_with(conf
     assert contents(out) == contents(alone)
 
 
-@pytest.mark.parametrize("changes", [["render.method=post"], ["shutter.angle_deg=180"]])
+@pytest.mark.parametrize(
+    "changes", [["render.method=post"], pytest.param(["shutter.angle_deg=180"], marks=pytest.mark.slow)]
+)
 def test_two_processes_make_the_same_frames_bit_for_bit(config_file, tmp_path, changes):
     """Where sizes of layers are those of frames that the process made before, too."""
     solved, settings = solved_with(config_file, *changes)

@@ -66,6 +66,7 @@ def test_a_moving_card_leaves_the_ramps_that_it_should(card):
     assert 0.5 < picture.changing < 0.85
 
 
+@pytest.mark.slow
 def test_what_moves_out_of_focus_takes_few_rays(card):
     """Blurred over 16 px, it is smoothed as what stands still; many rays leave nothing to smooth."""
     lens = wide_lens(CAMERA, pixels_per_dioptre=16.0, focus=1.0)
@@ -79,7 +80,7 @@ def test_what_moves_out_of_focus_takes_few_rays(card):
     assert smooth > rough + 6.0
 
 
-@pytest.mark.parametrize("radiance", [3.0, 0.03])
+@pytest.mark.parametrize("radiance", [pytest.param(3.0, marks=pytest.mark.slow), 0.03])
 def test_highlights_beside_what_moves_leave_no_seam(radiance):
     """A blurred one lies across the border between pixels with times and those without."""
     lamp = patch("lamp", CAMERA, (14, 9, 18, 13), 0.1, (radiance,) * 3)
@@ -214,6 +215,7 @@ def turning():
     return MovingScene(scene, [moving, *bars, front], {"ball": motion})
 
 
+@pytest.mark.slow
 def test_motion_and_defocus_match_the_mean_of_many_times(turning):
     lens = wide_lens(CAMERA)
     picture = taken(turning, lens=lens)

@@ -23,6 +23,7 @@ def studio(tmp_path):
     made.close()
 
 
+@pytest.mark.slow
 def test_the_final_picture_is_not_stopped_by_edits_and_is_of_what_held_before(studio, tmp_path, monkeypatch):
     edited, run, ran = threading.Event(), job.run, []
 

@@ -34,6 +34,7 @@ def never():
     return False
 
 
+@pytest.mark.slow
 def test_the_refined_picture_is_that_of_a_run(session):
     painter, answer = Painter(), session.solve()
     painted = list(painter.refined(answer, never))

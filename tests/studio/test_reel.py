@@ -76,6 +76,7 @@ def test_tracks_are_edited_and_follow_their_wish(path):
     assert session.document.text == path.read_text()
 
 
+@pytest.mark.slow
 def test_a_frame_that_was_drafted_is_shown_again_at_once(path):
     studio = Studio(Session(path))
     try:

@@ -48,7 +48,7 @@ def lit_layers(height: int = 70) -> Layers:
 @pytest.mark.parametrize(
     "settings",
     [
-        {"rays": 16},
+        pytest.param({"rays": 16}, marks=pytest.mark.slow),
         {"rays": 3},
         pytest.param({"rays": 8, "even": True, "smooth": True}, marks=pytest.mark.slow),
         pytest.param({"rays": 8, "smooth": False}, marks=pytest.mark.slow),

@@ -114,6 +114,7 @@ def chromatic() -> AbstractLens:
     return chromatic_lens(thin(), focus_offset=(-0.04, 0.0, 0.04), magnification=(1.01, 1.0, 0.99))
 
 
+@pytest.mark.slow
 def test_colour_fringes_swap_sides_across_the_focus():
     """Blue focuses nearest: it is spread wider behind the focus, and red before it; radii by closed form."""
     picture = np.asarray(render(lights(), chromatic(), rays=1024, even=True))

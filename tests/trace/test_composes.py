@@ -81,6 +81,7 @@ def test_the_delivered_picture_has_a_gradient():
     assert jax.grad(brightness)(at) == pytest.approx(float(forward), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_radiance_has_a_gradient_in_the_delivered_picture():
     layers = varied_layers()
     random = np.random.default_rng(0)

@@ -122,6 +122,7 @@ def test_what_is_not_blurred_is_in_the_focal_zone():
     np.testing.assert_array_equal(found, np.full((3, 1), 4))
 
 
+@pytest.mark.slow
 def test_few_rays_do_what_many_did():
     layers = varied_layers()
     truth = np.asarray(render(layers, layers.lens, rays=4096, even=True, seed=3))
@@ -151,6 +152,7 @@ def test_a_blurred_edge_keeps_its_place_and_light():
     assert few.sum() == pytest.approx(many.sum(), rel=5e-4)
 
 
+@pytest.mark.slow
 def test_what_is_brighter_than_white_is_left_to_its_rays():
     """No dark rim around a lamp 50 times white, and none of its light beyond the blur."""
     camera = front_camera()

@@ -145,6 +145,7 @@ def test_a_pinhole_has_no_slope():
     assert np.abs(jacobian[..., 1]).max() < 0.02
 
 
+@pytest.mark.slow
 def test_radiance_enters_linearly():
     """The derivative along the radiance itself is the picture, less what does not come from surfaces."""
     layers = varied_layers()

@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from small_scenes import front_camera, patch, wide_lens
 
 from focusjax.layers import Layers, peel
@@ -108,6 +109,7 @@ LENSES = {
 }
 
 
+@pytest.mark.slow
 def test_a_closed_opening_changes_nothing():
     """Openings of either sign make one picture, so that its derivative by a closed one is 0.
 

@@ -81,8 +81,7 @@ def both_modes(layers: Layers, lens: AbstractLens) -> tuple[jax.Array, jax.Array
 
 
 NAMES = [
-    pytest.param(name, marks=pytest.mark.slow) if name in ("focal surface", "apodized ring") else name
-    for name in lenses()
+    name if name == "tilted, blades" else pytest.param(name, marks=pytest.mark.slow) for name in lenses()
 ]
 
 

@@ -4,6 +4,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from optics_lenses import biconvex
 from small_scenes import varied_scene
 
@@ -36,6 +37,7 @@ def blocks(picture: np.ndarray) -> np.ndarray:
     return picture.reshape(3, 4, 4, 4, 3).mean(axis=(1, 3))
 
 
+@pytest.mark.slow
 def test_silhouettes_move_as_the_film_does():
     lens = prescription_lens(biconvex(), CAMERA, focus_distance=2.0, f_number=4)
     layers = peel(varied_scene(), CAMERA, ThinLens(lens.focus_disparity, jnp.asarray(0.2)), supersampling=2)

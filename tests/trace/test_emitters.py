@@ -74,6 +74,7 @@ def traced(layers: Layers, lens: AbstractLens = FAR, *, rays: int = 16, seed: in
     return np.asarray(render(layers, lens, rays=rays, even=True, seed=seed))
 
 
+@pytest.mark.slow
 def test_they_bring_what_plain_rays_would():
     emitted = np.stack([traced(lit(), LENS, rays=64, seed=k) for k in range(4)])
     others = np.stack([plain_picture(lit(), LENS, 256, k) for k in range(4)])
@@ -211,6 +212,7 @@ def test_lenses_may_be_mapped():
         np.testing.assert_allclose(found, of(radius), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_derivatives_by_radiance():
     """A lamp twice as bright brings twice the light; forwards and in reverse."""
     layers = lamp_layers(FAR, MIDDLE)

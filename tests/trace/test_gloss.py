@@ -25,7 +25,7 @@ def glossy_layers(view_dependent: bool) -> Layers:
     return peel(glossy_scene(), glossy_camera(), lens, supersampling=2, view_dependent=view_dependent)
 
 
-@pytest.mark.parametrize("focus", [0.6, 2.0])
+@pytest.mark.parametrize("focus", [pytest.param(0.6, marks=pytest.mark.slow), 2.0])
 def test_each_ray_sees_its_own_highlight(focus: float):
     lens = glossy_lens(focus)
     reference = ray_by_ray(glossy_scene(), glossy_camera(), lens, rays=256)

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from small_scenes import front_camera, patch, varied_scene, wide_lens
 
 from focusjax.geometry import Camera, LensRay
@@ -89,6 +90,7 @@ def test_a_uniform_scene_shows_the_share_that_passes_and_no_rays():
     assert (picture[:2, :2] == 0).all()
 
 
+@pytest.mark.slow
 def test_pictures_are_nearer_to_the_truth():
     plain = ByItsRays(tube())
     truth = np.asarray(render(varied(), plain, rays=2048, even=True, seed=9))
@@ -101,6 +103,7 @@ def test_pictures_are_nearer_to_the_truth():
         assert by_known < 0.8 * by_rays
 
 
+@pytest.mark.slow
 def test_the_differentiable_picture_is_the_same_and_linear_in_radiances():
     layers = varied()
     picture = np.asarray(render(layers, tube(), rays=8, even=True, pixel_filter="box"))

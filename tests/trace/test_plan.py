@@ -27,7 +27,9 @@ def truth():
     )
 
 
-@pytest.mark.parametrize("wanted", [30.0, 35.0, 40.0])
+@pytest.mark.parametrize(
+    "wanted", [pytest.param(30.0, marks=pytest.mark.slow), pytest.param(35.0, marks=pytest.mark.slow), 40.0]
+)
 def test_planned_rays_reach_what_was_wanted(wanted: float):
     layers = larger()
     plan = plan_rays(layers, layers.lens, wanted)
@@ -67,6 +69,7 @@ def test_a_quality_out_of_reach_names_one_within_it():
         plan_rays(layers, layers.lens, 79)
 
 
+@pytest.mark.slow
 def test_large_pictures_are_tried_in_squares():
     camera = front_camera(176, 132)
     lens = wide_lens(camera)

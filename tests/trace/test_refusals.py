@@ -48,7 +48,7 @@ def test_traced_settings_out_of_range_are_named(focus: float, share: float, mess
         eqx.filter_jit(picture)(jnp.asarray(focus), jnp.asarray(share))
 
 
-@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("compiled", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_second_derivatives_by_the_lens_are_refused(compiled: bool):
     def mean(focus: jax.Array, brightness: jax.Array) -> jax.Array:
         return picture(focus, jnp.asarray(1.0), brightness).mean()

@@ -114,7 +114,7 @@ def contrast(
     sizes = np.array([level.shape[:2] for level in levels])
     starts = jnp.asarray(np.cumsum([0, *sizes[:-1].prod(axis=1)]), dtype=jnp.int32)
     rows, columns = jnp.asarray(sizes.T, dtype=jnp.int32)
-    planes = [jnp.concatenate([level[..., k].reshape(-1) for level in levels]) for k in range(4)]
+    planes = jnp.concatenate([level.reshape(-1, 4) for level in levels]).T
 
     def over_box(low: Float[Array, "2"], high: Float[Array, "2"]) -> list[Float[Array, ""]]:
         """Means by the nine squares around the middle of a box that is one to two of them wide.
@@ -125,15 +125,12 @@ def contrast(
         level = jnp.minimum(level, len(levels) - 1)
         x, y = 0.5 * (low + high) * jnp.exp2(-level.astype(low.dtype))
         column, row = jnp.floor(x).astype(jnp.int32), jnp.floor(y).astype(jnp.int32)
-        total = [jnp.zeros_like(x)] * 4
-        for dy, down in enumerate(_spline(y - jnp.floor(y)), start=-1):
-            for dx, across in enumerate(_spline(x - jnp.floor(x)), start=-1):
-                at_x = jnp.clip(column + dx, 0, columns[level] - 1)
-                at_y = jnp.clip(row + dy, 0, rows[level] - 1)
-                place = starts[level] + at_y * columns[level] + at_x
-                found = [plane.at[place].get(mode="promise_in_bounds") for plane in planes]
-                total = [t + across * down * f for t, f in zip(total, found, strict=True)]
-        return total
+        around = jnp.arange(-1, 2, dtype=jnp.int32)
+        at_x = jnp.clip(column + around, 0, columns[level] - 1)
+        at_y = jnp.clip(row + around, 0, rows[level] - 1)
+        places = starts[level] + at_y[:, None] * columns[level] + at_x[None]
+        weights = _spline(y - jnp.floor(y))[:, None] * _spline(x - jnp.floor(x))[None]
+        return [(weights * plane.at[places].get(mode="promise_in_bounds")).sum() for plane in planes]
 
     def of_square(x: Array, y: Array, least: Array, largest: Array) -> Float[Array, ""]:
         low, high, blur = _box(layers, lens, pixel_filter, jnp.stack([x, y]), least, largest)
@@ -147,10 +144,10 @@ def contrast(
     return in_parts(lambda some: (jax.vmap(of_square)(*some),), squares)[0]
 
 
-def _spline(share: Float[Array, ""]) -> tuple[Float[Array, ""], ...]:
+def _spline(share: Float[Array, ""]) -> Float[Array, "3"]:
     """Weights of the quadratic B-spline for the three squares around a place within the middle one."""
     before, after = 0.5 * (1.0 - share) ** 2, 0.5 * share**2
-    return before, 1.0 - before - after, after
+    return jnp.stack([before, 1.0 - before - after, after])
 
 
 def _levels(base: Float[Array, "h w 4"]) -> list[Float[Array, "_ _ 4"]]:
@@ -159,7 +156,8 @@ def _levels(base: Float[Array, "h w 4"]) -> list[Float[Array, "_ _ 4"]]:
     while max(levels[-1].shape[:2]) > 1:
         last = levels[-1]
         last = jnp.pad(last, ((0, last.shape[0] % 2), (0, last.shape[1] % 2), (0, 0)), mode="edge")
-        levels.append(0.25 * (last[::2, ::2] + last[1::2, ::2] + last[::2, 1::2] + last[1::2, 1::2]))
+        rows, columns = last.shape[0] // 2, last.shape[1] // 2
+        levels.append(last.reshape(rows, 2, columns, 2, 4).mean(axis=(1, 3)))
     return levels
 
 

@@ -31,11 +31,12 @@ above three, so that widths go as rays^-0.3 and the error of the picture still f
 
 import functools
 import math
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from focusjax.trace._accumulate import PixelSums
 
@@ -47,6 +48,8 @@ _BORROWED = ((2, 1e-3), (8, 1e-5))
 """Half the widths of tents in pixels, and what they count where there is no light."""
 _MOST_TIMES = 4.0
 """What weights below 0 make of next to no light is taken no more often than that."""
+_State = tuple[Float[Array, "3 h w"], Float[Array, "l h w"], Float[Array, "l h w"]]
+"""Of the bins so far: radiance, the light that they stopped, and the light that passes them."""
 
 
 def denoised(
@@ -61,45 +64,57 @@ def denoised(
         rays: per pixel on the average; where traced, kernels are as long as for the fewest rays.
     """
     pixels, lights = sums.binned.shape[1], sums.binned.shape[2] - 3
+    shape = pixels // width, width
 
     def as_planes(values: Float[Array, "p c"]) -> Float[Array, "c h w"]:
-        return values.T.reshape(-1, pixels // width, width)
+        return values.T.reshape(-1, *shape)
 
-    light = [as_planes(of_bin) for of_bin in sums.binned[..., 3:]]
-    passing = [light[-1]]
-    for of_bin in light[-2::-1]:
-        passing.insert(0, passing[0] + of_bin)
-    picture = jnp.zeros((3, pixels // width, width), dtype=sums.binned.dtype)
-    arrived = jnp.zeros_like(passing[0])
-    through = passing[0]
-    for number, blur in enumerate(least):
-        kernel = _kernel_for(blur, rays)
-        own = len(kernel) == 1
-        most = math.inf if own else _MOST_TIMES
+    kernels = [_kernel_for(blur, rays) for blur in least]
+    # Each is compiled once, whichever bins it is for.
+    kinds = {0.0: partial(_borrowing, lights=lights)}
+    kinds |= {
+        blur: partial(_smoothed, taps=taps)
+        for blur, taps in zip(least, kernels, strict=True)
+        if len(taps) > 1
+    }
+    numbers = [list(kinds).index(blur if blur in kinds else 0.0) for blur in least]
+    kind = jnp.asarray(numbers, dtype=jnp.int32)
+    most = jnp.asarray([_MOST_TIMES if number else math.inf for number in numbers], dtype=sums.binned.dtype)
 
-        def smooth(of_bin: Float[Array, "c h w"], kernel=kernel, own=own) -> Float[Array, "c h w"]:
-            return _borrowing(of_bin, lights) if own else _smoothed(of_bin, kernel)
+    def compose(
+        state: _State, of_bin: Float[Array, "c h w"], kind: Int[Array, ""], most: Float[Array, ""]
+    ) -> _State:
+        picture, arrived, through = state
+        found = jax.lax.switch(kind, list(kinds.values()), of_bin)
+        stopped, lit = found[3 : 3 + lights], found[3 + lights :]
+        # Of the light that there is: lenses may let pass next to none.
+        through = jnp.where(arrived > 0, through, jnp.maximum(through, lit))
+        # Nothing is brighter than white.
+        added = jnp.minimum(found[:3], stopped)
+        # How much light passes is known twice, by this bin's kernel and by those of nearer ones. No more
+        # is stopped than that, although with weights below 0 it may seem so.
+        least = jnp.maximum(lit, stopped)
+        times = jnp.where(least > 0, through / jnp.where(least > 0, least, 1.0), 0.0)
+        times = jnp.minimum(times, most)
+        left = jnp.maximum(through - times * stopped, 0.0)
+        return picture + times * added, arrived + times * stopped, left
 
-        def compose(
-            state: tuple[Array, Array, Array], smooth=smooth, most=most, number=number
-        ) -> tuple[Array, Array, Array]:
-            picture, arrived, through = state
-            found = smooth(jnp.concatenate([as_planes(sums.binned[number]), passing[number]]))
-            stopped, lit = found[3 : 3 + lights], found[3 + lights :]
-            # Of the light that there is: lenses may let pass next to none.
-            through = jnp.where(arrived > 0, through, jnp.maximum(through, lit))
-            # Nothing is brighter than white.
-            added = jnp.minimum(found[:3], stopped)
-            # How much light passes is known twice, by this bin's kernel and by those of nearer ones. No more
-            # is stopped than that, although with weights below 0 it may seem so.
-            least = jnp.maximum(lit, stopped)
-            times = jnp.minimum(jnp.where(least > 0, through / jnp.where(least > 0, least, 1.0), 0.0), most)
-            left = jnp.maximum(through - times * stopped, 0.0)
-            return picture + times * added, arrived + times * stopped, left
+    def advance(state: _State, of_bin: tuple[Array, ...]) -> tuple[_State, None]:
+        binned, passing, kind, most = of_bin
 
-        anything = (light[number] > 0).any()
-        state = picture, arrived, through
-        picture, arrived, through = jax.lax.cond(anything, compose, lambda state: state, state)
+        def with_bin(state: _State) -> _State:
+            return compose(state, jnp.concatenate([as_planes(binned), as_planes(passing)]), kind, most)
+
+        return jax.lax.cond(binned[:, 3:].max() > 0, with_bin, lambda state: state, state), None
+
+    def pass_on(light: Float[Array, "p l"], of_bin: Float[Array, "p l"]) -> tuple[Array, Array]:
+        return light + of_bin, light + of_bin
+
+    light = sums.binned[..., 3:]
+    through, passing = jax.lax.scan(pass_on, jnp.zeros_like(light[0]), light, reverse=True)
+    dark = jnp.zeros((3 + lights, *shape), dtype=sums.binned.dtype)
+    start = dark[:3], dark[3:], as_planes(through)
+    (picture, arrived, _), _ = jax.lax.scan(advance, start, (sums.binned, passing, kind, most))
     lit = arrived > 0
     picture = jnp.where(lit, picture / jnp.where(lit, arrived, 1.0), 0.0)
     return jnp.moveaxis(picture, 0, -1).reshape(-1, 3)
@@ -133,13 +148,14 @@ def _kernel_for(blur: float, rays: float | Array) -> Float[np.ndarray, " n"] | F
 
 def _borrowing(planes: Float[Array, "c h w"], lights: int) -> Float[Array, "c h w"]:
     """The planes as they are, but for pixels without any light, which have a little of that around."""
-    dark = planes[3 + lights :].sum(axis=0) == 0
+    through = planes[3 + lights :].sum(axis=0)
+    dark = through == 0
 
     def borrow(planes: Float[Array, "c h w"]) -> Float[Array, "c h w"]:
         around = [count * _smoothed(planes, _tent(reach)) for reach, count in _BORROWED]
         return jnp.where(dark[None], functools.reduce(jnp.add, around), planes)
 
-    return jax.lax.cond(dark.any(), borrow, lambda planes: planes, planes)
+    return jax.lax.cond(through.min() == 0, borrow, lambda planes: planes, planes)
 
 
 @functools.lru_cache(maxsize=64)

@@ -70,13 +70,13 @@ class Slots(eqx.Module):
 
     def drawn(self, cluster: Int[Array, " n"], u: Float[Array, " n"]) -> tuple[Array, Array]:
         """Slots [n] of samples of a cluster for uniform `u`, and where between 0 and 1 u lies within them."""
-        low = jnp.zeros_like(cluster)
-        first = cluster * SLOTS
-        width = SLOTS // 2
-        while width:
-            end = self.upto.at[first + low + (width - 1)].get(mode="promise_in_bounds")
-            low, width = low + jnp.where(u >= end, width, 0), width // 2
-        slot = first + low
+
+        def halve(step: Array, slot: Array) -> Array:
+            width = jnp.int32(SLOTS // 2) >> step
+            end = self.upto.at[slot + (width - 1)].get(mode="promise_in_bounds")
+            return slot + jnp.where(u >= end, width, 0)
+
+        slot = jax.lax.fori_loop(jnp.int32(0), jnp.int32(SLOTS.bit_length() - 1), halve, cluster * SLOTS)
         end, share = (plane.at[slot].get(mode="promise_in_bounds") for plane in (self.upto, self.share))
         within = (u - (end - share)) / jnp.where(share > 0, share, 1.0)
         return slot, jnp.clip(within, 0.0, 1.0)
@@ -102,8 +102,8 @@ def slots_of(
     column = (first_column[:, None] + (inside % TILE)[None]).reshape(-1)
     row = (first_row[:, None] + (inside // TILE)[None]).reshape(-1)
     there = (column < grid.columns) & (row < grid.rows)
-    there &= jnp.repeat(wanted, SLOTS, total_repeat_length=len(there))
-    layer_of = jnp.repeat(layer, SLOTS, total_repeat_length=len(there))
+    there &= jnp.repeat(wanted, SLOTS)
+    layer_of = jnp.repeat(layer, SLOTS)
     index = jnp.where(there, layer_of * grid.size + row * grid.columns + column, 0)
     word = jnp.where(there, layers.cells.reshape(-1)[index], 0)
     there &= word > 0

@@ -104,11 +104,8 @@ def share_of_rays(
         lower = (1 - x) * sums.table[row + 1, column] + x * sums.table[row + 1, column + 1]
         return (1 - y) * upper + y * lower
 
-    near = (
-        above_and_left(x + half, y + half)
-        - above_and_left(x - half, y + half)
-        - above_and_left(x + half, y - half)
-        + above_and_left(x - half, y - half)
-    )
+    across = jnp.stack([x - half, x + half])
+    left, right = above_and_left(across, (y + half)[None]) - above_and_left(across, (y - half)[None])
+    near = right - left
     near = near / jnp.where(sums.peak > 0, sums.peak, 1.0)
     return jnp.maximum(near, 1.0) / jnp.maximum(math.pi * radius**2, 1e-9)

@@ -25,6 +25,7 @@ from focusjax.trace._emitter_aim import one_to_one
 from focusjax.trace._emitter_pixels import pixels_that_see
 from focusjax.trace._emitter_slots import Slots, slots_of
 from focusjax.trace._emitter_tiles import TileSums, share_of_rays, tile_sums
+from focusjax.trace._prefix import prefix_sums
 
 WHITE = 1.0
 _LARGEST_SHARE = 0.125
@@ -83,7 +84,7 @@ def split_emitters(layers: Layers, lens: AbstractLens) -> tuple[Layers, Emitters
         _, shapes = jax.eval_shape(split, radiance)
         return radiance, jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
 
-    bright = (fixed.samples.radiance.max(axis=1) > WHITE).any()
+    bright = fixed.samples.radiance.max() > WHITE
     left, emitters = jax.lax.cond(bright, split, nothing, radiance)
     return dataclasses.replace(layers, samples=dataclasses.replace(layers.samples, radiance=left)), emitters
 
@@ -103,10 +104,10 @@ def _split(
     slots, number, member = slots_of(layers, radiance, tile, best >= _LEAST_VARIANCE, level, WHITE)
     first, extent = _rectangles(slots, member, layers, lens)
     pairs = _within_budget(first, extent, slots, layers, lens)
-    kept = jnp.repeat(pairs > 0, member.shape[0] // count, total_repeat_length=member.shape[0])
+    kept = jnp.repeat(pairs > 0, member.shape[0] // count)
     member &= kept
     slots = slots.only(kept)
-    ends = jnp.cumsum(pairs, dtype=jnp.int32)
+    before, whole = prefix_sums(pairs)
     # Numbers beyond the last sample are dropped.
     number = jnp.where(member, number, radiance.shape[0])
     planes = [
@@ -114,7 +115,7 @@ def _split(
         for plane, plain in zip(radiance.T, level, strict=True)
     ]
     return jnp.stack(planes, axis=1), Emitters(
-        slots, first[:, 0], first[:, 1], jnp.maximum(extent[:, 0], 1), ends - pairs, ends[-1]
+        slots, first[:, 0], first[:, 1], jnp.maximum(extent[:, 0], 1), before, whole
     )
 
 

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from focusjax.trace._prefix import compacted, prefix_sums
+from focusjax.trace._prefix import compacted, prefix_sums, running_max
 
 _TILE = 16
 """Edge in pixels."""
@@ -106,18 +106,6 @@ def groups_of(
         pixels=width * height,
         together=together,
     )
-
-
-def running_max(values: Int[Array, " n"]) -> Int[Array, " n"]:
-    """Largest value up to each place, of values at least 0; in rows, as prefix sums are."""
-    row = 128
-    length = values.shape[0]
-    rows = jnp.pad(values, (0, -length % row)).reshape(-1, row)
-    last = rows.max(axis=1)
-    above = running_max(last) if last.shape[0] > 4 * row else jnp.maximum.accumulate(last)
-    above = jnp.concatenate([jnp.zeros(1, dtype=values.dtype), above[:-1]])
-    inside = jnp.maximum.accumulate(rows, axis=1)
-    return jnp.maximum(above[:, None], inside).reshape(-1)[:length]
 
 
 def tiled_length(width: int, height: int) -> int:

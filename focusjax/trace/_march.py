@@ -62,7 +62,8 @@ def _walked(
 
     def unfinished(state: _State) -> Array:
         step, hits, _ = state
-        more = going(hits, step).any()
+        # As a number: XLA for CPU writes out `any` of a long array ten times as long.
+        more = jnp.where(hits < 0, paths.steps, 0).max() > step
         return more if end is None else more & (step < end)
 
     def advance(state: _State) -> _State:

@@ -12,8 +12,8 @@ from focusjax.layers import peel
 from focusjax.scene import constant_background, make_scene
 from focusjax.trace import render
 from focusjax.trace._allocate import FEWEST, allocated, contrast, counts_for
-from focusjax.trace._groups import even_groups, groups_of, running_max, tiled_pixels
-from focusjax.trace._prefix import compacted, prefix_sums
+from focusjax.trace._groups import even_groups, groups_of, tiled_pixels
+from focusjax.trace._prefix import compacted, prefix_sums, running_max
 from focusjax.trace._ranges import EDGE, disparity_ranges
 
 

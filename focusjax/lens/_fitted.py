@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 from focusjax._arguments import real_number
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aim import line_of
+from focusjax.lens._all_sides import is_round
 from focusjax.lens._aperture import AbstractAperture
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._fit_error import FitError, fit_error
@@ -22,7 +23,7 @@ from focusjax.lens._pupils import SOFTNESS, way_from_film
 from focusjax.lens._ray_bounds import STEEPEST, exit_line
 from focusjax.lens._spectral import SpectralLens
 from focusjax.lens._transfer import TracedRays, Transfer, fit_transfers
-from focusjax.optics import BLOCKED, HeightField, trace_path
+from focusjax.optics import BLOCKED, trace_path
 
 _FILM_POINTS, _RINGS, _TURNS = 16, 9, 13
 _HIGHEST = 6
@@ -165,8 +166,6 @@ def fitted_lens(
         bands = tuple(fit(unfitted(band)) for band in lens.bands)
         return dataclasses.replace(lens, lens=fit(unfitted(lens.lens)), bands=bands)
     name = lens.prescription.name
-    if any(isinstance(surface, HeightField) for surface in lens.prescription.surfaces):
-        raise PoorFitError(f"{name} is not the same all around its axis; trace it exactly")
     disparities = jnp.asarray([1.0 / far, 1.0 / near], dtype=lens.indices.dtype)
     rays = eqx.filter_jit(_traced)(lens, camera)
     rims = _limiting_rims(rays)
@@ -180,9 +179,14 @@ def fitted_lens(
         if float(error.largest()) <= wanted:
             return FittedLens(lens, transfer, rims, error)
         least = min(least, float(error.largest()))
+    uneven = (
+        ""
+        if is_round(lens.prescription)
+        else ", and are those of lenses that are the same all around their axis"
+    )
     raise PoorFitError(
-        f"the best polynomials for {name} are off by {least:.2g} px, of {wanted:g} px allowed; allow more,"
-        " ask for things farther away, stop it down, or trace it exactly"
+        f"the best polynomials for {name} are off by {least:.2g} px, of {wanted:g} px allowed{uneven}; allow"
+        " more, ask for things farther away, stop it down, or trace it exactly"
     )
 
 

@@ -12,7 +12,9 @@ from focusjax.config._values import NotNegative, Number, Positive, Table
 from focusjax.optics import Prescription, find_glass, height_field, height_field_lens
 from focusjax.scene import exr_channels
 
-_KINDS = "expected a grey PNG or TIFF of 16 bits, OpenEXR of one channel, or NPY"
+_KINDS = "expected a grey PNG or TIFF of 16 bits, or floating-point OpenEXR of one channel or NPY"
+_WHITE = 65535.0
+"""Of 16 bits."""
 _MOST = 4096
 """Rows of the largest picture of heights."""
 
@@ -43,11 +45,14 @@ class HeightFieldTable(Table):
     glass: GlassTable = Field(description="its glass, for example {n_d = 1.5168, v_d = 64.17}")
 
 
-def read_heights(path: Path) -> Float[np.ndarray, "h w"]:
-    """Heights of a picture as they are, those of whole numbers from 0 to 1.
+def read_heights(path: Path) -> tuple[Float[np.ndarray, "h w"], float]:
+    """Heights of a picture as they are, those of 16 bits from 0 to 1, and the step that they are rounded to.
+
+    The step of floating-point numbers is 0.
 
     Raises:
-        ValueError: no such file, one that cannot be read, of 8 bits, of several channels, or too large.
+        ValueError: no such file, one that cannot be read, of whole numbers of other than 16 bits, of several
+            channels, or too large.
     """
     if not path.is_file():
         raise ValueError(f"{path}: there is no such picture of heights; check the path")
@@ -69,9 +74,11 @@ def read_heights(path: Path) -> Float[np.ndarray, "h w"]:
         )
     if values.dtype.itemsize == 1:
         raise ValueError(f"{path}: has 8 bits, whose 256 steps would be facets in glass; {_KINDS}")
-    if values.dtype.kind in "iu" and kind != ".npy":
-        return values.astype(float) / 65535.0
-    return values.astype(float)
+    if values.dtype.kind in "iu" and values.dtype != np.uint16:
+        raise ValueError(f"{path}: has whole numbers of type {values.dtype}; {_KINDS}")
+    if values.dtype == np.uint16:
+        return values.astype(float) / _WHITE, 1.0 / _WHITE
+    return values.astype(float), 0.0
 
 
 def _only_channel(channels: dict[str, np.ndarray]) -> np.ndarray:
@@ -91,9 +98,12 @@ def height_lens(table: HeightFieldTable, front: Path, back: Path | None) -> Pres
     for path, towards in ((front, "scene"), (back, "film")):
         if path is None:
             continue
-        picture = read_heights(path)
+        picture, step = read_heights(path)
         try:
-            sides.append(height_field(picture, width=table.width_mm, scale=table.scale_mm, towards=towards))
+            side = height_field(
+                picture, width=table.width_mm, scale=table.scale_mm, towards=towards, step=step
+            )
+            sides.append(side)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from error
     return height_field_lens(

@@ -9,12 +9,21 @@ from jaxtyping import Float
 
 from focusjax.optics._glass import AbstractGlass, air
 from focusjax.optics._height_field import HeightField
-from focusjax.optics._prescription import Prescription, check_surfaces, make_prescription
+from focusjax.optics._prescription import Prescription, check_surfaces, line, make_prescription
+from focusjax.optics._rounding import without_rounding
 from focusjax.optics._surfaces import sphere
+
+_AIR = 1e-3
+"""By which the index of glass has to be more than 1 at the least."""
 
 
 def height_field(
-    picture: Float[np.ndarray, "rows columns"], *, width: float, scale: float, towards: str
+    picture: Float[np.ndarray, "rows columns"],
+    *,
+    width: float,
+    scale: float,
+    towards: str,
+    step: float = 0.0,
 ) -> HeightField:
     """A surface of glass from a picture of its heights, as one sees it from behind the lens.
 
@@ -23,6 +32,8 @@ def height_field(
         width: mm from the middle of the first column to that of the last.
         scale: mm by which a height of 1 stands out of the glass beyond one of 0.
         towards: the side that glass stands out to: "scene", of a front, or "film", of a back.
+        step: what heights are multiples of, such as 1 / 65535 of 16 bits from 0 to 1; the smoothest surface
+            is taken that they may have been rounded from. 0 takes them as they are.
 
     Raises:
         ValueError: fewer than 4 rows, other than square, numbers that are not finite, or a width that is not
@@ -49,6 +60,8 @@ def height_field(
         raise ValueError(f"has a width of {width:g} mm; expected a positive one")
     if not math.isfinite(scale):
         raise ValueError(f"has a scale of {scale:g} mm; expected a finite one")
+    if step > 0.0:
+        picture = without_rounding(picture, step)
     count = picture.shape[0]
     low, high = (count - 1) // 2, count // 2
     vertex = picture[[low, low, high, high], [low, high, low, high]].mean()
@@ -79,7 +92,7 @@ def height_field_lens(
         name: what to call it.
 
     Raises:
-        ValueError: a clear radius beyond the heights, or as `make_prescription`.
+        ValueError: a clear radius beyond the heights, glass with the index of air, or as `make_prescription`.
 
     Example:
         >>> from focusjax.optics import find_glass, first_order
@@ -97,6 +110,9 @@ def height_field_lens(
             f"{name} has a clear radius of {radius:g} mm, and heights to {widest:.4g} mm from the axis,"
             " a cell less than the picture; make the one smaller or the other larger"
         )
+    index = float(glass.index(line()))
+    if index <= 1.0 + _AIR:
+        raise ValueError(f"{name} has glass of index {index:.5g}; expected more than 1, such as 1.5168")
     surfaces = [front, sphere(0.0) if back is None else back]
     return make_prescription(surfaces, [thickness, 0.0], [radius] * 2, [glass, air()], stop=0, name=name)
 

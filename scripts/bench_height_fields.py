@@ -1,11 +1,11 @@
 """Lenses from pictures of heights beside the same lens with analytic spheres: how near, and how quick.
 
 A biconvex singlet with spherical sides is traced analytically, and from pictures of its heights in floating
-point and in 16 bits, each through the glass and by polynomials; so is one whose sides are a little cylindrical
-besides, which is not the same all around its axis. All see one scene with the same rays, in turns, so that
-what else the machine does falls on all alike. Reported are medians of the time of all cores, for pictures and
-for rays alone, over that of the analytic sphere through the glass, and the PSNR of pictures against it; of the
-cylindrical lens, against its own glass.
+point and in 16 bits, each through the glass and by polynomials; so is one whose sides are a little
+cylindrical besides, which is not the same all around its axis. All see one scene with the same rays, in
+turns, so that what else the machine does falls on all alike. Reported are medians of the time of all cores,
+for pictures and for rays alone, over that of the analytic sphere through the glass, and the PSNR of pictures
+against it; of the cylindrical lens, against its own glass.
 
     python scripts/bench_height_fields.py --json result.json
 """

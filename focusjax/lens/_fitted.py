@@ -6,7 +6,6 @@ import math
 from typing import SupportsFloat, overload
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -120,8 +119,8 @@ def fitted_lens(
 ) -> FittedLens | SpectralLens:
     """A real lens with polynomials for its rays, which are quicker to trace.
 
-    Of several degrees the lowest is taken whose error, over rays that were not fitted, is small enough. A lens
-    with height fields that are not the same all around its axis gets polynomials without that symmetry.
+    Of several degrees the lowest is taken whose error, over rays that were not fitted, is small enough. A
+    lens with height fields that are not the same all around its axis gets polynomials without that symmetry.
 
     Args:
         lens: focused already. Of a `SpectralLens`, each colour is fitted.
@@ -205,7 +204,7 @@ def _fits(
     kind: type[AbstractTransfer],
     degrees: tuple[int, ...],
 ) -> tuple[list[AbstractTransfer], Float[Array, " d"]]:
-    """Polynomials of a kind and of some degrees, and the largest error in pixels of each over the rays it is fitted to."""
+    """Polynomials of a kind and of some degrees, and the largest error in pixels of each over its rays."""
     rays = eqx.tree_at(lambda r: r.squares, rays, rays.squares[:, jnp.array(rims)])
     last = lens.pupils.centre.shape[0] - 1
     steps = jnp.arange(last + 1, dtype=lens.indices.dtype)

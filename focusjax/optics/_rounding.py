@@ -1,8 +1,8 @@
 """Heights that were rounded to whole steps, as in pictures of 16 bits, made smooth again.
 
-Light is bent by slopes, and a step of 40 nm between samples 0.1 mm apart turns it by a pixel or so. But where a
-surface is smooth, its neighbours tell where within the step it was. Of the heights that rounding could have
-made these of, the smoothest are taken: those p + q with the least sum over rows and columns of
+Light is bent by slopes, and a step of 40 nm between samples 0.1 mm apart turns it by some tenths of a pixel.
+But where a surface is smooth, neighbours tell where within a step a height was. Of the heights that may have
+been rounded to these the smoothest are taken: those p + q with the least sum over rows and columns of
 
     |p + q - heights|^2 + lambda |D q|^2,
 

@@ -39,6 +39,7 @@ def boxes(tmp_path_factory):
     np.save(folder / "grey.npy", np.full((16, 16), 0.4))
     np.save(folder / "hole.npy", np.where(heights > 0.9998, np.nan, heights))
     np.save(folder / "wide.npy", heights[:60])
+    np.save(folder / "whole.npy", np.round(heights * 1000).astype(np.int32))
     iio.imwrite(folder / "dome.png", np.round(heights * 65535).astype(np.uint16))
     iio.imwrite(folder / "coarse.png", np.round(heights * 255).astype(np.uint8))
     channels = {"Y": heights.astype(np.float32)}
@@ -101,6 +102,10 @@ def test_ahead_of_a_prescription_it_is_more_glass(boxes):
             "lens.height_field.width_mm is 0",
         ),
         (
+            ['lens.height_field.file="a.npy"', "lens.height_field.thickness_mm=0"],
+            "lens.height_field.thickness_mm is 0",
+        ),
+        (
             ['lens.height_field.file="a.npy"', "lens.height_field.glass={n_d=1.5}"],
             "has n_d = 1.5 without v_d",
         ),
@@ -141,6 +146,21 @@ def test_tables_that_make_no_sense(boxes, overrides, message):
             "coarse.png",
             [],
             "coarse.png: has 8 bits, whose 256 steps would be facets in glass; expected a grey",
+        ),
+        (
+            "whole.npy",
+            [],
+            "whole.npy: has whole numbers of type int32; expected a grey PNG",
+        ),
+        (
+            "dome.npy",
+            ["lens.height_field.glass={n=[1, 1, 1]}", "lens.spectral=true"],
+            "lens.height_field: dome has glass of index 1; expected more than 1, such as 1.5168",
+        ),
+        (
+            "dome.npy",
+            ["lens.height_field.thickness_mm=0.3"],
+            "lens.height_field: surface 0 and surface 1 of dome cross within their clear radius, by 0.3",
         ),
         ("wide.npy", [], "wide.npy: has 60 x 128 heights; expected as many rows as columns"),
         ("hole.npy", [], "hole.npy: has 4 heights that are not finite, the first in row 63, column 63"),

@@ -26,14 +26,16 @@ class HeightFieldTable(Table):
     """
 
     file: str = Field(
-        description="the front's heights: a square PNG of 16 bits, EXR or NPY file, white stands out"
+        description="the front's heights: a square, grey PNG of 16 bits, EXR or NPY file; white stands out"
     )
     back_file: str | None = Field(
         default=None, description="the back's heights, as seen from behind the lens; flat if left out"
     )
-    width_mm: Positive = Field(description="mm from the middle of a picture's first column to its last one's")
+    width_mm: Positive = Field(
+        description="mm from the middle of a picture's first column to that of its last, for example 30"
+    )
     scale_mm: Number = Field(
-        description="mm by which white, or 1, stands out of the glass beyond black, or 0"
+        description="mm by which white, or 1, stands out of the glass beyond black, or 0, for example 2"
     )
     thickness_mm: Positive = Field(description="the thickness on the axis in mm, for example 5")
     diameter_mm: Positive | None = Field(

@@ -129,7 +129,7 @@ def shares(film: Array, lean: Array, pupil: Array, tangents: Pair, target: Pair)
 
 def placed(
     film: Float[Array, ""], lean: Float[Array, ""], pupil: Float[Array, ""], rays: TracedRays
-) -> tuple[tuple[Array, Array, Array], TracedRays, tuple[Pair, Pair]]:
+) -> tuple[tuple[Array, Array, Array], TracedRays, tuple[tuple[Array, Array], tuple[Array, Array]]]:
     """The scales, and the rays with their vectors t and T, without derivatives by where rays are."""
     rays = eqx.tree_at(
         lambda r: (r.tangents, r.target, r.line_weight, r.rim_weight),

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from focusjax.cli import app
 from focusjax.config import ConfigError, build_camera, build_lens, build_real_lens, load_config
+from focusjax.lens import PrescriptionLens, ThinLens
 from focusjax.optics import find_glass, first_order, singlet
 
 RADIUS, WIDTH, SCALE = 60.0, 28.0, 2.0
@@ -48,10 +49,14 @@ def boxes(tmp_path_factory):
     return write_boxes(folder)
 
 
-def lens_of(boxes, file, *more):
+def lens_of(boxes, file, *more) -> PrescriptionLens:
     config = load_config(boxes, [f'lens.height_field.file="{file}"', *KEYS, *more])
     camera = build_camera(config)
-    return build_real_lens(config, camera, build_lens(config, camera, solved=False))
+    thin = build_lens(config, camera, solved=False)
+    assert isinstance(thin, ThinLens)
+    lens = build_real_lens(config, camera, thin)
+    assert isinstance(lens, PrescriptionLens)
+    return lens
 
 
 @pytest.mark.parametrize("file", ["dome.npy", "dome.png", "dome.exr"])
@@ -66,6 +71,7 @@ def test_each_kind_of_file_makes_the_same_lens(boxes, file):
     assert float(found.back_focal_distance) / 50.0 == pytest.approx(share, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_run_focuses_it_by_its_rays_and_fits_polynomials(boxes, tmp_path):
     options = ["--set", 'lens.height_field.file="dome.npy"', "--set", "solve.free=['focus']"]
     # Nearer to the axis than there, since the field of one piece of glass is curved.

@@ -136,22 +136,23 @@ def test_a_lens_that_is_not_round_is_fitted_within_what_it_says(toric):
 
 
 def test_what_height_fields_cannot_have():
-    rough = picture() + 2e-3 * np.random.default_rng(1).normal(size=(129, 129))
+    rough = picture() + 2e-4 * np.random.default_rng(1).normal(size=(129, 129))
     plate = height_field_lens(
         height_field(rough, width=24.0, scale=1.0, towards="scene"),
         thickness=5.0,
         glass=GLASS,
         semi_diameter=9.0,
     )
-    lens = prescription_lens(plate, CAMERA, focus_distance=2.0, f_number=4)
+    lens = prescription_lens(plate, CAMERA, focus_distance=2.0, f_number=8)
     with pytest.raises(PoorFitError, match=r"height field are off by .* px, of 0.05 px allowed; allow more"):
         fitted_lens(lens, CAMERA)
     with pytest.raises(
         ValueError, match="has a height field, whose stop is round, and the aperture is a Polygon"
     ):
-        prescription_lens(plate, CAMERA, focus_distance=2.0, f_number=4, aperture=polygon(6))
+        prescription_lens(plate, CAMERA, focus_distance=2.0, f_number=8, aperture=polygon(6))
 
 
+@pytest.mark.slow
 def test_a_flat_plate_ahead_of_a_lens_is_a_plane_parallel_plate():
     """A picture of one grey against glass with two planes, through the whole triplet."""
     triplet, glass = lens_preset("cooke_triplet_50mm_f4"), find_glass("F2")

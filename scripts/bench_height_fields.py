@@ -111,7 +111,8 @@ def measure(options: argparse.Namespace) -> dict[str, dict[str, object]]:
     camera = make_camera(np.eye(4), width=options.width, height=options.height, focal_length=0.05)
     scene, lenses = scene_of(options.balls), lenses_of(options, camera)
     first = next(iter(lenses))
-    layers = {like: peel(scene, camera, lenses[like][0], supersampling=1) for _, like in lenses.values()}
+    wanted = dict.fromkeys(like for _, like in lenses.values())
+    layers = {like: peel(scene, camera, lenses[like][0], supersampling=1) for like in wanted}
     square = jnp.asarray(np.random.default_rng(0).random((64, 1 << 14, 4)), dtype=float)
     pictures, of_pictures = {}, {name: [] for name in lenses}
     of_rays = {name: [] for name in lenses}

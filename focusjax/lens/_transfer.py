@@ -15,8 +15,8 @@ traced through the glass. Of other lenses see `_uneven_transfer`.
 """
 
 import abc
+import functools
 import itertools
-import math
 from collections.abc import Sequence
 
 import equinox as eqx
@@ -213,7 +213,8 @@ def monomials(place: Float[Array, " v"], degree: int) -> Float[Array, " m"]:
     for _ in range(degree):
         powers.append(powers[-1] * place)
     table, exponents = jnp.stack(powers), np.asarray(terms(degree, len(place))).T
-    return math.prod(table[power, variable] for variable, power in enumerate(exponents))
+    factors = (table[power, variable] for variable, power in enumerate(exponents))
+    return functools.reduce(jnp.multiply, factors)
 
 
 def least_squares(

@@ -60,7 +60,8 @@ def _axis(count: int) -> tuple[Float[np.ndarray, " n"], int]:
 def _smoothed(values: Float[np.ndarray, "n m"], strength: float) -> Float[np.ndarray, "n m"]:
     """(1 + strength D^T D)^-1 of each column, D third differences."""
     count = len(values)
-    differences = scipy.sparse.diags([-1.0, 3.0, -3.0, 1.0], [0, 1, 2, 3], shape=(count - 3, count))
+    diagonals = np.repeat([[-1.0], [3.0], [-3.0], [1.0]], count, axis=1)
+    differences = scipy.sparse.dia_array((diagonals, np.arange(4)), shape=(count - 3, count))
     square = strength * (differences.T @ differences)
     bands = np.zeros((4, count))
     for offset in range(4):

@@ -7,7 +7,7 @@ turns, so that what else the machine does falls on all alike. Reported are media
 for pictures and for rays alone, over that of the analytic sphere through the glass, and the PSNR of pictures
 against it; of the cylindrical lens, against its own glass.
 
-    python scripts/bench_height_fields.py --json result.json
+    python scripts/bench_height_fields.py --rounded --cylindrical --json result.json
 """
 
 import argparse
@@ -51,6 +51,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--error", type=float, default=0.05, help="pixels that a fitted lens may be off")
     parser.add_argument("--balls", type=int, default=60, help="of 5120 triangles each")
     parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--cylindrical", action="store_true", help="the lens that is not round, too")
+    parser.add_argument("--rounded", action="store_true", help="heights of 16 bits, too")
     parser.add_argument("--json", type=Path, help="file for the results")
     return parser.parse_args()
 
@@ -77,9 +79,11 @@ def lenses_of(options: argparse.Namespace, camera: Camera) -> dict[str, tuple[Ab
     made = {
         "spheres": singlet(*radii, thickness=THICKNESS, semi_diameter=SEMI_DIAMETER, glass=glass),
         "heights": of_heights(options.rows, 0.0, bits=None),
-        "heights of 16 bits": of_heights(options.rows, 0.0, bits=16),
-        "cylindrical heights": of_heights(options.rows, CYLINDER, bits=None),
     }
+    if options.rounded:
+        made["heights of 16 bits"] = of_heights(options.rows, 0.0, bits=16)
+    if options.cylindrical:
+        made["cylindrical heights"] = of_heights(options.rows, CYLINDER, bits=None)
     found: dict[str, tuple[AbstractLens, str]] = {}
     for name, prescription in made.items():
         exact: PrescriptionLens = prescription_lens(

@@ -33,8 +33,9 @@ def without_rounding(heights: Float[np.ndarray, "n n"], step: float) -> Float[np
     Example:
         >>> x = np.linspace(-1.0, 1.0, 129)
         >>> bowl = x[:, None] ** 2 + x[None] ** 2
-        >>> found = without_rounding(np.round(bowl * 1000) / 1000, 1e-3)
-        >>> bool(np.abs(found - bowl).max() < 1e-4)
+        >>> rounded = np.round(bowl * 1000) / 1000
+        >>> found = without_rounding(rounded, 1e-3)
+        >>> bool(np.std(found - bowl) < 0.1 * np.std(rounded - bowl))
         True
     """
     basis, _ = np.linalg.qr(np.polynomial.legendre.legvander(*_axis(len(heights))))

@@ -12,7 +12,7 @@ from focusjax.optics import Prescription, film_distance, first_order, line, trac
 
 RINGS = 1024
 """Of equal area, over which spots and light on the axis are averaged."""
-_GOLDEN_ANGLE = 2.399963229728653
+GOLDEN_ANGLE = 2.399963229728653
 
 
 def film_for(
@@ -71,7 +71,7 @@ def _best_film_all_around(
     seen = first_order(prescription)
     number = jnp.arange(RINGS, dtype=indices.dtype)
     heights = seen.entrance_pupil_radius * jnp.sqrt((number + 0.5) / RINGS)
-    angles = _GOLDEN_ANGLE * number
+    angles = GOLDEN_ANGLE * number
     places = jnp.stack([heights * jnp.cos(angles), heights * jnp.sin(angles)], axis=1)
 
     def land(place: Array) -> tuple[Array, Array, Array]:

@@ -16,7 +16,7 @@ from focusjax._words import shown
 from focusjax.geometry import Camera
 from focusjax.lens._all_sides import find_all_around, is_round
 from focusjax.lens._aperture import AbstractAperture, Disk
-from focusjax.lens._film import RINGS, film_for
+from focusjax.lens._film import GOLDEN_ANGLE, RINGS, film_for
 from focusjax.lens._prescription import PrescriptionLens
 from focusjax.lens._pupils import Pupils, find_pupils, from_film, openness
 from focusjax.lens._ray_bounds import STEEPEST, RayBounds, find_bounds
@@ -283,8 +283,8 @@ def _mapped(
 def _light_on_axis(lens: PrescriptionLens) -> Float[Array, ""]:
     """What the opening lets through to the middle of the film, in mm^2."""
     dtype = lens.indices.dtype
-    points = _rings(dtype)
-    if not (isinstance(lens.aperture, Disk) and is_round(lens.prescription)):
+    points = _rings(dtype, GOLDEN_ANGLE * (not is_round(lens.prescription)))
+    if not isinstance(lens.aperture, Disk):
         points = jax.vmap(lens.aperture.point)(_square(dtype))
 
     def light(point: Array) -> Array:
@@ -301,10 +301,14 @@ def _film_radii(step: Float[Array, ""], dtype: jnp.dtype) -> Float[Array, " k"]:
     return 0.5 * step * jnp.arange(2 * _RADII - 1, dtype=dtype)
 
 
-def _rings(dtype: jnp.dtype) -> Float[Array, "r 2"]:
-    """A point of each of many rings of equal area: on the axis it stands for all of that."""
-    radii = jnp.sqrt((jnp.arange(RINGS, dtype=dtype) + 0.5) / RINGS)
-    return jnp.stack([radii, jnp.zeros_like(radii)], axis=1)
+def _rings(dtype: jnp.dtype, turn: float) -> Float[Array, "r 2"]:
+    """A point of each of many rings of equal area, each turned on from the last by `turn` radians.
+
+    On the axis of a lens that is the same all around a point stands for all of its ring.
+    """
+    number = jnp.arange(RINGS, dtype=dtype)
+    radii = jnp.sqrt((number + 0.5) / RINGS)
+    return jnp.stack([radii * jnp.cos(turn * number), radii * jnp.sin(turn * number)], axis=1)
 
 
 def _square(dtype: jnp.dtype) -> Float[Array, "s 2"]:

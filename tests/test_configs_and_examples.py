@@ -148,9 +148,9 @@ def test_a_control_point_behind_the_camera_is_refused(tmp_path):
     assert 'control point "Spot\'s eyes" is behind the camera; move it' in " ".join(result.output.split())
 
 
-def test_there_are_eleven_configs_of_full_size():
+def test_there_are_twelve_configs_of_full_size():
     assert [path.stem for path in CONFIGS] == [
-        "bars", "focal_surface", "follow_focus", "hand_held", "passing_by", "rack_focus",
+        "bars", "dome_glass", "focal_surface", "follow_focus", "hand_held", "passing_by", "rack_focus",
         "rack_focus_glass", "still_life", "tilted_row", "town", "two_actors",
     ]  # fmt: skip
     for path in CONFIGS:

@@ -1,9 +1,10 @@
-"""From `lens.prescription` to a real lens."""
+"""From `lens.prescription` and `[lens.height_field]` to a real lens."""
 
 from pathlib import Path
 
 from focusjax.config._build import located
 from focusjax.config._errors import ConfigError
+from focusjax.config._height_field import height_lens
 from focusjax.config._load import Config
 from focusjax.geometry import Camera
 from focusjax.lens import PrescriptionLens, SpectralLens, ThinLens, prescription_lens, spectral_lens
@@ -15,6 +16,7 @@ from focusjax.optics import (
     glass_finder,
     lens_preset,
     load_lens,
+    put_ahead,
     with_element,
 )
 
@@ -22,7 +24,7 @@ from focusjax.optics import (
 def build_real_lens(
     config: Config, camera: Camera, lens: ThinLens, *, wide_open: bool = False
 ) -> PrescriptionLens | SpectralLens | None:
-    """The lens of `lens.prescription` with the focal length, focus and opening of a thin one; None without.
+    """The real lens of `[lens]` with the focal length, focus and opening of a thin one; None of an ideal one.
 
     With `wide_open` it is open as far as the config and it allow.
 
@@ -30,10 +32,10 @@ def build_real_lens(
         ConfigError: a file that cannot be read, no such lens, or one that cannot be opened or focused so.
     """
     table = config.lens
-    if table.prescription is None:
+    if table.real is None:
         return None
     try:
-        prescription = _prescription(config, table.prescription)
+        prescription = _whole(config)
         f_number = float(lens.f_number(camera))
         if wide_open:
             f_number = min(
@@ -51,6 +53,30 @@ def build_real_lens(
         raise ConfigError(f"{config.source}: lens.prescription: {error}") from error
     except ValueError as error:
         raise located(error, config) from error
+
+
+def _whole(config: Config) -> Prescription:
+    """The prescription, with the height field ahead of it; or the one that there is.
+
+    Raises:
+        LensFileError: a file that cannot be read.
+        ValueError: as `_prescription`; a height field that cannot be.
+    """
+    name, table = config.lens.prescription, config.lens.height_field
+    lens = None if name is None else _prescription(config, name)
+    if table is None:
+        assert lens is not None
+        return lens
+    try:
+        front = config.reach.file(table.file, "file")
+        back = None if table.back_file is None else config.reach.file(table.back_file, "back_file")
+        plate = height_lens(table, front, back)
+        if lens is None:
+            return plate
+        assert table.ahead_mm is not None
+        return put_ahead(plate, lens, table.ahead_mm)
+    except ValueError as error:
+        raise ValueError(f"lens.height_field: {error}") from error
 
 
 def _prescription(config: Config, name: str) -> Prescription:

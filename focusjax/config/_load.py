@@ -86,9 +86,9 @@ class Config(Table):
     @model_validator(mode="after")
     def _real_lens_upright(self) -> "Config":
         turned = [name for name in self.solve.free if name in ("tilt", "swing")]
-        if self.lens.prescription is not None and turned:
+        if self.lens.real is not None and turned:
             raise ValueError(
-                f"has lens.prescription, but solve.free has {turned[0]!r}; a real lens is not turned, so"
+                f"has lens.{self.lens.real}, but solve.free has {turned[0]!r}; a real lens is not turned, so"
                 " leave one of them out"
             )
         return self

@@ -7,6 +7,7 @@ from pydantic import Field, Strict, field_validator, model_validator
 
 from focusjax.config._focal_surface import FocalSurfaceTable
 from focusjax.config._glass import ElementTable
+from focusjax.config._height_field import HeightFieldTable
 from focusjax.config._look import Look
 from focusjax.config._opening import DiskTable, ImageTable, PolygonTable
 from focusjax.config._values import Millimetres, NotNegative, Number, Positive, Table, Vector
@@ -132,8 +133,11 @@ class LensTable(Look):
     elements: Annotated[tuple[ElementTable, ...], Strict(False)] = Field(
         default=(), description="[[lens.elements]] tables"
     )
+    height_field: HeightFieldTable | None = Field(
+        default=None, description="a [lens.height_field] table, for a lens from pictures of its surfaces"
+    )
     spectral: bool = Field(
-        default=False, description="true to trace red, green and blue through the glass of a prescription"
+        default=False, description="true to trace red, green and blue through the glass of a real lens"
     )
     spectral_bands: Annotated[int, Field(ge=3, le=15)] = Field(
         default=3, description="wavelengths from red to blue for spectral: an odd number"
@@ -143,6 +147,13 @@ class LensTable(Look):
         description="pixels by which polynomials for a prescription's rays may be off, 0 for none; left out,"
         " as little as render.quality asks for, or 0.05 without one",
     )
+
+    @property
+    def real(self) -> str | None:
+        """The key that makes it a real lens, through whose glass rays are traced; None of a thin one."""
+        if self.prescription is not None:
+            return "prescription"
+        return None if self.height_field is None else "height_field"
 
     @model_validator(mode="after")
     def _bands_of_colour(self) -> "LensTable":
@@ -158,10 +169,12 @@ class LensTable(Look):
         twice = [number for number in numbers if numbers.count(number) > 1]
         if twice:
             raise ValueError(f"has two glasses for element {twice[0]}; leave one of them out")
-        coloured = [each.element for each in self.elements if each.glass.n is not None]
+        coloured = [f"element {each.element}" for each in self.elements if each.glass.n is not None]
+        if self.height_field is not None and self.height_field.glass.n is not None:
+            coloured.append("the height_field")
         if coloured and not self.spectral:
             raise ValueError(
-                f"has n of red, green and blue for element {coloured[0]}, and spectral is not true; make it"
+                f"has n of red, green and blue for {coloured[0]}, and spectral is not true; make it"
                 " so, or give n_d and v_d"
             )
         return self
@@ -169,16 +182,25 @@ class LensTable(Look):
     @model_validator(mode="after")
     def _real_lens_alone(self) -> "LensTable":
         if self.prescription is None:
-            own = ("glass", "elements", "spectral", "spectral_bands", "fit_px")
+            own = ("glass", "elements", *(() if self.real else ("spectral", "spectral_bands", "fit_px")))
             idle = [key for key in own if key in self.model_fields_set]
             if idle:
                 raise ValueError(f"has {idle[0]}, which is about a prescription, and none; name one")
+        if self.height_field is not None:
+            ahead = self.height_field.ahead_mm
+            if (ahead is None) != (self.prescription is None):
+                raise ValueError(
+                    "has a height_field and a prescription, but not how far ahead of it; give ahead_mm"
+                    if ahead is None
+                    else "has ahead_mm in its height_field and no prescription to be ahead of; leave it out"
+                )
+        if self.real is None:
             return self
         others = ("aperture_radius_mm", "tilt_deg", "swing_deg", "focal_surface")
         own = [key for key in others if getattr(self, key) != type(self).model_fields[key].default]
         own += self.look
         if own:
-            raise ValueError(f"has {own[0]} and a prescription, which has a look of its own; leave one out")
+            raise ValueError(f"has {own[0]} and a {self.real}, which has a look of its own; leave one out")
         return self
 
     @model_validator(mode="after")

@@ -13,7 +13,7 @@ def refuse_a_shot(config: Config) -> None:
     """
     single = {
         "lens.focal_surface": (config.lens.focal_surface, "a focal surface"),
-        "lens.prescription": (config.lens.prescription, "a real lens"),
+        f"lens.{config.lens.real}": (config.lens.real, "a real lens"),
     }
     for key, (given, what) in single.items():
         if given is not None and config.shot is not None and config.shot.frames > 1:
@@ -26,7 +26,9 @@ def refuse_a_shot(config: Config) -> None:
 def early_features(config: Config, *, shot: bool) -> dict[str, str]:
     """Those `features` of a config's camera that a solve leaves as they are, as the config has them."""
     found: dict[str, str] = {}
-    if config.lens.prescription is not None:
+    if config.lens.height_field is not None:
+        found["odd glass"] = "a real lens with a height field"
+    elif config.lens.prescription is not None:
         found["glass"] = f"a real lens ({config.lens.prescription})"
     if config.lens.focal_surface is not None:
         found["surface"] = "a focal surface"

@@ -165,7 +165,7 @@ def _run(
         assert isinstance(lens, ThinLens)
         settled = dataclasses.replace(settled, lens=focal_surface_lens(surface, camera, lens))
     glass = None
-    if config.lens.prescription is not None:
+    if config.lens.real is not None:
         assert isinstance(settled.lens, ThinLens)
         assert not isinstance(settled.solution, SurfaceSolution)
         with watch.stage("glass"):

@@ -64,7 +64,7 @@ class Settling:
         """
         if start.surface is not None:
             return self._surface(start)
-        if self.config.lens.prescription is None:
+        if self.config.lens.real is None:
             return self._ideal(start)
         if set(self.config.solve.free) <= {"focus", "f_number"} and self.grey is None:
             return self._through_glass(start, "solve")

@@ -11,7 +11,7 @@ from focusjax.lens._aperture import Disk
 from focusjax.lens._prescription import PrescriptionLens
 from focusjax.lens._pupils import SOFTNESS, openness
 from focusjax.lens._ray_bounds import STEEPEST
-from focusjax.lens._transfer import Transfer
+from focusjax.lens._transfer import AbstractTransfer
 
 _RAYS = 1 << 14
 _WORST = 48
@@ -49,7 +49,7 @@ class FitError(eqx.Module):
 
 @eqx.filter_jit
 def fit_error(
-    exact: PrescriptionLens, transfer: Transfer, camera: Camera, disparities: Float[Array, "2"]
+    exact: PrescriptionLens, transfer: AbstractTransfer, camera: Camera, disparities: Float[Array, "2"]
 ) -> FitError:
     """The errors of `transfer` over rays that were not fitted, spread over frame and opening."""
     frame = jnp.array([camera.width, camera.height], dtype=disparities.dtype)
@@ -82,25 +82,26 @@ def fit_error(
         errors = jnp.linalg.norm(places - landed(slope, crossing), axis=-1)
         return jnp.where(light > 0.0, errors, 0.0), outline, light, jnp.abs(light - claimed)
 
-    def worse(points: Array, found: Array, reach: float) -> tuple[Array, Array]:
-        """Points near the worst ones, these among them, and the errors of their lines and outlines [n, 4]."""
-        chosen = jax.lax.top_k(found.T, _WORST)[1].reshape(-1)
-        steps = reach * (2.0 * spread[:_NEAR] - 1.0).at[0].set(0.0)
-        near = jnp.clip(points[chosen][:, None] + steps[None], 0.0, 1.0).reshape(-1, 4)
-        errors, outline, _, _ = jax.vmap(one)(near)
-        return near, jnp.concatenate([errors, outline], axis=1)
+    def worst_of(points: Array, found: Array) -> tuple[Array, Array]:
+        """The points with the largest errors of lines and outlines [n, 4], and the largest of all."""
+        return points[jax.lax.top_k(found.T, _WORST)[1].reshape(-1)], found.max(axis=0)
 
-    errors, outline, light, wrong = jax.vmap(one)(spread)
-    total = light.sum()
+    def worse(chosen: Array, reach: Array) -> tuple[Array, Array]:
+        """As `worst_of`, of points near those that are chosen, these among them."""
+        steps = reach * (2.0 * spread[:_NEAR] - 1.0).at[0].set(0.0)
+        near = jnp.clip(chosen[:, None] + steps[None], 0.0, 1.0).reshape(-1, 4)
+        errors, outline, _, _ = jax.vmap(one)(near)
+        return worst_of(near, jnp.concatenate([errors, outline], axis=1))
+
     # Polynomials are farthest off at the ends of what they are for: half of all numbers are 0 or 1 here.
-    edges = jnp.clip(2.0 * spread - 0.5, 0.0, 1.0)
-    at_edges = jnp.concatenate(jax.vmap(one)(edges)[:2], axis=1)
-    points = jnp.concatenate([spread, edges])
-    found = jnp.concatenate([jnp.concatenate([errors, outline], axis=1), at_edges])
-    largest = found.max(axis=0)
-    for reach in _REACHES:
-        points, found = worse(points, found, reach)
-        largest = jnp.maximum(largest, found.max(axis=0))
+    points = jnp.concatenate([spread, jnp.clip(2.0 * spread - 0.5, 0.0, 1.0)])
+    errors, outline, light, wrong = jax.vmap(one)(points)
+    chosen, first = worst_of(points, jnp.concatenate([errors, outline], axis=1))
+    # In a loop, so that rays through the glass are compiled once for all rounds.
+    _, rounds = jax.lax.scan(worse, chosen, jnp.asarray(_REACHES, dtype=disparities.dtype))
+    largest = jnp.maximum(first, rounds.max(axis=0))
+    errors, light, wrong = (values[:_RAYS] for values in (errors, light, wrong))
+    total = light.sum()
     return FitError(
         disparities=disparities,
         worst=largest[:2],

@@ -6,7 +6,6 @@ import math
 from typing import SupportsFloat, overload
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -14,23 +13,18 @@ from jaxtyping import Array, Float
 from focusjax._arguments import real_number
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aim import line_of
+from focusjax.lens._all_sides import is_round
 from focusjax.lens._aperture import AbstractAperture
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._fit_error import FitError, fit_error
+from focusjax.lens._fit_rays import limiting_rims, traced_rays
 from focusjax.lens._prescription import PrescriptionLens
-from focusjax.lens._pupils import SOFTNESS, way_from_film
-from focusjax.lens._ray_bounds import STEEPEST, exit_line
 from focusjax.lens._spectral import SpectralLens
-from focusjax.lens._transfer import TracedRays, Transfer, fit_transfers
-from focusjax.optics import BLOCKED, HeightField, trace_path
+from focusjax.lens._transfer import AbstractTransfer, TracedRays, Transfer, fit_transfers
+from focusjax.lens._uneven_transfer import UnevenTransfer, fit_uneven_transfers
 
-_FILM_POINTS, _RINGS, _TURNS = 16, 9, 13
-_HIGHEST = 6
-_DEGREES = range(2, _HIGHEST + 1)
-_BESIDE = 0.03
-"""Clearance beyond a rim up to which rays count fully."""
-_LITTLE = 0.03
-"""How much rays farther out count."""
+_DEGREES = {Transfer: (2, 3, 4, 5, 6), UnevenTransfer: (3, 4, 5, 6, 7)}
+"""Tried of each kind, the lowest first."""
 
 
 class FittedLens(AbstractLens):
@@ -52,7 +46,7 @@ class FittedLens(AbstractLens):
     """
 
     exact: PrescriptionLens
-    transfer: Transfer
+    transfer: AbstractTransfer
     rims: tuple[int, ...] = eqx.field(static=True)
     error: FitError
 
@@ -125,7 +119,8 @@ def fitted_lens(
 ) -> FittedLens | SpectralLens:
     """A real lens with polynomials for its rays, which are quicker to trace.
 
-    Of several degrees the lowest is taken whose error, over rays that were not fitted, is small enough.
+    Of several degrees the lowest is taken whose error, over rays that were not fitted, is small enough. A
+    lens with height fields that are not the same all around its axis gets polynomials without that symmetry.
 
     Args:
         lens: focused already. Of a `SpectralLens`, each colour is fitted.
@@ -136,7 +131,7 @@ def fitted_lens(
         farthest: metres to the farthest.
 
     Raises:
-        PoorFitError: a lens whose rays no degree up to 6 comes near enough to.
+        PoorFitError: a lens whose rays no degree up to 6, or 7 without symmetry, comes near enough to.
         ValueError: distances out of order, or an error that is not positive.
 
     Example:
@@ -165,21 +160,22 @@ def fitted_lens(
         bands = tuple(fit(unfitted(band)) for band in lens.bands)
         return dataclasses.replace(lens, lens=fit(unfitted(lens.lens)), bands=bands)
     name = lens.prescription.name
-    if any(isinstance(surface, HeightField) for surface in lens.prescription.surfaces):
-        raise PoorFitError(f"{name} is not the same all around its axis; trace it exactly")
     disparities = jnp.asarray([1.0 / far, 1.0 / near], dtype=lens.indices.dtype)
-    rays = eqx.filter_jit(_traced)(lens, camera)
-    rims = _limiting_rims(rays)
-    found, rough = _fits(rays, lens, camera, disparities, rims, tuple(_DEGREES))
+    rays = eqx.filter_jit(traced_rays)(lens, camera)
+    rims = limiting_rims(rays)
     least = math.inf
-    for transfer, off in zip(found, np.asarray(rough), strict=True):
-        # Over other rays the error is hardly less than over those that were fitted.
-        if off > wanted and transfer.degree < _HIGHEST:
-            continue
-        error = fit_error(lens, transfer, camera, disparities)
-        if float(error.largest()) <= wanted:
-            return FittedLens(lens, transfer, rims, error)
-        least = min(least, float(error.largest()))
+    for kind in (Transfer,) if is_round(lens.prescription) else (Transfer, UnevenTransfer):
+        degrees = _DEGREES[kind]
+        found, rough = _fits(rays, lens, camera, disparities, rims, kind, degrees)
+        for transfer, off in zip(found, np.asarray(rough), strict=True):
+            # Over other rays the error is hardly less than over those that were fitted.
+            last = kind is not Transfer or is_round(lens.prescription)
+            if off > wanted and not (last and transfer.degree == degrees[-1]):
+                continue
+            error = fit_error(lens, transfer, camera, disparities)
+            if float(error.largest()) <= wanted:
+                return FittedLens(lens, transfer, rims, error)
+            least = min(least, float(error.largest()))
     raise PoorFitError(
         f"the best polynomials for {name} are off by {least:.2g} px, of {wanted:g} px allowed; allow more,"
         " ask for things farther away, stop it down, or trace it exactly"
@@ -192,8 +188,9 @@ def refitted(fitted: FittedLens, lens: PrescriptionLens, camera: Camera) -> Fitt
     For derivatives and compiled code: differentiable in all that `lens` is. Its `error` is the old one.
     """
     ends = fitted.error.disparities
-    rays = _traced(lens, camera)
-    (transfer,), _ = _fits(rays, lens, camera, ends, fitted.rims, (fitted.transfer.degree,))
+    rays = traced_rays(lens, camera)
+    old = fitted.transfer
+    (transfer,), _ = _fits(rays, lens, camera, ends, fitted.rims, type(old), (old.degree,))
     return FittedLens(lens, transfer, fitted.rims, fitted.error)
 
 
@@ -204,9 +201,10 @@ def _fits(
     camera: Camera,
     disparities: Float[Array, "2"],
     rims: tuple[int, ...],
+    kind: type[AbstractTransfer],
     degrees: tuple[int, ...],
-) -> tuple[list[Transfer], Float[Array, " d"]]:
-    """Polynomials of some degrees, and the largest error in pixels of each over the rays it is fitted to."""
+) -> tuple[list[AbstractTransfer], Float[Array, " d"]]:
+    """Polynomials of a kind and of some degrees, and the largest error in pixels of each over its rays."""
     rays = eqx.tree_at(lambda r: r.squares, rays, rays.squares[:, jnp.array(rims)])
     last = lens.pupils.centre.shape[0] - 1
     steps = jnp.arange(last + 1, dtype=lens.indices.dtype)
@@ -215,7 +213,8 @@ def _fits(
     reach = jnp.max(jnp.hypot(beside + lens.pupils.radial, lens.pupils.tangential))
     scales = (1.0 / (last * lens.film_step), last * lean, 1.0 / reach)
     made, errors = [], []
-    for transfer, slope, crossing, _ in fit_transfers(*scales, rays, degrees):
+    fit = fit_uneven_transfers if kind is UnevenTransfer else fit_transfers
+    for transfer, slope, crossing, _ in fit(*scales, rays, degrees):
         off = slope[:, None] + 1e-3 * disparities[None, :, None] * crossing[:, None]
         lit = rays.line_weight == 1.0
         errors.append(
@@ -223,45 +222,6 @@ def _fits(
         )
         made.append(transfer)
     return made, jnp.stack(errors)
-
-
-def _limiting_rims(rays: TracedRays) -> tuple[int, ...]:
-    """Numbers of the surfaces whose rims cut any ray off, or nearly so."""
-    squares, counts = np.asarray(rays.squares), np.asarray(rays.rim_weight) > 0
-    largest = squares.max(axis=1, keepdims=True)
-    first = (squares == largest) & (largest > (1.0 - 2.0 * SOFTNESS) ** 2) & counts[:, None]
-    return tuple(int(number) for number in np.flatnonzero(first.any(axis=0)))
-
-
-def _traced(lens: PrescriptionLens, camera: Camera) -> TracedRays:
-    """Rays through the glass over film radii and the ellipses of each, and the squares at all surfaces."""
-    dtype = lens.indices.dtype
-    last = lens.pupils.centre.shape[0] - 1
-    radii = np.sin(0.5 * np.pi * np.linspace(0.0, 1.0, _FILM_POINTS)) * last
-    rings = np.append(np.sin(0.5 * np.pi * (np.arange(_RINGS - 1) + 0.5) / (_RINGS - 1)), 1.0)
-    turns = np.linspace(0.0, np.pi, _TURNS)
-    places, rings, turns = (a.ravel() for a in np.meshgrid(radii, rings, turns, indexing="ij"))
-    pupil = np.stack([rings * np.cos(turns), rings * np.sin(turns)], axis=1)
-
-    def one(place: Array, pupil: Array) -> TracedRays:
-        tangents = jnp.stack([place * lens.film_step, jnp.zeros_like(place)])
-        film_point = camera.principal_point - camera.focal_px * tangents
-        aim = lens.aim(camera, film_point, pupil)
-        x, y = aim.tangents
-        film = lens.film_scale * x, lens.film_scale * y
-        start, way = way_from_film(lens.prescription, lens.film_place, film, aim.target)
-        found, points = trace_path(lens.prescription, lens.indices, start, way, backward=True)
-        line = exit_line(found.position, found.direction, lens.entrance_pupil)
-        slope, crossing = (jnp.stack(pair) for pair in line)
-        squares = (points[:, 0] ** 2 + points[:, 1] ** 2) / lens.prescription.semi_diameters**2
-        there = (found.clearance > 0.5 * BLOCKED) & (slope @ slope < STEEPEST**2)
-        near = jnp.where(found.clearance > -_BESIDE, 1.0, _LITTLE)
-        rim = jnp.where(squares.max() < 1.5, 1.0, _LITTLE)
-        weights = [jnp.where(there, weight, 0.0) for weight in (near, rim)]
-        beyond = slope + jnp.stack([x, y])
-        return TracedRays(aim.tangents, aim.target, beyond, crossing, squares, *weights)
-
-    return jax.vmap(one)(jnp.asarray(places, dtype=dtype), jnp.asarray(pupil, dtype=dtype))
 
 
 def unfitted(lens: AbstractLens) -> PrescriptionLens:

@@ -14,8 +14,9 @@ from jaxtyping import Array, Float
 from focusjax._arguments import real_number, require_kind
 from focusjax._words import shown
 from focusjax.geometry import Camera
+from focusjax.lens._all_sides import find_all_around, is_round
 from focusjax.lens._aperture import AbstractAperture, Disk
-from focusjax.lens._film import RINGS, film_for
+from focusjax.lens._film import GOLDEN_ANGLE, RINGS, film_for
 from focusjax.lens._prescription import PrescriptionLens
 from focusjax.lens._pupils import Pupils, find_pupils, from_film, openness
 from focusjax.lens._ray_bounds import STEEPEST, RayBounds, find_bounds
@@ -73,7 +74,8 @@ def prescription_lens(
     Raises:
         ValueError: a lens without real images, an opening beyond the prescription's, a focus distance that
             takes the film into the lens or to infinity, an unknown way to focus, a group that cannot focus
-            there, or a fisheye whose frame looks farther than 80 degrees from the axis.
+            there, blades or a mask in a lens with a height field, or a fisheye whose frame looks farther than
+            80 degrees from the axis.
 
     Example:
         >>> from focusjax.geometry import look_at
@@ -90,6 +92,11 @@ def prescription_lens(
     opening = Disk() if aperture is None else aperture
     remedy = "`polygon`, `obstructed`, `apodized`, `squeezed` and `mask` make one"
     require_kind(opening, AbstractAperture, "prescription_lens(aperture=)", remedy, "aperture")
+    if not (is_round(lens) or isinstance(opening, Disk)):
+        raise ValueError(
+            f"{lens.name} has a height field, whose stop is round, and the aperture is a"
+            f" {type(opening).__name__}; give a disk"
+        )
     made = focused_lens(
         lens, camera, disparity, focus=focus, breathing=breathing, falloff=falloff, aperture=opening
     )
@@ -218,7 +225,7 @@ def _placed(
     again.
     """
     pupils, bounds = _seen(prescription, indices, film, scale, pupil, step)
-    is_round = isinstance(aperture, Disk)
+    round_stop = isinstance(aperture, Disk)
     lens = PrescriptionLens(
         prescription=prescription,
         indices=indices,
@@ -230,7 +237,7 @@ def _placed(
         pupils=pupils,
         bounds=bounds,
         aperture=aperture,
-        stop_map=None if is_round else _mapped(prescription, indices, film, scale, step, pupils),
+        stop_map=None if round_stop else _mapped(prescription, indices, film, scale, step, pupils),
         exposure=jnp.ones_like(film),
         falloff=falloff,
         focus="traced",
@@ -250,8 +257,11 @@ def _seen(
 ) -> tuple[Pupils, RayBounds]:
     """Pupils of the film radii that are kept, and bounds of their rays."""
     radii = _film_radii(step, indices.dtype)
-    pupils = find_pupils(prescription, indices, film, scale * radii)
-    bounds = find_bounds(prescription, indices, film, scale, pupil, pupils, radii)
+    if is_round(prescription):
+        pupils = find_pupils(prescription, indices, film, scale * radii)
+        bounds = find_bounds(prescription, indices, film, scale, pupil, pupils, radii)
+    else:
+        pupils, bounds = find_all_around(prescription, indices, film, scale, pupil, radii)
     return jax.tree.map(lambda leaf: leaf[::2], pupils), bounds
 
 
@@ -273,7 +283,7 @@ def _mapped(
 def _light_on_axis(lens: PrescriptionLens) -> Float[Array, ""]:
     """What the opening lets through to the middle of the film, in mm^2."""
     dtype = lens.indices.dtype
-    points = _rings(dtype)
+    points = _rings(dtype, GOLDEN_ANGLE * (not is_round(lens.prescription)))
     if not isinstance(lens.aperture, Disk):
         points = jax.vmap(lens.aperture.point)(_square(dtype))
 
@@ -291,10 +301,14 @@ def _film_radii(step: Float[Array, ""], dtype: jnp.dtype) -> Float[Array, " k"]:
     return 0.5 * step * jnp.arange(2 * _RADII - 1, dtype=dtype)
 
 
-def _rings(dtype: jnp.dtype) -> Float[Array, "r 2"]:
-    """A point of each of many rings of equal area: on the axis it stands for all of that."""
-    radii = jnp.sqrt((jnp.arange(RINGS, dtype=dtype) + 0.5) / RINGS)
-    return jnp.stack([radii, jnp.zeros_like(radii)], axis=1)
+def _rings(dtype: jnp.dtype, turn: float) -> Float[Array, "r 2"]:
+    """A point of each of many rings of equal area, each turned on from the last by `turn` radians.
+
+    On the axis of a lens that is the same all around a point stands for all of its ring.
+    """
+    number = jnp.arange(RINGS, dtype=dtype)
+    radii = jnp.sqrt((number + 0.5) / RINGS)
+    return jnp.stack([radii * jnp.cos(turn * number), radii * jnp.sin(turn * number)], axis=1)
 
 
 def _square(dtype: jnp.dtype) -> Float[Array, "s 2"]:

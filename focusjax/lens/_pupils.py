@@ -6,7 +6,7 @@ corners. The place of the greatest clearance is found by narrowing a search alon
 region's rim from there by bisection, and an ellipse around it is what rays are spread over. So few are lost.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -46,6 +46,24 @@ class Pupils(eqx.Module):
     open: Bool[Array, " k"]
 
 
+class Turn(NamedTuple):
+    """A turn about the axis, after a mirroring across it, by which lenses are seen from all sides."""
+
+    cosine: Float[Array, ""]
+    sine: Float[Array, ""]
+    side: Float[Array, ""]
+    """1, or -1 to mirror."""
+
+    def __call__(self, x: Float[Array, ""], y: Float[Array, ""]) -> Pair:
+        """A vector turned."""
+        across = self.side * y
+        return self.cosine * x - self.sine * across, self.sine * x + self.cosine * across
+
+    def back(self, x: Float[Array, ""], y: Float[Array, ""]) -> Pair:
+        """A vector turned back."""
+        return self.cosine * x + self.sine * y, self.side * (self.cosine * y - self.sine * x)
+
+
 def from_film(
     lens: Prescription,
     indices: Float[Array, " n_plus_1"],
@@ -83,13 +101,19 @@ def find_pupils(
     indices: Float[Array, " n_plus_1"],
     film_distance: Float[Array, ""],
     heights: Float[Array, " k"],
+    turn: Turn | None = None,
 ) -> Pupils:
-    """The openings seen from film points at `heights` (mm, increasing from 0). They carry no derivatives."""
+    """The openings seen from film points at `heights` (mm, increasing from 0). They carry no derivatives.
+
+    Film points are along the x axis, or where a `turn` takes it.
+    """
+    turned = (lambda x, y: (x, y)) if turn is None else turn
     lens, indices, film_distance, heights = jax.lax.stop_gradient((lens, indices, film_distance, heights))
     reach = 1.5 * lens.semi_diameters[-1]
 
     def clearance(height: Array, x: Array, y: Array) -> Array:
-        ray, _ = from_film(lens, indices, film_distance, (height, jnp.zeros_like(height)), (x, y))
+        film = turned(height, jnp.zeros_like(height))
+        ray, _ = from_film(lens, indices, film_distance, film, turned(x, y))
         return ray.clearance
 
     def find(height: Array) -> tuple[Array, Array, Array]:

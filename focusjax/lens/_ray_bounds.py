@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from focusjax.lens._length import Pair
-from focusjax.lens._pupils import Pupils, from_film, openness, turns
+from focusjax.lens._pupils import Pupils, Turn, from_film, openness, turns
 from focusjax.optics import Prescription
 
 STEEPEST = 6.0
@@ -72,8 +72,14 @@ def find_bounds(
     entrance_pupil: Float[Array, ""],
     pupils: Pupils,
     radii: Float[Array, " k"],
+    turn: Turn | None = None,
 ) -> RayBounds:
-    """Of `radii` (tangents, in equal steps, an odd number of them), every other one; see `RayBounds`."""
+    """Of `radii` (tangents, in equal steps, an odd number of them), every other one; see `RayBounds`.
+
+    Film points are along the x axis, or where a `turn` takes it.
+    """
+    turned = (lambda x, y: (x, y)) if turn is None else turn
+    back = (lambda x, y: (x, y)) if turn is None else turn.back
 
     def one(radius: Array, inside: Array, rim: Array) -> tuple[Array, ...]:
         angles = turns(rim.dtype)[None]
@@ -81,13 +87,13 @@ def find_bounds(
         rings = share * rim[None]
         x, y = inside + rings * jnp.cos(angles), rings * jnp.sin(angles)
         area = jnp.where(share < 1.0, rim[None] ** 2, 0.0)
-        film = (-film_scale * radius, jnp.zeros_like(radius))
+        film = turned(-film_scale * radius, jnp.zeros_like(radius))
 
         def ray(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
             # Film points are on the negative side here, so that they look to the positive one.
-            found, _ = from_film(lens, indices, film_distance, film, (-x, y))
+            found, _ = from_film(lens, indices, film_distance, film, turned(-x, y))
             line = exit_line(found.position, found.direction, entrance_pupil)
-            slope, crossing = (jnp.stack(pair) for pair in line)
+            slope, crossing = (jnp.stack(back(*pair)) for pair in line)
             flat = slope @ slope < STEEPEST**2
             open_ = openness(found.clearance + 1e-3)
             return slope, crossing * 1e-3, open_ * flat, open_ * ~flat

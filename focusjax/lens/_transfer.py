@@ -11,9 +11,11 @@ C t + D T, and the square of its distance from the axis on a surface is a number
 u, v and w (Hopkins 1950). These functions are smooth, also where rims cut light off: a rim passes a ray where
 that square is less than its own. So they are fitted by polynomials of a total degree n, which is the
 aberrations of order 2 n + 1, of (n + 1) (n + 2) (n + 3) / 6 terms each, by least squares over rays that are
-traced through the glass.
+traced through the glass. Of other lenses see `_uneven_transfer`.
 """
 
+import abc
+import functools
 import itertools
 from collections.abc import Sequence
 
@@ -29,16 +31,58 @@ _LEAST_SQUARE = 1e-3
 """Squares below it are taken for it: the root is steep there, and everything open."""
 
 
-class Transfer(eqx.Module):
-    """Polynomials that stand for a lens.
+class AbstractTransfer(eqx.Module):
+    """Polynomials that a lens's rays are traced by.
 
     Attributes:
         film: 1 over the largest tangent of film points.
         lean: mm by which the openings of the outermost film points are off the axis.
         pupil: 1 over the largest distance in mm of a target from there.
-        lines: coefficients [4, m] of A and B, in tangents, and of C and D, in mm.
+        lines: coefficients [4, m] of four functions that give slope and crossing.
         rims: coefficients [k, m] of the squares, over those of the rims that cut rays off.
         degree: the total degree n (static).
+    """
+
+    film: eqx.AbstractVar[Float[Array, ""]]
+    lean: eqx.AbstractVar[Float[Array, ""]]
+    pupil: eqx.AbstractVar[Float[Array, ""]]
+    lines: eqx.AbstractVar[Float[Array, "4 m"]]
+    rims: eqx.AbstractVar[Float[Array, "k m"]]
+    degree: eqx.AbstractVar[int]
+
+    @abc.abstractmethod
+    def __call__(self, tangents: Pair, target: Pair) -> tuple[Pair, Pair, Float[Array, ""]]:
+        """Where the ray from a film point to a target goes.
+
+        Returns:
+            its slopes beyond those of the pinhole's ray, where in mm it crosses the entrance pupil, and its
+            least clearance of the rims.
+        """
+
+    def functions(self, *variables: Float[Array, ""]) -> tuple[list[Array], Float[Array, ""]]:
+        """The four functions at a ray's variables, and its least clearance of the rims."""
+        # One after the other: XLA for CPU would else work each out anew for every number that it is part of,
+        # and compile as many.
+        rows = jnp.concatenate([self.lines, self.rims])
+        *lines, squares = jnp.split(
+            jax.lax.map(lambda row: polynomial(row, self.degree, *variables), rows), [1, 2, 3, 4]
+        )
+        farthest = jnp.full_like(variables[0], _LEAST_SQUARE)
+        for square in squares:
+            farthest = jnp.maximum(farthest, square)
+        return [line[0] for line in lines], 1.0 - jnp.sqrt(farthest)
+
+
+class Transfer(AbstractTransfer):
+    """The polynomials of a lens that is the same all around its axis, in u, v and w.
+
+    Attributes:
+        film: as of `AbstractTransfer`.
+        lean: likewise.
+        pupil: likewise.
+        lines: coefficients [4, m] of A and B, in tangents, and of C and D, in mm.
+        rims: as of `AbstractTransfer`.
+        degree: likewise (static).
     """
 
     film: Float[Array, ""]
@@ -49,28 +93,14 @@ class Transfer(eqx.Module):
     degree: int = eqx.field(static=True)
 
     def __call__(self, tangents: Pair, target: Pair) -> tuple[Pair, Pair, Float[Array, ""]]:
-        """Where the ray from a film point to a target goes.
-
-        Returns:
-            its slopes beyond those of the pinhole's ray, where in mm it crosses the entrance pupil, and its
-            least clearance of the rims.
-        """
         t, T = shares(self.film, self.lean, self.pupil, tangents, target)
-        u, v, w = invariants(t, T)
-        # One after the other: XLA for CPU would else work each out anew for every number that it is part of,
-        # and compile as many.
-        rows = jnp.concatenate([self.lines, self.rims])
-        A, B, C, D, *squares = jax.lax.map(lambda row: polynomial(row, self.degree, u, v, w), rows)
-        farthest = jnp.full_like(A, _LEAST_SQUARE)
-        for square in squares:
-            farthest = jnp.maximum(farthest, square)
+        (A, B, C, D), clearance = self.functions(*invariants(t, T))
         (x, y), (X, Y) = t, T
-        slope, crossing = (A * x + B * X, A * y + B * Y), (C * x + D * X, C * y + D * Y)
-        return slope, crossing, 1.0 - jnp.sqrt(farthest)
+        return (A * x + B * X, A * y + B * Y), (C * x + D * X, C * y + D * Y), clearance
 
 
 class TracedRays(eqx.Module):
-    """Rays of film points on the x axis, half of them, as the mirror images are the others.
+    """Rays through the glass that polynomials are fitted to.
 
     Attributes:
         tangents: film points, x and y [r].
@@ -97,27 +127,39 @@ def shares(film: Array, lean: Array, pupil: Array, tangents: Pair, target: Pair)
     return (x, y), ((target[0] - lean * x) * pupil, (target[1] - lean * y) * pupil)
 
 
+def placed(
+    film: Float[Array, ""], lean: Float[Array, ""], pupil: Float[Array, ""], rays: TracedRays
+) -> tuple[tuple[Array, Array, Array], TracedRays, tuple[tuple[Array, Array], tuple[Array, Array]]]:
+    """The scales, and the rays with their vectors t and T, without derivatives by where rays are."""
+    rays = eqx.tree_at(
+        lambda r: (r.tangents, r.target, r.line_weight, r.rim_weight),
+        rays,
+        replace_fn=jax.lax.stop_gradient,
+    )
+    scales = jax.lax.stop_gradient((film, lean, pupil))
+    return scales, rays, jax.vmap(lambda a, b: shares(*scales, a, b))(rays.tangents, rays.target)
+
+
 def invariants(t: Pair, T: Pair) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
     """2 u - 1, v and 2 w - 1: each between -1 and 1."""
     (x, y), (X, Y) = t, T
     return 2.0 * (x * x + y * y) - 1.0, x * X + y * Y, 2.0 * (X * X + Y * Y) - 1.0
 
 
-def terms(degree: int) -> list[tuple[int, ...]]:
-    """Exponents of u, v and w in the order of coefficients: lower total degrees first."""
-    powers = itertools.product(range(degree + 1), repeat=3)
+def terms(degree: int, variables: int = 3) -> list[tuple[int, ...]]:
+    """Exponents of the variables in the order of coefficients: lower total degrees first."""
+    powers = itertools.product(range(degree + 1), repeat=variables)
     return sorted((each for each in powers if sum(each) <= degree), key=lambda each: (sum(each), each))
 
 
 def polynomial(
-    coefficients: Float[Array, " m"],
-    degree: int,
-    u: Float[Array, ""],
-    v: Float[Array, ""],
-    w: Float[Array, ""],
+    coefficients: Float[Array, " m"], degree: int, *variables: Float[Array, ""]
 ) -> Float[Array, ""]:
-    """By Horner's rule in u, for each power of it in v, and so on: one multiplication for each term."""
-    number = {each: place for place, each in enumerate(terms(degree))}
+    """By Horner's rule in the first variable, for each power of it in the next, and so on.
+
+    That is one multiplication for each term.
+    """
+    number = {each: place for place, each in enumerate(terms(degree, len(variables)))}
 
     def along(fixed: tuple[int, ...], variables: tuple[Array, ...]) -> Array:
         if not variables:
@@ -128,7 +170,7 @@ def polynomial(
             total = total * variables[0] + along((*fixed, power), variables[1:])
         return total
 
-    return along((), (u, v, w))
+    return along((), variables)
 
 
 def fit_transfers(
@@ -142,13 +184,7 @@ def fit_transfers(
 
     Differentiable by what the rays do; where they are, and what counts how much, is taken as it is.
     """
-    rays = eqx.tree_at(
-        lambda r: (r.tangents, r.target, r.line_weight, r.rim_weight),
-        rays,
-        replace_fn=jax.lax.stop_gradient,
-    )
-    film, lean, pupil = jax.lax.stop_gradient((film, lean, pupil))
-    t, T = jax.vmap(lambda a, b: shares(film, lean, pupil, a, b))(rays.tangents, rays.target)
+    (film, lean, pupil), rays, (t, T) = placed(film, lean, pupil, rays)
     place = jnp.stack(jax.vmap(invariants)(t, T), axis=1)
     table = jax.vmap(lambda each: monomials(each, degrees[-1]))(place)
     # Columns of A and of B in turns, those of lower degrees first: then the first few columns are those of
@@ -160,8 +196,8 @@ def fit_transfers(
     wanted = jnp.concatenate([jnp.stack([rays.slope[:, k], rays.crossing[:, k]], axis=1) for k in range(2)])
     sizes = [len(terms(degree)) for degree in degrees]
     weight = jnp.concatenate([rays.line_weight] * 2)
-    lines = _least_squares(jnp.concatenate(along), wanted, weight, [2 * size for size in sizes])
-    rims = _least_squares(table, rays.squares, rays.rim_weight, sizes)
+    lines = least_squares(jnp.concatenate(along), wanted, weight, [2 * size for size in sizes])
+    rims = least_squares(table, rays.squares, rays.rim_weight, sizes)
     found = []
     for degree, (line, line_rest), (rim, rim_rest) in zip(degrees, lines, rims, strict=True):
         columns = line.T.reshape(2, -1, 2).swapaxes(1, 2).reshape(4, -1)
@@ -171,16 +207,17 @@ def fit_transfers(
     return found
 
 
-def monomials(place: Float[Array, "3"], degree: int) -> Float[Array, " m"]:
-    """All terms, without coefficients."""
+def monomials(place: Float[Array, " v"], degree: int) -> Float[Array, " m"]:
+    """All terms in the variables of a `place`, without coefficients."""
     powers = [jnp.ones_like(place)]
     for _ in range(degree):
         powers.append(powers[-1] * place)
-    table, (u, v, w) = jnp.stack(powers), np.asarray(terms(degree)).T
-    return table[u, 0] * table[v, 1] * table[w, 2]
+    table, exponents = jnp.stack(powers), np.asarray(terms(degree, len(place))).T
+    factors = (table[power, variable] for variable, power in enumerate(exponents))
+    return functools.reduce(jnp.multiply, factors)
 
 
-def _least_squares(
+def least_squares(
     matrix: Float[Array, "r m"], wanted: Float[Array, "r k"], weight: Float[Array, " r"], sizes: list[int]
 ) -> list[tuple[Float[Array, "_ k"], Float[Array, "r k"]]]:
     """The solution by the first columns alone, for some numbers of them, and what it leaves."""

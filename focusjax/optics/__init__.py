@@ -18,6 +18,9 @@ from focusjax.optics._glass import air as air
 from focusjax.optics._group import focused_by_group as focused_by_group
 from focusjax.optics._group import shifted_group as shifted_group
 from focusjax.optics._height_field import HeightField as HeightField
+from focusjax.optics._height_lens import height_field as height_field
+from focusjax.optics._height_lens import height_field_lens as height_field_lens
+from focusjax.optics._height_lens import put_ahead as put_ahead
 from focusjax.optics._lens_text import LensFileError as LensFileError
 from focusjax.optics._load import LENS_FILES as LENS_FILES
 from focusjax.optics._load import PRESETS as PRESETS

@@ -11,12 +11,15 @@ from jaxtyping import Array, Float
 
 from focusjax._arguments import real_number, require_kind
 from focusjax.optics._glass import FRAUNHOFER, AbstractGlass, air
+from focusjax.optics._height_field import HeightField
 from focusjax.optics._surfaces import AbstractSurface, Conic, EvenAsphere, sphere
 
 _AIR = 1e-3
 """By which the index of air may differ from 1."""
 _EDGE = 1e-9
 """By which the square of a semi-diameter may go beyond its surface, as numbers are rounded."""
+_DIRECTIONS = 32
+"""Around the axis, in which surfaces that are not of revolution are looked at."""
 CROSSING = 1e-6
 """Millimetres that surfaces may seem to cross by, since files give rounded numbers."""
 
@@ -252,8 +255,11 @@ def check_surfaces(lens: Prescription) -> None:
                 )
     shares = np.linspace(0.0, 1.0, 33)
     for number, (surface, following) in enumerate(zip(lens.surfaces, lens.surfaces[1:], strict=False)):
-        across = shares * radii[number : number + 2].min()
-        gap = gap_between(surface, following, float(lens.thicknesses[number]), across)
+        uneven = isinstance(surface, HeightField) or isinstance(following, HeightField)
+        directions = _DIRECTIONS if uneven else 1
+        across = np.repeat(shares, directions) * radii[number : number + 2].min()
+        angles = np.tile(np.linspace(0.0, 2.0 * np.pi, directions, endpoint=False), len(shares))
+        gap = gap_between(surface, following, float(lens.thicknesses[number]), across, angles)
         if not gap.min() >= -CROSSING:
             raise SurfaceError(
                 lens.name,
@@ -265,14 +271,21 @@ def check_surfaces(lens: Prescription) -> None:
 
 
 def gap_between(
-    surface: AbstractSurface, following: AbstractSurface, thickness: float, across: Float[np.ndarray, " r"]
+    surface: AbstractSurface,
+    following: AbstractSurface,
+    thickness: float,
+    across: Float[np.ndarray, " r"],
+    angles: Float[np.ndarray, " r"] | float = 0.0,
 ) -> Float[np.ndarray, " r"]:
-    """Millimetres along the axis from one surface to the next, so far `across` from it; negative beyond."""
-    at = jnp.asarray(across, dtype=float)
-    before, after = (np.asarray(_sags(one, at)) for one in (surface, following))
+    """Millimetres along the axis from one surface to the next, so far `across` from it; negative beyond.
+
+    Places are at `angles` around the axis in radians, from x.
+    """
+    places = [jnp.asarray(across * turned, dtype=float) for turned in (np.cos(angles), np.sin(angles))]
+    before, after = (np.asarray(_sags(one, *places)) for one in (surface, following))
     return thickness + after - before
 
 
 @eqx.filter_jit
-def _sags(surface: AbstractSurface, across: Float[Array, " r"]) -> Float[Array, " r"]:
-    return jax.vmap(surface.sag)(across, jnp.zeros_like(across))
+def _sags(surface: AbstractSurface, x: Float[Array, " r"], y: Float[Array, " r"]) -> Float[Array, " r"]:
+    return jax.vmap(surface.sag)(x, y)

@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float
 
 Real = Float[Array, ""]
 _NEWTON_STEPS = 8
-_MET = 1e-3
+MET = 1e-3
 """Millimetres from the surface within which the search for it has succeeded; usually it is at rounding."""
 _EDGE = 1e-6
 
@@ -165,7 +165,7 @@ def newton(
     fixed = jax.lax.fori_loop(0, _NEWTON_STEPS, step, start)
     distance = step(0, step(0, jax.lax.stop_gradient(fixed)))
     off = distance * w - surface.sag(x + distance * u, y + distance * v)
-    met = jnp.abs(off) < _MET
+    met = jnp.abs(off) < MET
     return jnp.where(met, distance, 0.0), met
 
 

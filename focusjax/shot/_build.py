@@ -93,7 +93,7 @@ def build_shot(config: Config, scene: MovingScene | None = None) -> Shot:
             options=options,
             held=held,
             surface=_surface(config, table, still),
-            glass=None if config.lens.prescription is None else partial(_through_glass, track),
+            glass=None if config.lens.real is None else partial(_through_glass, track),
             look=partial(_look, track) if keyed_look else None,
             camera_at=camera_at,
         )

@@ -114,7 +114,7 @@ def table(plan: StackPlan) -> str:
 
 def _planned(config: Config, f_number: float | None) -> StackPlan:
     lens = config.lens
-    for key in ("tilt_deg", "swing_deg", "focal_surface", "prescription"):
+    for key in ("tilt_deg", "swing_deg", "focal_surface", "prescription", "height_field"):
         if getattr(lens, key):
             raise ConfigError(
                 f"{config.source}: there is lens.{key}, and stacks are planned for a thin lens that is not"

@@ -25,7 +25,7 @@ def _whole_object(config: Config) -> Config | None:
 
 
 def _tilted(config: Config) -> Config | None:
-    if not config.focus or "tilt" in config.solve.free or config.lens.prescription is not None:
+    if not config.focus or "tilt" in config.solve.free or config.lens.real is not None:
         return None
     if config.lens.focal_surface is not None:
         return None

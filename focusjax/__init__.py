@@ -83,6 +83,8 @@ if TYPE_CHECKING:
     from focusjax.lens import PrescriptionLens as PrescriptionLens
     from focusjax.lens import ThinLens as ThinLens
     from focusjax.lens import TiltShiftLens as TiltShiftLens
+    from focusjax.lens import LensSettings as LensSettings
+    from focusjax.lens import close_focus_lens as close_focus_lens
     from focusjax.lens import depth_of_field_lens as depth_of_field_lens
     from focusjax.lens import fitted_lens as fitted_lens
     from focusjax.lens import focal_surface as focal_surface
@@ -207,6 +209,8 @@ _NAMES = {
         "PrescriptionLens",
         "ThinLens",
         "TiltShiftLens",
+        "LensSettings",
+        "close_focus_lens",
         "depth_of_field_lens",
         "fitted_lens",
         "focal_surface",

@@ -80,10 +80,10 @@ if TYPE_CHECKING:
     from focusjax.lens import FittedLens as FittedLens
     from focusjax.lens import FocalSurface as FocalSurface
     from focusjax.lens import FocalSurfaceLens as FocalSurfaceLens
+    from focusjax.lens import LensSettings as LensSettings
     from focusjax.lens import PrescriptionLens as PrescriptionLens
     from focusjax.lens import ThinLens as ThinLens
     from focusjax.lens import TiltShiftLens as TiltShiftLens
-    from focusjax.lens import LensSettings as LensSettings
     from focusjax.lens import close_focus_lens as close_focus_lens
     from focusjax.lens import depth_of_field_lens as depth_of_field_lens
     from focusjax.lens import fitted_lens as fitted_lens

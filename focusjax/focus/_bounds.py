@@ -105,12 +105,8 @@ class Limits(eqx.Module):
         radius = [length / (2.0 * number) for number in self.f_number]
         zoom = [end / length for end in self.focal_length]
         return Box(
-            lower=jnp.stack(
-                [focus[0], radius[1], up[1], right[0], zoom[0], self.shift[0], self.rise[0]]
-            ),
-            upper=jnp.stack(
-                [focus[1], radius[0], up[0], right[1], zoom[1], self.shift[1], self.rise[1]]
-            ),
+            lower=jnp.stack([focus[0], radius[1], up[1], right[0], zoom[0], self.shift[0], self.rise[0]]),
+            upper=jnp.stack([focus[1], radius[0], up[0], right[1], zoom[1], self.shift[1], self.rise[1]]),
         )
 
 

@@ -171,9 +171,7 @@ def close_focus_lens(
     if close_focus == "framing":
         checked = thin_lens(focus_distance=focus_distance, aperture_radius=0.0)
         length = length / (1.0 + length * checked.focus_disparity)
-    lens = thin_lens(
-        focus_distance=focus_distance, focal_length=length, f_number=f_number, aperture=aperture
-    )
+    lens = thin_lens(focus_distance=focus_distance, focal_length=length, f_number=f_number, aperture=aperture)
     return at_image_distance(camera, lens.focus_disparity, close_focus), lens
 
 

@@ -57,8 +57,8 @@ def refuse_close_focus(config: Config, what: str) -> None:
     model = config.lens.close_focus
     if model != "ignored":
         raise ConfigError(
-            f"{config.source}: lens.close_focus is {model!r}, which {what} does not have; leave it out, or use"
-            " `focusjax run`"
+            f"{config.source}: lens.close_focus is {model!r}, which {what} does not have; leave it out, or"
+            " use `focusjax run`"
         )
 
 

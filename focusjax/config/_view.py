@@ -183,7 +183,7 @@ class LensTable(Look):
             "tilt_deg": "tilt_deg, with which the image distance is another from place to place",
             "swing_deg": "swing_deg, with which the image distance is another from place to place",
             "aperture_radius_mm": "aperture_radius_mm, which says nothing of the f-number; give f_number",
-            "sharp_from_m": "sharp_from_m, which is for a lens without it; give f_number and focus_distance_m",
+            "sharp_from_m": "sharp_from_m, which is found without it; give f_number and focus_distance_m",
             "profile": "a profile, which is for one focal length and distance",
         }
         stands = [key for key in why if getattr(self, key) != type(self).model_fields[key].default]
@@ -191,13 +191,13 @@ class LensTable(Look):
             raise ValueError(f"has close_focus = {self.close_focus!r} and {why[stands[0]]}; leave one out")
         if self.seidel is not None and self.seidel.in_unit("um"):
             raise ValueError(
-                f"has close_focus = {self.close_focus!r} and Seidel coefficients in micrometres, which are for"
-                " a lens without it; give them in pixels"
+                f"has close_focus = {self.close_focus!r} and Seidel coefficients in micrometres, which are"
+                " for a lens without it; give them in pixels"
             )
         if self.colour is not None and self.colour.glass is not None:
             raise ValueError(
-                f"has close_focus = {self.close_focus!r} and colour.glass, which is for one focal length; give"
-                " colour.focus_offset"
+                f"has close_focus = {self.close_focus!r} and colour.glass, which is for one focal length;"
+                " give colour.focus_offset"
             )
         return self
 

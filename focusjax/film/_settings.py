@@ -142,7 +142,8 @@ def settings_through(
             has its image; not of a real lens.
 
     Raises:
-        ValueError: as `camera_settings`; a model of close focus for a real lens; a lens focused within its focal length; a pinhole.
+        ValueError: as `camera_settings`; a model of close focus for a real lens; a lens focused within its
+            focal length; a pinhole.
 
     Example:
         >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
@@ -159,8 +160,8 @@ def settings_through(
     if close_focus != "ignored":
         if isinstance(lens, PrescriptionLens):
             raise ValueError(
-                f"close_focus is {close_focus!r} and the lens is a PrescriptionLens, whose glass says what light"
-                " is lost; leave close_focus out"
+                f"close_focus is {close_focus!r} and the lens is a PrescriptionLens, whose glass says what"
+                " light is lost; leave close_focus out"
             )
         found = lens_settings(camera, lens, close_focus)
         values = float(found.f_number), float(found.magnification)

@@ -51,8 +51,8 @@ def checked_close_focus(
         )
     if isinstance(lens, TiltShiftLens):
         raise ArgumentError(
-            f"close_focus is {close_focus!r} and the lens is a TiltShiftLens, which has another image distance"
-            " at every tilt; use a ThinLens, or leave close_focus out",
+            f"close_focus is {close_focus!r} and the lens is a TiltShiftLens, which has another image"
+            " distance at every tilt; use a ThinLens, or leave close_focus out",
             "close_focus",
         )
     if "focus" in priors:

@@ -1,23 +1,23 @@
 """Close focus: what image distance, f-number and framing have to do with each other near the lens.
 
-A thin lens of focal length F that is focused on disparity w_f has its image at s = F / (1 - F w_f), in the
-magnification m = s w_f. With an entrance pupil of radius A = F / (2 N), N the f-number that is set, a point at
-disparity w is blurred on the sensor over a circle of the diameter
+A thin lens of focal length F that is focused on disparity w_f has its image at s = F / (1 - F w_f), with the
+magnification m = s w_f. With an entrance pupil of radius A = F / (2 N), N the f-number that is set, the
+circle of confusion of a point at disparity w has on the sensor the diameter
 
-    2 s A |w_f - w| = F / N |s (w_f - w)|        (Lee09 eq. 1 and 3, 2006 eq. 5, Kyaw 2013 eq. 5.4).
+    2 s A |w_f - w| = F s / N |w_f - w|        (Lee09 eq. 1 and 3, 2006 eq. 5, Kyaw 2013 eq. 5.4).
 
-A `Camera` whose focal length is s, with a `ThinLens` of radius A, draws just that. What it calls its f-number,
-s / (2 A) = N (1 + m), is the working f-number, by which the light on the sensor goes. So each model of close
-focus has the same optics, and says what stays as the focus moves:
+A `Camera` whose focal length is s, with a `ThinLens` of radius A, has just this blur. Its `f_number`,
+s / (2 A) = N (1 + m), is the working f-number, which gives the light on the sensor. The models of close focus
+differ in what stays as the focus moves:
 
-- "framing": the image distance, and with it the picture's framing. The focal length F = s / (1 + s w_f) falls,
-  as it does inside a lens of internal focusing.
+- "framing": the image distance, and with it the picture's framing. The focal length F = s / (1 + s w_f)
+  falls, as in a lens of internal focusing.
 - "breathing": the focal length. The lens moves away from the sensor, and the picture grows.
-- "ignored": both, which no lens does; N is s / (2 A), and N (1 + m) exposes, with m by F = s.
+- "ignored": both, which no lens does. N is s / (2 A), and exposure is by N (1 + m) with F = s.
 
-With N held, blur is linear in v = 1 / (d + k), d the focus distance, k = s for framing and -F for breathing:
-v is one over the distance from the sensor, or from the front focal point (Newton). With E = f / (2 N), f the
-stated length,
+With N held, blur is linear in the focus setting v = 1 / (d + k), d the focus distance, k = s for framing and
+-F for breathing: v is one over the distance from the sensor, or from the front focal point (Newton's form).
+With f the stated length and E = f / (2 N),
 
     blur = 2 f E (v (1 + k w) - w),        w_f = v / (1 - k v).
 """

@@ -44,9 +44,9 @@ def depth_of_field(
     Args:
         camera: with its sensor where the lens has its image.
         lens: whose focus counts on the view axis.
-        close_focus: what stays when the lens is focused on the hyperfocal distance instead. There the range is
-            h (1 + k w_f) with h that of a focus at infinity, so that the distance is 1 / h - k, with k the
-            focal length, below 0, for "breathing", and the image distance for "framing".
+        close_focus: what stays as the focus moves to the hyperfocal distance. Half the range in disparity is
+            h (1 + k w_f), with h that of a focus at infinity, so that this distance is 1 / h - k: k is minus
+            the focal length for "breathing", and the image distance for "framing".
     """
     diagonal_px = math.hypot(camera.width, camera.height)
     circle_px = diagonal_px * DIAGONAL_SHARE

@@ -117,10 +117,14 @@ def movements(outcome: Outcome) -> dict[str, float]:
     """How the lens is turned and slid against the sensor."""
     camera, lens = outcome.camera, outcome.middle_lens
     found = as_tilt_shift(lens).movements(camera)
+    distance = found.image_distance
+    if outcome.config.lens.close_focus != "ignored":
+        # The camera has its sensor there already.
+        distance = outcome.settings.image_distance
     return {
         "tilt_deg": math.degrees(float(found.tilt)),
         "swing_deg": math.degrees(float(found.swing)),
-        "image_distance_mm": 1000 * float(found.image_distance),
+        "image_distance_mm": 1000 * float(distance),
         "hinge_distance_m": float(found.hinge_distance),
         "rise_mm": _millimetres(camera.rise),
         "shift_mm": _millimetres(camera.shift),

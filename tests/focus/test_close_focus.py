@@ -1,4 +1,4 @@
-"""Solves with a model of close focus against searches by the textbook formula, which share no code with them."""
+"""Solves with a model of close focus, against searches by the textbook formula, which share no code."""
 
 import dataclasses
 

@@ -89,6 +89,7 @@ if TYPE_CHECKING:
     from focusjax.lens import fitted_lens as fitted_lens
     from focusjax.lens import focal_surface as focal_surface
     from focusjax.lens import focal_surface_lens as focal_surface_lens
+    from focusjax.lens import lens_settings as lens_settings
     from focusjax.lens import polygon as polygon
     from focusjax.lens import prescription_lens as prescription_lens
     from focusjax.lens import spectral_lens as spectral_lens
@@ -206,15 +207,16 @@ _NAMES = {
         "FittedLens",
         "FocalSurface",
         "FocalSurfaceLens",
+        "LensSettings",
         "PrescriptionLens",
         "ThinLens",
         "TiltShiftLens",
-        "LensSettings",
         "close_focus_lens",
         "depth_of_field_lens",
         "fitted_lens",
         "focal_surface",
         "focal_surface_lens",
+        "lens_settings",
         "polygon",
         "prescription_lens",
         "spectral_lens",

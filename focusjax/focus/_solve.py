@@ -95,8 +95,8 @@ def solve(
             "rise"; limits may be given to these only. Shift and rise move the frame and change neither
             perspective nor blur: wishes for where things are shown (`ShownAt`, `InFrame`) determine them, and
             those for blur do not.
-        min_focus_distance: metres along the view axis, more than the focal length; twice the (longest)
-            focal length when not given.
+        min_focus_distance: metres along the view axis, more than the focal length; life size when not given,
+            which is at twice the (longest) focal length, or for "framing" at the image distance.
         max_focus_distance: metres; infinity when not given.
         f_number_range: smallest and largest f-number; 1 to 32 when not given.
         tilt_range: least and largest tilt in radians, within -pi/2 to pi/2; 45 degrees both ways by default.

@@ -44,7 +44,7 @@ class LensSettings(eqx.Module):
 
     Attributes:
         focal_length: F in metres.
-        image_distance: s in metres, from the lens to the sensor.
+        image_distance: s in metres, from the lens to the sensor; F where close focus is ignored.
         f_number: N, as it is set.
         magnification: m, size of the image over size of the subject, of what is in focus.
 

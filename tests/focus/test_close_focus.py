@@ -1,6 +1,7 @@
 """Solves with a model of close focus, against searches by the textbook formula, which share no code."""
 
 import dataclasses
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -82,7 +83,7 @@ def brute_force(model, places, cost, numbers, near, far):
 def test_the_optimum_of_the_model_is_found(model, free):
     places = np.array([0.16, 0.22, 0.35])
     wishes = ahead((0.16, Blur(12)), (0.22, Sharp()), (0.35, Blur(25)))
-    options = {"f_number_range": (2.8, 22.0)} if "f_number" in free else {}
+    options: dict[str, Any] = {"f_number_range": (2.8, 22.0)} if "f_number" in free else {}
     found = solve(locate(wishes, CAMERA), CAMERA, start_of(model), free=free, close_focus=model, **options)
 
     def cost(blur):
@@ -270,9 +271,9 @@ def test_without_a_model_nothing_changes():
     np.testing.assert_allclose([found.f_number, found.focal_length], [4.0, STATED])
 
 
-def refused(match, *, wishes=None, lens=None, **options):
+def refused(match: str, *, wishes: Any = None, lens: Any = None, **options: Any) -> None:
     points = locate(wishes or ahead((0.2, Sharp())), CAMERA)
-    options = {"close_focus": "breathing"} | options
+    options = {"close_focus": "breathing", **options}
     with pytest.raises(ValueError, match=match):
         solve(points, CAMERA, lens or start_of("breathing"), **options)
 

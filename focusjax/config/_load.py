@@ -106,7 +106,8 @@ class Config(Table):
             "exposure.priority, which weighs f-numbers without it": self.exposure is not None
             and self.exposure.priority is not None,
             "a [shutter], whose camera is framed by keyframes": breathes and self.shutter is not None,
-            "scene.photo, which is framed already; say 'framing'": breathes and self.scene.photo is not None,
+            "scene.photo, which is framed already, as 'framing' leaves it": breathes
+            and self.scene.photo is not None,
             f"{turned[0] if turned else ''!r} in solve.free, where only focus and f_number may be": bool(
                 turned
             ),

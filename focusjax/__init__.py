@@ -80,13 +80,16 @@ if TYPE_CHECKING:
     from focusjax.lens import FittedLens as FittedLens
     from focusjax.lens import FocalSurface as FocalSurface
     from focusjax.lens import FocalSurfaceLens as FocalSurfaceLens
+    from focusjax.lens import LensSettings as LensSettings
     from focusjax.lens import PrescriptionLens as PrescriptionLens
     from focusjax.lens import ThinLens as ThinLens
     from focusjax.lens import TiltShiftLens as TiltShiftLens
+    from focusjax.lens import close_focus_lens as close_focus_lens
     from focusjax.lens import depth_of_field_lens as depth_of_field_lens
     from focusjax.lens import fitted_lens as fitted_lens
     from focusjax.lens import focal_surface as focal_surface
     from focusjax.lens import focal_surface_lens as focal_surface_lens
+    from focusjax.lens import lens_settings as lens_settings
     from focusjax.lens import polygon as polygon
     from focusjax.lens import prescription_lens as prescription_lens
     from focusjax.lens import spectral_lens as spectral_lens
@@ -204,13 +207,16 @@ _NAMES = {
         "FittedLens",
         "FocalSurface",
         "FocalSurfaceLens",
+        "LensSettings",
         "PrescriptionLens",
         "ThinLens",
         "TiltShiftLens",
+        "close_focus_lens",
         "depth_of_field_lens",
         "fitted_lens",
         "focal_surface",
         "focal_surface_lens",
+        "lens_settings",
         "polygon",
         "prescription_lens",
         "spectral_lens",

@@ -22,6 +22,7 @@ from focusjax.focus import (
 from focusjax.lens import depth_of_field
 from focusjax.report import (
     angle,
+    close_focus_sentence,
     f_number,
     glass_facts,
     glass_sentences,
@@ -38,11 +39,13 @@ from focusjax.shot import SETTING_NAMES, SolvedShot
 def print_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     """What a photographer wants to know, in a few lines."""
     lens, camera = outcome.middle_lens, outcome.camera
-    sharp = depth_of_field(camera, lens)
+    sharp = depth_of_field(camera, lens, outcome.config.lens.close_focus)
     console.print(
-        f"[bold]Focus {metres(float(lens.focus_distance()))}, {f_number(float(lens.f_number(camera)))}[/]"
+        f"[bold]Focus {metres(float(lens.focus_distance()))}, {f_number(float(outcome.settings.f_number))}[/]"
         f"  sharp from {metres(sharp.near)} to {metres(sharp.far)}"
     )
+    if (close := close_focus_sentence(outcome)) is not None:
+        say(console, close)
     moved = movements(outcome)
     if moved["tilt_deg"] or moved["swing_deg"]:
         console.print(

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from focusjax import job
-from focusjax.config import Config, ConfigError, build_camera, build_lens, build_scene
+from focusjax.config import Config, ConfigError, build_camera, build_lens, build_scene, refuse_close_focus
 from focusjax.geometry import Camera, make_camera
 from focusjax.lens import Disk, ThinLens, thin_lens
 from focusjax.scene import ConstantBackground, Scene, Shader, constant_background, make_object, make_scene
@@ -107,6 +107,7 @@ def case_from_config(config: Config, size: tuple[int, int] | None = None) -> Cas
         ValueError: as for a run of the config.
     """
     _check_lens(config)
+    refuse_close_focus(config, "a comparison of methods")
     scene = build_scene(config)
     if scene.may_be_seen_through() is not None:
         raise ConfigError(

@@ -32,6 +32,7 @@ from focusjax.config._load import toml_value as toml_value
 from focusjax.config._reach import Reach as Reach
 from focusjax.config._reach import texts as texts
 from focusjax.config._refusals import refusals_located as refusals_located
+from focusjax.config._refusals import refuse_close_focus as refuse_close_focus
 from focusjax.config._render import RenderTable as RenderTable
 from focusjax.config._scene import ObjectTable as ObjectTable
 from focusjax.config._schema import json_schema as json_schema

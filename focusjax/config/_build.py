@@ -24,6 +24,7 @@ from focusjax.geometry import Camera, look_at, make_camera
 from focusjax.lens import (
     ThinLens,
     TiltShiftLens,
+    close_focus_lens,
     depth_of_field_lens,
     thin_lens,
     tilt_shift_lens,
@@ -146,7 +147,7 @@ def build_lens(config: Config, camera: Camera, *, solved: bool) -> ThinLens | Ti
 
     Args:
         config: what to build from.
-        camera: the camera whose focal length makes an f-number a radius.
+        camera: of `build_camera`, whose focal length makes an f-number a radius.
         solved: whether a solve will set the focus distance, so that none has to be given.
 
     Raises:
@@ -168,6 +169,8 @@ def build_lens(config: Config, camera: Camera, *, solved: bool) -> ThinLens | Ti
         raise ConfigError(
             f"{config.source}: lens.focus_distance_m is missing; give it, or solve for it with `focusjax run`"
         )
+    if table.close_focus != "ignored":
+        return _close_focus_lens(config, camera)
     try:
         settings = {
             "focus_distance": math.inf if table.focus_distance_m is None else table.focus_distance_m,
@@ -180,6 +183,23 @@ def build_lens(config: Config, camera: Camera, *, solved: bool) -> ThinLens | Ti
             return thin_lens(**settings)
         angles = math.radians(table.tilt_deg), math.radians(table.swing_deg)
         return tilt_shift_lens(tilt=angles[0], swing=angles[1], **settings)
+    except ValueError as error:
+        raise located(error, config) from error
+
+
+def _close_focus_lens(config: Config, camera: Camera) -> ThinLens:
+    """The lens of a config with a model of close focus."""
+    table = config.lens
+    assert table.f_number is not None
+    distance = math.inf if table.focus_distance_m is None else table.focus_distance_m
+    try:
+        return close_focus_lens(
+            camera,
+            table.close_focus,
+            focus_distance=distance,
+            f_number=table.f_number,
+            aperture=build_aperture(config),
+        )[1]
     except ValueError as error:
         raise located(error, config) from error
 

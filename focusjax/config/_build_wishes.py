@@ -92,6 +92,8 @@ def build_solve_options(config: Config) -> dict[str, Any]:
             (-half if least is None else least) / 1000,
             (half if most is None else most) / 1000,
         )
+    if config.lens.close_focus != "ignored":
+        options["close_focus"] = config.lens.close_focus
     priors = _priors(config)
     return options | ({"priors": priors} if priors else {})
 

@@ -21,6 +21,7 @@ _KEYS = {
     "shift_range": "camera.shift_mm",
     "rise_range": "camera.rise_mm",
     "lens": "lens",
+    "close_focus": "lens.close_focus",
     "smoothness": "lens.focal_surface.smoothness",
 } | {
     f"{name}_range.{end}": f"solve.{name}_{limit}_{unit}"
@@ -41,6 +42,24 @@ def refusals_located(config: Config, wishes: str = "focus") -> Iterator[None]:
         yield
     except ArgumentError as error:
         raise ConfigError(f"{config.source}: {_key(error.argument, config, wishes)}: {error}") from error
+
+
+def refuse_close_focus(config: Config, what: str) -> None:
+    """Refuse a model of close focus where f-numbers and framing are taken to be those without one.
+
+    Args:
+        config: what is asked for.
+        what: does not know of it, such as "the studio".
+
+    Raises:
+        ConfigError: the config has one.
+    """
+    model = config.lens.close_focus
+    if model != "ignored":
+        raise ConfigError(
+            f"{config.source}: lens.close_focus is {model!r}, which {what} does not have; leave it out, or"
+            " use `focusjax run`"
+        )
 
 
 def _key(argument: str, config: Config, wishes: str) -> str:

@@ -11,6 +11,7 @@ from focusjax.config._height_field import HeightFieldTable
 from focusjax.config._look import Look
 from focusjax.config._opening import DiskTable, ImageTable, PolygonTable
 from focusjax.config._values import Millimetres, NotNegative, Number, Positive, Table, Vector
+from focusjax.lens import CloseFocus
 from focusjax.scene import MOST_PIXELS
 
 Row = Annotated[tuple[Number, Number, Number, Number], Strict(False)]
@@ -104,6 +105,11 @@ class LensTable(Look):
     focus_distance_m: Annotated[float, Field(gt=0)] | None = Field(
         default=None, description="the focus distance in metres, for example 2.5, or inf"
     )
+    close_focus: CloseFocus = Field(
+        default="ignored",
+        description='what stays as the focus moves: "framing" or "breathing" (the focal length), or "ignored"'
+        " for both",
+    )
     sharp_from_m: Positive | None = Field(
         default=None, description="the nearest distance in metres to be sharp, instead of f_number and focus"
     )
@@ -176,6 +182,35 @@ class LensTable(Look):
             raise ValueError(
                 f"has n of red, green and blue for {coloured[0]}, and spectral is not true; make it"
                 " so, or give n_d and v_d"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _close_focus_of_a_thin_lens(self) -> "LensTable":
+        """What has another image distance than a thin lens, or is stated for another focal length."""
+        if self.close_focus == "ignored":
+            return self
+        why = {
+            "prescription": "a prescription, whose glass says how image distance and framing change",
+            "focal_surface": "a focal_surface, whose image distance is another from place to place",
+            "tilt_deg": "tilt_deg, with which the image distance is another from place to place",
+            "swing_deg": "swing_deg, with which the image distance is another from place to place",
+            "aperture_radius_mm": "aperture_radius_mm, which says nothing of the f-number; give f_number",
+            "sharp_from_m": "sharp_from_m, which is found without it; give f_number and focus_distance_m",
+            "profile": "a profile, which is for one focal length and distance",
+        }
+        stands = [key for key in why if getattr(self, key) != type(self).model_fields[key].default]
+        if stands:
+            raise ValueError(f"has close_focus = {self.close_focus!r} and {why[stands[0]]}; leave one out")
+        if self.seidel is not None and self.seidel.in_unit("um"):
+            raise ValueError(
+                f"has close_focus = {self.close_focus!r} and Seidel coefficients in micrometres, which are"
+                " for a lens without it; give them in pixels"
+            )
+        if self.colour is not None and self.colour.glass is not None:
+            raise ValueError(
+                f"has close_focus = {self.close_focus!r} and colour.glass, which is for one focal length;"
+                " give colour.focus_offset"
             )
         return self
 

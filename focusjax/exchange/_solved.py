@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from focusjax.config import Config, build_look
+from focusjax.config import Config, build_look, refuse_close_focus
 from focusjax.exchange._early import refuse_a_shot, refuse_early
 from focusjax.exchange._export import TARGETS, Exported, checked_target, write_record
 from focusjax.exchange._fitting import ExportError
@@ -40,6 +40,7 @@ def export_config(
     from focusjax.shot import build_shot, solve_shot
 
     target = checked_target(to, path)
+    refuse_close_focus(config, "an exported camera")
     if shot:
         refuse_a_shot(config)
     if not approximate:

@@ -17,7 +17,7 @@ from focusjax.film._photometry import (
     magnification,
 )
 from focusjax.geometry import Camera
-from focusjax.lens import PrescriptionLens, ThinLens, TiltShiftLens
+from focusjax.lens import CloseFocus, PrescriptionLens, ThinLens, TiltShiftLens, lens_settings
 
 WIDEST_F_NUMBER = 0.5
 """The f-number at which light comes from all sides (Kyaw 2013 section 4.3)."""
@@ -128,6 +128,7 @@ def settings_through(
     time: SupportsFloat,
     iso: SupportsFloat = 100.0,
     transmittance: SupportsFloat = 1.0,
+    close_focus: CloseFocus = "ignored",
 ) -> CameraSettings:
     """`CameraSettings` with the f-number of a lens, and the light that it loses where it is focused.
 
@@ -137,9 +138,12 @@ def settings_through(
         time: seconds.
         iso: arithmetic ISO speed.
         transmittance: of the glass.
+        close_focus: the model in which the f-number is set, for a camera with its sensor where a thin lens
+            has its image; not of a real lens.
 
     Raises:
-        ValueError: as `camera_settings`; a lens focused within its focal length; a pinhole.
+        ValueError: as `camera_settings`; a model of close focus for a real lens; a lens focused within its
+            focal length; a pinhole.
 
     Example:
         >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
@@ -153,6 +157,17 @@ def settings_through(
     number = float(lens.f_number(camera))
     if math.isinf(number):
         raise ValueError("the lens is a pinhole, which has no f-number; open its aperture")
+    if close_focus != "ignored":
+        if isinstance(lens, PrescriptionLens):
+            raise ValueError(
+                f"close_focus is {close_focus!r} and the lens is a PrescriptionLens, whose glass says what"
+                " light is lost; leave close_focus out"
+            )
+        found = lens_settings(camera, lens, close_focus)
+        values = float(found.f_number), float(found.magnification)
+        return camera_settings(
+            f_number=values[0], time=time, iso=iso, transmittance=transmittance, magnification=values[1]
+        )
     # Focused beyond infinity the lens is nearer to the film by next to nothing.
     enlarged = float(magnification(length, max(disparity, 0.0), float(pupils)))
     if not enlarged >= 0.0:

@@ -22,9 +22,12 @@ _PARTLY_OPEN = 0.01
 
 def place_of(asked: Asked) -> tuple[Start, PriorRows, Box, Float[Array, "k"]]:
     """Where a problem starts, its expectations, bounds, and the free parameters at the start."""
-    start = make_start(asked.camera, asked.lens, asked.plan.free, keep_view=asked.plan.keep_view)
-    priors = prior_rows(asked.numbers, asked.plan.free, asked.camera)
-    box = asked.limits.box(asked.camera).columns(start.columns)
+    plan = asked.plan
+    start = make_start(
+        asked.camera, asked.lens, plan.free, keep_view=plan.keep_view, close_focus=plan.close_focus
+    )
+    priors = prior_rows(asked.numbers, plan.free, asked.camera)
+    box = asked.box.columns(start.columns)
     first = jnp.clip(start.vector()[jnp.array(start.columns)], box.lower, box.upper)
     return start, priors, box, first
 
@@ -33,7 +36,7 @@ def basin_of(asked: Asked) -> Basin:
     """Where the best solution is for an ideal lens."""
     start, priors, box, first = place_of(asked)
     if asked.plan.exact:
-        return _exact_basin(asked.points, start, asked.limits.box(asked.camera))
+        return _exact_basin(asked.points, start, asked.box)
     objective = make_objective(asked.points, start, priors)
     return search(objective, first, box, many=asked.plan.many, max_steps=asked.plan.max_steps)
 
@@ -84,9 +87,19 @@ def _exact_basin(points: ImagePoints, start: Start, whole_box: Box) -> Basin:
         # A tilted lens blurs a point as an upright one blurs it elsewhere in depth.
         shift = own.across @ vector[jnp.array([TILT, SWING])]
         points = dataclasses.replace(points, disparity=points.disparity - shift)
+    slope = own.gain
+    if start.scale is not None:
+        # Rows of different gains are rows of one gain with other targets and weights.
+        slope, share = 2.0 * start.camera.focal_px, own.gain / (2.0 * start.camera.focal_px)
+        points = dataclasses.replace(
+            points,
+            disparity=own.disparity,
+            target=points.target / share,
+            weight=points.weight * share**2,
+        )
     first = jnp.stack([jnp.clip(vector[FOCUS], box.lower[0], box.upper[0]), radius])
     scale = scales(start)[jnp.array([FOCUS, RADIUS])]
-    found = jax.lax.stop_gradient(find_optimum(points, own.gain, first, scale, box, free_aperture=count == 2))
+    found = jax.lax.stop_gradient(find_optimum(points, slope, first, scale, box, free_aperture=count == 2))
     return Basin(
         value=found.value[:count],
         side=found.side,

@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike, Float
 from focusjax._arguments import ArgumentError
 from focusjax.focus._checks import require_number
 from focusjax.geometry import Camera
-from focusjax.lens import MAX_TILT
+from focusjax.lens import MAX_TILT, CloseFocus, focus_scale
 
 LOWER_NAMES = (
     "max_focus_distance", "max_f_number", "max_tilt", "min_swing", "min_focal_length",
@@ -93,27 +93,27 @@ class Limits(eqx.Module):
     shift: Ends
     rise: Ends
 
-    def box(self, camera: Camera) -> Box:
+    def box(self, camera: Camera, close_focus: CloseFocus = "ignored") -> Box:
         """The same bounds on the whole vector of parameters."""
         length = camera.focal_length
+        focus = [1.0 / self.far, 1.0 / self.near]
+        if close_focus != "ignored":
+            focus = [focus_scale(camera, close_focus).setting(end) for end in focus]
         # n_y = -sin(tilt) / F and, without tilt, n_x = sin(swing) / F.
         up = [-jnp.sin(angle) / length for angle in self.tilt]
         right = [jnp.sin(angle) / length for angle in self.swing]
         radius = [length / (2.0 * number) for number in self.f_number]
         zoom = [end / length for end in self.focal_length]
         return Box(
-            lower=jnp.stack(
-                [1.0 / self.far, radius[1], up[1], right[0], zoom[0], self.shift[0], self.rise[0]]
-            ),
-            upper=jnp.stack(
-                [1.0 / self.near, radius[0], up[0], right[1], zoom[1], self.shift[1], self.rise[1]]
-            ),
+            lower=jnp.stack([focus[0], radius[1], up[1], right[0], zoom[0], self.shift[0], self.rise[0]]),
+            upper=jnp.stack([focus[1], radius[0], up[0], right[1], zoom[1], self.shift[1], self.rise[1]]),
         )
 
 
 def make_limits(
     camera: Camera,
     *,
+    close_focus: CloseFocus = "ignored",
     min_focus_distance: ArrayLike | None = None,
     max_focus_distance: ArrayLike | None = None,
     f_number_range: Range | None = None,
@@ -146,14 +146,18 @@ def make_limits(
         "a finite length, not below the range's start",
         "focal_length_range.1",
     )
+    # A lens that keeps its image distance as it focuses is never as long as that, nor as its focus distance.
+    kept = close_focus == "framing"
     if min_focus_distance is None:
-        min_focus_distance = LIFE_SIZE * longest
+        min_focus_distance = (1.0 if kept else LIFE_SIZE) * longest
     widest, narrowest = _ends("f_number_range", F_NUMBERS if f_number_range is None else f_number_range)
     near = require_number(
         min_focus_distance,
-        lambda v: (v > longest) & (v < np.inf),
+        lambda v: (v > (0.0 if kept else longest)) & (v < np.inf),
         "minimum focus distance in metres",
-        "a finite distance beyond the focal length; raise it, or use a shorter focal length",
+        "a finite distance above 0"
+        if kept
+        else "a finite distance beyond the focal length; raise it, or use a shorter focal length",
         "min_focus_distance",
     )
     far = require_number(

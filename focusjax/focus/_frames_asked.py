@@ -123,6 +123,12 @@ def frames_asked(
         raise ArgumentError(
             f"method is {plan.method!r}; frames are solved together by one method only", "method"
         )
+    if plan.close_focus != "ignored":
+        raise ArgumentError(
+            f"close_focus is {plan.close_focus!r}; frames are solved together without it, so leave it out, or"
+            " solve them one by one",
+            "close_focus",
+        )
     rows = room_for(max(each.disparity.shape[0] for each in points))
     alike = stacked([padded(each, rows) for each in points])
     sided = not isinstance(alike.signed, Tracer) and bool(np.asarray(alike.signed).all())

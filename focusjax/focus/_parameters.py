@@ -12,6 +12,10 @@ with p = 1 when the field of view is kept (the sensor grows along) and 2 when it
 the picture and leave x, y and with them all blur as they are; a point is shown, with g pixels per metre, at
 
     (width / 2 - g shift + zoom^(p - 1) f x,  height / 2 + g rise - zoom^(p - 1) f y).
+
+With a model of close focus (`lens/_close_focus.py`) u is the setting v = w_f / (1 + k w_f) of the focus and
+E = f / (2 N), of the stated length f and the f-number N that is set. The blur 2 f E (v (1 + k w) - w) then is
+that above, of a point at w / (1 + k w), with the gain 1 + k w; an upright lens at its length is all there is.
 """
 
 import dataclasses
@@ -26,7 +30,16 @@ from focusjax._arguments import ArgumentError
 from focusjax._words import did_you_mean
 from focusjax.focus._image_points import ACROSS, BLUR, DOWN, ImagePoints
 from focusjax.geometry import Camera
-from focusjax.lens import ThinLens, TiltShiftLens, as_tilt_shift, view_tangents
+from focusjax.lens import (
+    CloseFocus,
+    FocusScale,
+    ThinLens,
+    TiltShiftLens,
+    as_tilt_shift,
+    at_image_distance,
+    focus_scale,
+    view_tangents,
+)
 
 PARAMETERS = ("focus", "f_number", "tilt", "swing", "focal_length", "shift", "rise")
 """What can be solved for, in the order of the vector."""
@@ -48,12 +61,20 @@ class Start(eqx.Module):
         lens: thin, or tilt-shift when tilt or swing is free.
         free: parameters to solve for, in the order of `PARAMETERS` (static).
         keep_view: whether the sensor grows with the focal length, so that the field of view stays (static).
+        close_focus: what stays as the focus moves (static). The camera is of the stated length, and the lens
+            has the pupil it has where it is focused.
     """
 
     camera: Camera
     lens: ThinLens | TiltShiftLens
     free: tuple[str, ...] = eqx.field(static=True)
     keep_view: bool = eqx.field(static=True)
+    close_focus: CloseFocus = eqx.field(static=True, default="ignored")
+
+    @property
+    def scale(self) -> FocusScale | None:
+        """Of the focus, where close focus is not ignored."""
+        return None if self.close_focus == "ignored" else focus_scale(self.camera, self.close_focus)
 
     @property
     def columns(self) -> tuple[int, ...]:
@@ -65,6 +86,10 @@ class Start(eqx.Module):
         across = self.lens.plane[:2] if isinstance(self.lens, TiltShiftLens) else jnp.zeros(2)
         radius = self.lens.aperture_radius
         focus = self.lens.focus_disparity
+        if (scale := self.scale) is not None:
+            focus = scale.setting(focus)
+            if self.close_focus == "framing":
+                radius = radius / scale.share(focus)
         slide = (self.camera.shift, self.camera.rise)
         rest = (across[1], across[0], jnp.ones_like(radius), *slide)
         return jnp.stack([focus, radius, *(one.astype(radius.dtype) for one in rest)])
@@ -81,6 +106,9 @@ class Start(eqx.Module):
             length = camera.focal_length * zoom
             sensor = camera.sensor_width * (zoom if self.keep_view else 1.0)
             camera = dataclasses.replace(camera, focal_length=length, sensor_width=sensor)
+        if (scale := self.scale) is not None:
+            focus = scale.disparity(self.whole(value)[FOCUS])
+            camera = at_image_distance(camera, focus, self.close_focus)
         return dataclasses.replace(camera, principal_point=self._principal_point(value))
 
     def lens_at(self, value: Float[Array, "k"]) -> ThinLens | TiltShiftLens:
@@ -88,6 +116,10 @@ class Start(eqx.Module):
         focus, radius, up, right, zoom = self.whole(value)[:SHIFT]
         if "focal_length" in self.free:
             radius, up, right = radius * zoom, up / zoom, right / zoom
+        if (scale := self.scale) is not None:
+            if self.close_focus == "framing":
+                radius = radius * scale.share(focus)
+            focus = scale.disparity(focus)
         if isinstance(self.lens, TiltShiftLens):
             plane = jnp.stack([right, up, focus])
             return eqx.tree_at(lambda lens: (lens.plane, lens.aperture_radius), self.lens, (plane, radius))
@@ -95,12 +127,19 @@ class Start(eqx.Module):
             lambda lens: (lens.focus_disparity, lens.aperture_radius), self.lens, (focus, radius)
         )
 
+    @property
+    def reframes(self) -> bool:
+        """Whether what is solved for moves things in the picture."""
+        return reframes(self.free, self.close_focus)
+
     def points_at(self, value: Float[Array, "k"], points: ImagePoints) -> ImagePoints:
         """The points where the camera with `value` for the free parameters sees them."""
-        if not set(self.free) & set(FRAMING):
+        if not self.reframes:
             return points
         before, after = self.camera.principal_point, self._principal_point(value)
         zoom = 1.0 if self.keep_view else self.whole(value)[ZOOM]
+        if self.close_focus == "breathing":
+            zoom = zoom * self.camera_at(value).focal_length / self.camera.focal_length
 
         def moved(xy: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
             return after[None] + zoom * (xy - before[None])
@@ -121,13 +160,23 @@ class Start(eqx.Module):
         return point
 
 
+def reframes(free: Iterable[str], close_focus: CloseFocus) -> bool:
+    """Whether a solve moves things in the picture."""
+    return bool(set(free) & set(FRAMING)) or close_focus == "breathing"
+
+
 def make_start(
-    camera: Camera, lens: ThinLens | TiltShiftLens, free: tuple[str, ...], *, keep_view: bool
+    camera: Camera,
+    lens: ThinLens | TiltShiftLens,
+    free: tuple[str, ...],
+    *,
+    keep_view: bool,
+    close_focus: CloseFocus = "ignored",
 ) -> Start:
     """A start from which tilt and swing can change, when they are free."""
     if "tilt" in free or "swing" in free:
         lens = as_tilt_shift(lens)
-    return Start(camera, lens, free, keep_view)
+    return Start(camera, lens, free, keep_view, close_focus)
 
 
 def scales(start: Start) -> Float[Array, "7"]:
@@ -207,14 +256,14 @@ class BlurModel(eqx.Module):
     """What every row is about in closed form: quick to evaluate, and to find the best start with.
 
     Attributes:
-        gain: 2 f in pixels.
+        gain: 2 f in pixels, or that of every point.
         across: factors of (n_y, n_x): view tangents of every point, up and to the right.
-        disparity: of every point, in 1/m.
+        disparity: of every point, in 1/m, on the scale of the parameters' focus.
         frame: for rows about places in the picture; None when there are none.
         power: exponent of the zoom (static).
     """
 
-    gain: Float[Array, ""]
+    gain: Float[Array, "*n"]
     across: Float[Array, "n 2"]
     disparity: Float[Array, "n"]
     frame: FrameModel | None
@@ -248,8 +297,13 @@ def blur_models(points: ImagePoints, start: Start) -> tuple[BlurModel, BlurModel
         xy: Float[Array, "n 2"], disparity: Float[Array, "n"], frame: FrameModel | None = None
     ) -> BlurModel:
         tangents = jax.vmap(lambda one: view_tangents(start.camera, one))(xy)
+        gain = 2.0 * start.camera.focal_px
+        if (scale := start.scale) is not None:
+            # Rows that do not count may be behind the lens, where the scale ends.
+            disparity = jnp.where(scale.gain(disparity) > 0.0, disparity, 0.0)
+            gain, disparity = gain * scale.gain(disparity), scale.setting(disparity)
         return BlurModel(
-            gain=2.0 * start.camera.focal_px,
+            gain=gain,
             across=tangents[:, ::-1],
             disparity=disparity,
             frame=frame,

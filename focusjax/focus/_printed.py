@@ -108,11 +108,11 @@ def _said(solution: Solution | SurfaceSolution | FramesSolution) -> _Said:
 
 def _settings(solution: Solution) -> str:
     lens, camera = solution.lens, solution.camera
-    length = float(camera.focal_length)
+    found = solution.settings()
     said = [
         f"Focus {metres(float(lens.focus_distance()))}",
-        f_number(float(lens.f_number(camera))),
-        f"{1000 * length:.3g} mm",
+        f_number(float(found.f_number)),
+        f"{1000 * float(found.focal_length):.3g} mm",
     ]
     if isinstance(lens, TiltShiftLens):
         turned = lens.movements(camera)

@@ -15,13 +15,17 @@ from focusjax.focus._bounds import Limits
 from focusjax.focus._checks import require
 from focusjax.focus._image_points import ImagePoints
 from focusjax.geometry import Camera
-from focusjax.lens import ThinLens, TiltShiftLens
+from focusjax.lens import CloseFocus, ThinLens, TiltShiftLens
 
 Lens = TypeVar("Lens", ThinLens, TiltShiftLens)
 
 
 def check_start(
-    camera: Camera, lens: ThinLens | TiltShiftLens, limits: Limits, free: tuple[str, ...]
+    camera: Camera,
+    lens: ThinLens | TiltShiftLens,
+    limits: Limits,
+    free: tuple[str, ...],
+    close_focus: CloseFocus = "ignored",
 ) -> None:
     """Refuses a start outside the range of a free parameter, which a silent clamp would hide.
 
@@ -38,6 +42,8 @@ def check_start(
     )
     with np.errstate(divide="ignore"):
         number = float(length / (2.0 * np.asarray(lens.aperture_radius)))
+    if close_focus == "framing":
+        number /= 1.0 + length * float(lens.focus_disparity)
     # As `Camera.shift` and `Camera.rise`, by numpy.
     middle = np.array([camera.width, camera.height]) / 2.0
     slide = (middle - np.asarray(camera.principal_point, dtype=float)) * [1.0, -1.0]

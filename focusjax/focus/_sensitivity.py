@@ -12,7 +12,7 @@ from focusjax.focus._parameters import FOCUS, PARAMETERS, RADIUS, RISE, SHIFT, S
 from focusjax.focus._priors import prior_rows
 from focusjax.focus._solution import Asked, Solution
 from focusjax.focus._solve_glass import defocus_slopes
-from focusjax.lens import TiltShiftLens
+from focusjax.lens import TiltShiftLens, focus_scale
 
 _AT_LIMIT_PX = 1e-3
 """A limit that is kept with less room than this holds the solution."""
@@ -52,7 +52,7 @@ def sensitivity(solution: Solution, asked: Asked) -> Sensitivity:
     """What the Jacobian of the errors says at the solution of the problem `asked`."""
     columns = [PARAMETERS.index(name) for name in solution.free]
     held = np.asarray(solution.at_lower) | np.asarray(solution.at_upper)
-    box = asked.limits.box(asked.camera)
+    box = asked.box
     span = (np.asarray(box.upper, dtype=float) - np.asarray(box.lower, dtype=float))[columns]
     moves = ~held & (span > 0)
     jacobian = _slopes(solution, asked)[:, columns]
@@ -157,11 +157,24 @@ def _blur_slopes(
     slopes[:, SWING] = gain * radius * tangents[:, 0] / zoom
     power = 1 if asked.plan.keep_view else 2
     slopes[:, ZOOM] = gain * radius * (power * defocus - tangents @ across) / zoom
+    if asked.plan.close_focus != "ignored":
+        slopes[:, [FOCUS, RADIUS]] = _close_slopes(solution, asked, disparity)
     if asked.glass is not None:
         place = jnp.asarray(lens.focus_disparity), jnp.asarray(lens.aperture_radius)
         found = defocus_slopes(asked.glass, asked.camera, *place, jnp.asarray(xy), jnp.asarray(disparity))
         slopes[:, [FOCUS, RADIUS]] = found
     return slopes
+
+
+def _close_slopes(
+    solution: Solution, asked: Asked, disparity: Float[np.ndarray, "n"]
+) -> Float[np.ndarray, "n 2"]:
+    """The derivative of 2 f E (v (1 + k w) - w) in the setting v of the focus and in E."""
+    scale = focus_scale(asked.camera, asked.plan.close_focus)
+    setting = np.asarray(scale.setting(solution.lens.focus_disparity), dtype=float)
+    stated = float(asked.camera.focal_length) / (2.0 * float(solution.settings().f_number))
+    gain, row = 2.0 * float(asked.camera.focal_px), 1.0 + float(scale.offset) * disparity
+    return gain * np.column_stack([stated * row, setting * row - disparity])
 
 
 def _place_slopes(
@@ -213,6 +226,11 @@ def _standard_errors(
         "shift": 1.0,
         "rise": 1.0,
     }
+    if asked.plan.close_focus != "ignored":
+        # Of the setting to that of the disparity, and of f / (2 N) to that of N.
+        scale = focus_scale(asked.camera, asked.plan.close_focus)
+        units["focus"] = float(scale.gain(lens.focus_disparity)) ** 2
+        units["f_number"] = 2.0 * float(solution.settings().f_number) ** 2 / started
     return {name: float(spread[index] * units[name]) for index, name in enumerate(solution.free)}
 
 

@@ -11,12 +11,12 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax._arguments import ArgumentError
-from focusjax.focus._bounds import LOWER_NAMES, UPPER_NAMES, Limits
+from focusjax.focus._bounds import LOWER_NAMES, UPPER_NAMES, Box, Limits
 from focusjax.focus._image_points import ACROSS, AT_LEAST, AT_MOST, BLUR, EQUAL, SAME, ImagePoints
 from focusjax.focus._parameters import PARAMETERS
 from focusjax.focus._priors import Numbers
 from focusjax.geometry import Camera
-from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens
+from focusjax.lens import AbstractLens, CloseFocus, LensSettings, ThinLens, TiltShiftLens, lens_settings
 
 _RELATIONS = {EQUAL: "equal", AT_MOST: "at most", AT_LEAST: "at least", SAME: "same"}
 SHOWN_AT, IN_FRAME = "shown at", "in frame"
@@ -92,6 +92,7 @@ class Plan:
         many: whether some wishes leave their side open, so that one start may not do.
         method: a key of `METHODS`.
         max_steps: steps allowed.
+        close_focus: what stays as the focus moves.
     """
 
     free: tuple[str, ...]
@@ -100,6 +101,7 @@ class Plan:
     many: bool
     method: str
     max_steps: int
+    close_focus: CloseFocus = "ignored"
 
 
 class Asked(eqx.Module):
@@ -122,6 +124,11 @@ class Asked(eqx.Module):
     numbers: Numbers
     plan: Plan = eqx.field(static=True)
     glass: AbstractLens | None = None
+
+    @property
+    def box(self) -> Box:
+        """The bounds on all parameters."""
+        return self.limits.box(self.camera, self.plan.close_focus)
 
 
 class Solution(eqx.Module):
@@ -216,6 +223,11 @@ class Solution(eqx.Module):
         """Parameters that the wishes leave open, such as "f_number"."""
         self._alone("undetermined")
         return tuple(name for name, is_open in zip(self.free, np.asarray(self.open), strict=True) if is_open)
+
+    def settings(self) -> LensSettings:
+        """Focal length, f-number and magnification in the model of close focus that was solved with."""
+        close_focus = "ignored" if self.asked is None else self.asked.plan.close_focus
+        return lens_settings(self.camera, self.lens, close_focus)
 
     def table(self) -> tuple[WishResult, ...]:
         """One line per wish, in the order they were given."""

@@ -15,16 +15,25 @@ from focusjax._arguments import ArgumentError, about, require_switches
 from focusjax._counts import require_counts
 from focusjax.focus._basin import basin_of, ended, place_of
 from focusjax.focus._bounds import Range, make_limits, refuse_idle
+from focusjax.focus._close_focus import checked_close_focus, refuse_glass
 from focusjax.focus._glass_checks import checked_glass
 from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, named_like, padded, room_for
-from focusjax.focus._parameters import FRAMING, in_order
+from focusjax.focus._parameters import in_order, reframes
 from focusjax.focus._priors import Prior, checked_priors
 from focusjax.focus._refine import METHODS, Problem
 from focusjax.focus._refuse import check_start, checked_points, require_lens, require_points
 from focusjax.focus._solution import Asked, Plan, Result, Solution, first_rows
 from focusjax.focus._solve_glass import solve_through
 from focusjax.geometry import Camera
-from focusjax.lens import FittedLens, PrescriptionLens, SpectralLens, ThinLens, TiltShiftLens
+from focusjax.lens import (
+    CloseFocus,
+    FittedLens,
+    PrescriptionLens,
+    SpectralLens,
+    ThinLens,
+    TiltShiftLens,
+    require_close_focus,
+)
 
 Glass: TypeAlias = PrescriptionLens | SpectralLens | FittedLens
 
@@ -46,6 +55,7 @@ def solve(
     rise_range: Range | None = None,
     keep_field_of_view: bool = False,
     priors: Mapping[str, Prior] | None = None,
+    close_focus: CloseFocus = "ignored",
     method: str = "optimistix",
     max_steps: int = 256,
     throw: bool = True,
@@ -85,8 +95,8 @@ def solve(
             "rise"; limits may be given to these only. Shift and rise move the frame and change neither
             perspective nor blur: wishes for where things are shown (`ShownAt`, `InFrame`) determine them, and
             those for blur do not.
-        min_focus_distance: metres along the view axis, more than the focal length; twice the (longest)
-            focal length when not given.
+        min_focus_distance: metres along the view axis, more than the focal length; life size when not given,
+            which is at twice the (longest) focal length, or for "framing" at the image distance.
         max_focus_distance: metres; infinity when not given.
         f_number_range: smallest and largest f-number; 1 to 32 when not given.
         tilt_range: least and largest tilt in radians, within -pi/2 to pi/2; 45 degrees both ways by default.
@@ -98,6 +108,11 @@ def solve(
         keep_field_of_view: let the sensor grow with the focal length; the picture then stays as it is
             framed. Otherwise the focal length is a zoom.
         priors: expectations of free parameters, by name.
+        close_focus: what stays as the focus moves: with "framing" the image distance, which `camera` then
+            has, and with "breathing" the focal length, for which `camera` then is the one focused on
+            infinity: `Solution.camera` is the one that frames the picture, and `points` are located in
+            `camera`. F-numbers are those that are set (`Solution.settings`), and hold as the focus moves.
+            Focus and f-number of a thin lens can be free, and only the f-number can have a prior.
         method: "optimistix" (Levenberg-Marquardt), "dogleg" (Optimistix, too), or "jaxopt" (L-BFGS-B from
             the starting lens, as an independent check: slower, less exact and not differentiable).
         max_steps: steps allowed, at least 1.
@@ -120,12 +135,14 @@ def solve(
     """
     asked = prepared(
         points, camera, lens, free=free, method=method, max_steps=max_steps,
-        keep_field_of_view=keep_field_of_view, priors=priors, min_focus_distance=min_focus_distance,
+        keep_field_of_view=keep_field_of_view, priors=priors, close_focus=close_focus,
+        min_focus_distance=min_focus_distance,
         max_focus_distance=max_focus_distance, f_number_range=f_number_range, tilt_range=tilt_range,
         swing_range=swing_range, focal_length_range=focal_length_range, shift_range=shift_range,
         rise_range=rise_range,
     )  # fmt: skip
     if through is not None:
+        refuse_glass(close_focus)
         asked = dataclasses.replace(asked, glass=checked_glass(through, asked))
     solution, failed = solve_asked(asked)
     # A known success skips the machinery of errors inside compiled code.
@@ -143,7 +160,7 @@ def solve_asked(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
     padded_ = anonymous(padded(points, room_for(count)))
     solving = _solve if asked.glass is None else solve_through
     solution, failed = solving(dataclasses.replace(asked, points=padded_))
-    if set(asked.plan.free) & set(FRAMING):
+    if reframes(asked.plan.free, asked.plan.close_focus):
         seen = jax.tree.map(lambda leaf: first_rows(leaf, count), solution.points)
         points = named_like(seen, points)
     solution = dataclasses.replace(
@@ -168,6 +185,7 @@ def prepared(
     max_steps: int = 256,
     keep_field_of_view: bool = False,
     priors: Mapping[str, Prior] | None = None,
+    close_focus: CloseFocus = "ignored",
     **ranges: Any,
 ) -> Asked:
     """The arguments of a solve, checked; `usage` and `axes` are for `require_points`.
@@ -188,7 +206,8 @@ def prepared(
             "the focal length is free without a range; give focal_length_range in metres",
             "focal_length_range",
         )
-    limits = make_limits(camera, **ranges)
+    require_close_focus(close_focus)
+    limits = make_limits(camera, close_focus=close_focus, **ranges)
     refuse_idle(ranges, free)
     if keep_field_of_view and "focal_length" not in free:
         raise ArgumentError(
@@ -198,7 +217,9 @@ def prepared(
         )
     numbers = checked_priors(priors or {}, free)
     points = checked_points(points)
-    check_start(camera, lens, limits, free)
+    check_start(camera, lens, limits, free, close_focus)
+    if close_focus != "ignored":
+        points = checked_close_focus(points, camera, lens, free, tuple(numbers), close_focus)
     plain = points.relation is None and points.quantity is None and not numbers
     exact = plain and free in (("focus",), ("focus", "f_number"))
     plan = Plan(
@@ -209,6 +230,7 @@ def prepared(
         many=not exact and (isinstance(points.signed, Tracer) or not np.asarray(points.signed).all()),
         method=method,
         max_steps=max_steps,
+        close_focus=close_focus,
     )
     return Asked(points, camera, lens, limits, numbers, plan)
 

@@ -197,6 +197,12 @@ def solve_exposed(
             " 'f_number', or use solve",
             "free",
         )
+    if options.get("close_focus", "ignored") != "ignored":
+        raise ArgumentError(
+            f"close_focus is {options['close_focus']!r}, and light and focus share f-numbers without it; use"
+            " solve and then settings_through, or leave it out",
+            "close_focus",
+        )
     base = camera_settings(f_number=1.0, time=1.0) if settings is None else settings
     widest, narrowest = options.pop("f_number_range", None) or F_NUMBERS
 

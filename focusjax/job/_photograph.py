@@ -27,7 +27,7 @@ from focusjax.film import (
     settings_through,
 )
 from focusjax.geometry import Camera
-from focusjax.lens import ThinLens, TiltShiftLens
+from focusjax.lens import CloseFocus, ThinLens, TiltShiftLens
 
 _WHITE = 1.0 - 1e-3
 """Of display light, from which on a channel shows nothing more."""
@@ -86,6 +86,7 @@ class Development:
         exposure: the `[exposure]`; without it a radiance of 0.18 is grey.
         stops: by which pictures are brightened without an `[exposure]`.
         seed: of grain and noise.
+        close_focus: the model by which the f-number that is set, and the light that is lost, are found.
     """
 
     film: AbstractFilm
@@ -93,6 +94,7 @@ class Development:
     exposure: ExposureTable | None
     stops: float
     seed: int
+    close_focus: CloseFocus = "ignored"
 
     def settings(self, camera: Camera, lens: ThinLens | TiltShiftLens) -> CameraSettings | None:
         """Those of `[exposure]` on a lens, with 1 s and ISO 100 for what is left out; None without it.
@@ -104,7 +106,12 @@ class Development:
         if table is None:
             return None
         return settings_through(
-            lens, camera, time=table.time or 1.0, iso=table.iso or 100.0, transmittance=table.transmittance
+            lens,
+            camera,
+            time=table.time or 1.0,
+            iso=table.iso or 100.0,
+            transmittance=table.transmittance,
+            close_focus=self.close_focus,
         )
 
     def shown(
@@ -144,6 +151,7 @@ def find_development(config: Config, image: Float[Array, "h w 3"] | None = None)
         exposure=config.exposure,
         stops=config.render.exposure,
         seed=config.render.seed,
+        close_focus=config.lens.close_focus,
     )
 
 

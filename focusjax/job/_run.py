@@ -36,9 +36,12 @@ from focusjax.lens import (
     AbstractLens,
     FocalSurface,
     FocalSurfaceLens,
+    LensSettings,
     ThinLens,
     TiltShiftLens,
+    at_image_distance,
     focal_surface_lens,
+    lens_settings,
 )
 from focusjax.scene import Scene
 
@@ -88,6 +91,11 @@ class Outcome:
         """The lens as the middle of the picture has it."""
         return _in_the_middle(self.lens, self.camera)
 
+    @property
+    def settings(self) -> LensSettings:
+        """Focal length, f-number and magnification there, in the config's model of close focus."""
+        return lens_settings(self.camera, self.middle_lens, self.config.lens.close_focus)
+
 
 def run(
     config: Config,
@@ -133,6 +141,8 @@ def _run(
 ) -> Outcome:
     """As `run`; `scene` is let go where it is made here."""
     lens = build_lens(config, camera, solved=solving)
+    if config.lens.close_focus == "breathing" and not solving:
+        camera, disparity = at_image_distance(camera, lens.focus_disparity, "breathing"), None
     pixels = camera.width * camera.height
     with watch.stage("load"):
         scene = build_scene(config) if scene is None else scene

@@ -57,6 +57,11 @@ class Settling:
     grey: float | None
     watch: Stopwatch
 
+    @property
+    def _reframes(self) -> bool:
+        """Whether solving moves things in the picture."""
+        return bool(set(self.config.solve.free) & _FRAMING) or self.config.lens.close_focus == "breathing"
+
     def settle(self, start: Settled) -> Settled:
         """The best settings: of a focal surface, of a thin or tilted lens, or through glass.
 
@@ -89,7 +94,7 @@ class Settling:
         free = set(self.config.solve.free)
         grey = self.grey if start.exposed is None else None
         found = self._solved(start, grey, "solve")
-        if free & _FRAMING:
+        if self._reframes:
             with self.watch.stage("locate_again"):
                 disparity = np.asarray(disparity_map(self.scene, found.camera))
             found = dataclasses.replace(found, disparity=disparity)
@@ -111,7 +116,7 @@ class Settling:
                 exposed = weighed_solution(self.config, self.options, points, camera, lens, grey)
                 solution = exposed.solution
             jax.block_until_ready(eqx.filter(solution.lens, eqx.is_array))
-        camera = solution.camera if set(self.config.solve.free) & _FRAMING else camera
+        camera = solution.camera if self._reframes else camera
         return dataclasses.replace(
             start,
             camera=camera,

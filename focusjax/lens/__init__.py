@@ -13,6 +13,14 @@ from focusjax.lens._base import in_colour as in_colour
 from focusjax.lens._checks import not_numbers as not_numbers
 from focusjax.lens._checks import require_lens as require_lens
 from focusjax.lens._checks import traced_faults as traced_faults
+from focusjax.lens._close_focus import CloseFocus as CloseFocus
+from focusjax.lens._close_focus import FocusScale as FocusScale
+from focusjax.lens._close_focus import LensSettings as LensSettings
+from focusjax.lens._close_focus import at_image_distance as at_image_distance
+from focusjax.lens._close_focus import close_focus_lens as close_focus_lens
+from focusjax.lens._close_focus import focus_scale as focus_scale
+from focusjax.lens._close_focus import lens_settings as lens_settings
+from focusjax.lens._close_focus import require_close_focus as require_close_focus
 from focusjax.lens._control_points import FocalSurface as FocalSurface
 from focusjax.lens._control_points import focal_surface as focal_surface
 from focusjax.lens._depth_of_field import DIAGONAL_SHARE as DIAGONAL_SHARE

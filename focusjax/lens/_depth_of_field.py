@@ -6,6 +6,7 @@ from typing import SupportsFloat
 
 from focusjax._arguments import real_number, real_numbers
 from focusjax.geometry import Camera
+from focusjax.lens._close_focus import CloseFocus, lens_settings
 from focusjax.lens._thin import ThinLens, thin_lens
 from focusjax.lens._tilt_shift import TiltShiftLens
 
@@ -32,11 +33,20 @@ class DepthOfField:
     hyperfocal: float
 
 
-def depth_of_field(camera: Camera, lens: ThinLens | TiltShiftLens) -> DepthOfField:
+def depth_of_field(
+    camera: Camera, lens: ThinLens | TiltShiftLens, close_focus: CloseFocus = "ignored"
+) -> DepthOfField:
     """The range of distances whose blur 2 f E |w_f - w| is at most the customary circle of confusion c.
 
     In disparity it is w_f +- c / (2 f E), and the hyperfocal disparity is c / (2 f E).
     Distances are along the view axis, wherever a tilted lens has its focus elsewhere.
+
+    Args:
+        camera: with its sensor where the lens has its image.
+        lens: whose focus counts on the view axis.
+        close_focus: what stays as the focus moves to the hyperfocal distance. Half the range in disparity is
+            h (1 + k w_f), with h that of a focus at infinity, so that this distance is 1 / h - k: k is minus
+            the focal length for "breathing", and the image distance for "framing".
     """
     diagonal_px = math.hypot(camera.width, camera.height)
     circle_px = diagonal_px * DIAGONAL_SHARE
@@ -44,12 +54,18 @@ def depth_of_field(camera: Camera, lens: ThinLens | TiltShiftLens) -> DepthOfFie
     pixels_per_dioptre = 2.0 * float(camera.focal_px * lens.aperture_radius)
     half_range = circle_px / pixels_per_dioptre if pixels_per_dioptre > 0 else math.inf
     focus = float(lens.focus_disparity)
+    hyperfocal = 1.0 / half_range if half_range > 0 else math.inf
+    if close_focus != "ignored":
+        settings = lens_settings(camera, lens, close_focus)
+        length = float(settings.focal_length)
+        offset = float(settings.image_distance) if close_focus == "framing" else -length
+        hyperfocal = max(hyperfocal * (1.0 + offset * focus) - offset, 0.0)
     return DepthOfField(
         circle_mm=circle_px * pixel_mm,
         circle_px=circle_px,
         near=1.0 / (focus + half_range) if focus > -half_range else math.inf,
         far=1.0 / (focus - half_range) if focus > half_range else math.inf,
-        hyperfocal=1.0 / half_range if half_range > 0 else math.inf,
+        hyperfocal=hyperfocal,
     )
 
 

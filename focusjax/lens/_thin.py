@@ -149,7 +149,7 @@ def thin_lens(
 def _require(value: Any, holds: Any, sentence: str) -> Any:
     """A value of which something `holds`; else the sentence, from compiled code where that is traced."""
     if isinstance(holds, Tracer):
-        return eqx.error_if(value, ~holds, sentence)
+        return eqx.error_if(jnp.asarray(value, dtype=float), ~holds, sentence)
     if not holds:
         raise ValueError(sentence)
     return value

@@ -3,6 +3,8 @@
 from focusjax._settings import angle as angle
 from focusjax._settings import f_number as f_number
 from focusjax._settings import metres as metres
+from focusjax.report._close_focus import close_focus_facts as close_focus_facts
+from focusjax.report._close_focus import close_focus_sentence as close_focus_sentence
 from focusjax.report._glass import glass_facts as glass_facts
 from focusjax.report._glass import glass_sentences as glass_sentences
 from focusjax.report._quality import quality_facts as quality_facts

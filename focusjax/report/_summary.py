@@ -13,6 +13,7 @@ from focusjax.focus import Diagnosis, Result, SurfaceDiagnosis, SurfaceSolution,
 from focusjax.io import for_json
 from focusjax.job import Examined, Guessed, Outcome, left_out_sentence, room_for_more, shutter
 from focusjax.lens import FocalSurfaceLens, as_tilt_shift, depth_of_field
+from focusjax.report._close_focus import close_focus_facts
 from focusjax.report._glass import glass_facts
 from focusjax.report._quality import quality_facts
 
@@ -57,16 +58,18 @@ def versions() -> dict[str, str]:
 
 def _lens(outcome: Outcome) -> dict[str, Any]:
     camera, lens = outcome.camera, outcome.middle_lens
-    sharp = depth_of_field(camera, lens)
+    settings = outcome.settings
+    sharp = depth_of_field(camera, lens, outcome.config.lens.close_focus)
     return {
         "solved": outcome.solution is not None,
         "focus_distance_m": float(lens.focus_distance()),
         "focus_disparity_per_m": float(lens.focus_disparity),
-        "f_number": float(lens.f_number(camera)),
+        "f_number": float(settings.f_number),
         "aperture_radius_mm": 1000 * float(lens.aperture_radius),
         "focal_surface": _focal_surface(outcome),
         "glass": glass_facts(outcome),
-        "focal_length_mm": 1000 * float(camera.focal_length),
+        "focal_length_mm": 1000 * float(settings.focal_length),
+        "close_focus": close_focus_facts(outcome),
         "sensor_width_mm": 1000 * float(camera.sensor_width),
         "movements": movements(outcome),
         "depth_of_field": {
@@ -114,10 +117,14 @@ def movements(outcome: Outcome) -> dict[str, float]:
     """How the lens is turned and slid against the sensor."""
     camera, lens = outcome.camera, outcome.middle_lens
     found = as_tilt_shift(lens).movements(camera)
+    distance = found.image_distance
+    if outcome.config.lens.close_focus != "ignored":
+        # The camera has its sensor there already.
+        distance = outcome.settings.image_distance
     return {
         "tilt_deg": math.degrees(float(found.tilt)),
         "swing_deg": math.degrees(float(found.swing)),
-        "image_distance_mm": 1000 * float(found.image_distance),
+        "image_distance_mm": 1000 * float(distance),
         "hinge_distance_m": float(found.hinge_distance),
         "rise_mm": _millimetres(camera.rise),
         "shift_mm": _millimetres(camera.shift),

@@ -17,6 +17,7 @@ from focusjax.config import (
     build_focus_points,
     build_scene,
     refusals_located,
+    refuse_close_focus,
 )
 from focusjax.io import json_text, load_exr, save_exr, save_png, staged_folder
 from focusjax.many import Journal, Task, Workers, carry_out, check_workers, finished_folder
@@ -113,6 +114,7 @@ def table(plan: StackPlan) -> str:
 
 
 def _planned(config: Config, f_number: float | None) -> StackPlan:
+    refuse_close_focus(config, "a plan of shots")
     lens = config.lens
     for key in ("tilt_deg", "swing_deg", "focal_surface", "prescription", "height_field"):
         if getattr(lens, key):

@@ -10,7 +10,7 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import AoT, Array
 
 from focusjax._whole_file import replace_file
-from focusjax.config import Config, ConfigError, parse_config
+from focusjax.config import Config, ConfigError, parse_config, refuse_close_focus
 from focusjax.studio._files_named import name_files_from
 from focusjax.studio._kept import keep_text, kept_file, kept_text
 
@@ -126,7 +126,7 @@ class Document:
             EditError: it is no usable config; nothing is changed.
         """
         try:
-            config = parse_config(text, self.path, root=self._root)
+            config = self._usable(text)
         except ConfigError as error:
             raise EditError(str(error)) from None
         if text == self.text:
@@ -226,9 +226,14 @@ class Document:
             self.text, self._label = source.pop(), ""
             self._look_at_text()
 
+    def _usable(self, text: str) -> Config:
+        config = parse_config(text, self.path, root=self._root)
+        refuse_close_focus(config, "the studio")
+        return config
+
     def _look_at_text(self) -> None:
         try:
-            self.config, self.problem = parse_config(self.text, self.path, root=self._root), ""
+            self.config, self.problem = self._usable(self.text), ""
         except ConfigError as error:
             self.config, self.problem = None, str(error)
 

@@ -192,6 +192,7 @@ class LensTable(Look):
             return self
         why = {
             "prescription": "a prescription, whose glass says how image distance and framing change",
+            "height_field": "a height_field, whose glass says how image distance and framing change",
             "focal_surface": "a focal_surface, whose image distance is another from place to place",
             "tilt_deg": "tilt_deg, with which the image distance is another from place to place",
             "swing_deg": "swing_deg, with which the image distance is another from place to place",

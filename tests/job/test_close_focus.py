@@ -116,6 +116,10 @@ def test_ignored_reports_what_it_did(boxes, tmp_path):
     [
         (['lens.close_focus="near"'], "lens.close_focus is \"near\"; expected 'ignored', 'framing' or"),
         (["lens.prescription=cooke_triplet_50mm_f4"], "a prescription, whose glass says"),
+        (
+            ["lens.height_field={file='a.png', width_mm=9, scale_mm=1, thickness_mm=3, glass={name='N-BK7'}}"],
+            "a height_field, whose glass says",
+        ),
         (["lens.tilt_deg=3"], "tilt_deg, with which the image distance"),
         (["solve.free=[\"focus\", \"shift\"]"], "'shift' in solve.free, where only focus and f_number may"),
         (["solve.prior.focus={distance_m=2, sigma_per_m=1}"], "solve.prior.focus, which is in dioptres"),

@@ -117,7 +117,7 @@ def test_ignored_reports_what_it_did(boxes, tmp_path):
         (['lens.close_focus="near"'], "lens.close_focus is \"near\"; expected 'ignored', 'framing' or"),
         (["lens.prescription=cooke_triplet_50mm_f4"], "a prescription, whose glass says"),
         (
-            ["lens.height_field={file='a.png', width_mm=9, scale_mm=1, thickness_mm=3, glass={name='N-BK7'}}"],
+            ["lens.height_field={file='a', width_mm=9, scale_mm=1, thickness_mm=3, glass={name='N-BK7'}}"],
             "a height_field, whose glass says",
         ),
         (["lens.tilt_deg=3"], "tilt_deg, with which the image distance"),

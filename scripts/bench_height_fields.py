@@ -14,13 +14,12 @@ import argparse
 import json
 import statistics
 import time
-from pathlib import Path
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from bench_lenses import NEAREST, errors_of, scene_of, shown
+from bench_lenses import NEAREST, errors_of, parser_of, scene_of, shown
 from jaxtyping import Array, Float
 from rich.console import Console
 from rich.table import Table
@@ -39,21 +38,11 @@ CYLINDER = 4e-4
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--width", type=int, default=800)
-    parser.add_argument("--height", type=int, default=600)
-    parser.add_argument("--rays", type=int, default=64)
-    parser.add_argument("--focus", type=float, default=2.0, help="focus distance in metres")
+    parser = parser_of(__doc__)
     parser.add_argument("--f-number", type=float, default=4.0)
     parser.add_argument("--rows", type=int, default=257, help="of the pictures of heights")
-    parser.add_argument("--error", type=float, default=0.05, help="pixels that a fitted lens may be off")
-    parser.add_argument("--balls", type=int, default=60, help="of 5120 triangles each")
-    parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--cylindrical", action="store_true", help="the lens that is not round, too")
     parser.add_argument("--rounded", action="store_true", help="heights of 16 bits, too")
-    parser.add_argument("--json", type=Path, help="file for the results")
     return parser.parse_args()
 
 

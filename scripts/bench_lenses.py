@@ -59,24 +59,30 @@ FITTED = (
 """Presets, with focal length and focus distance in metres."""
 
 
-def arguments() -> argparse.Namespace:
+def parser_of(description: str | None) -> argparse.ArgumentParser:
+    """What scripts that compare pictures through lenses are asked for."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--width", type=int, default=800)
     parser.add_argument("--height", type=int, default=600)
     parser.add_argument("--rays", type=int, default=64)
     parser.add_argument("--focus", type=float, default=2.0, help="focus distance in metres")
-    parser.add_argument("--double-gauss", type=float, default=2.0, help="f-number")
-    parser.add_argument("--singlet", type=float, default=4.0, help="f-number")
     parser.add_argument("--error", type=float, default=0.05, help="pixels that a fitted lens may be off")
     parser.add_argument("--balls", type=int, default=60, help="of 5120 triangles each")
     parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--json", type=Path, help="file for the results")
+    return parser
+
+
+def arguments() -> argparse.Namespace:
+    parser = parser_of(__doc__)
+    parser.add_argument("--double-gauss", type=float, default=2.0, help="f-number")
+    parser.add_argument("--singlet", type=float, default=4.0, help="f-number")
     parser.add_argument("--spectral", action="store_true", help="the double Gauss in colours, too")
     parser.add_argument(
         "--fits", action="store_true", help="report the errors of polynomials, and trace nothing"
     )
-    parser.add_argument("--json", type=Path, help="file for the results")
     return parser.parse_args()
 
 

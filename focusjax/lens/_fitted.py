@@ -164,13 +164,14 @@ def fitted_lens(
     rays = eqx.filter_jit(traced_rays)(lens, camera)
     rims = limiting_rims(rays)
     least = math.inf
-    for kind in (Transfer,) if is_round(lens.prescription) else (Transfer, UnevenTransfer):
+    kinds = (Transfer,) if is_round(lens.prescription) else (Transfer, UnevenTransfer)
+    for kind in kinds:
         degrees = _DEGREES[kind]
         found, rough = _fits(rays, lens, camera, disparities, rims, kind, degrees)
         for transfer, off in zip(found, np.asarray(rough), strict=True):
             # Over other rays the error is hardly less than over those that were fitted.
-            last = kind is not Transfer or is_round(lens.prescription)
-            if off > wanted and not (last and transfer.degree == degrees[-1]):
+            last = kind is kinds[-1] and transfer.degree == degrees[-1]
+            if off > wanted and not last:
                 continue
             error = fit_error(lens, transfer, camera, disparities)
             if float(error.largest()) <= wanted:

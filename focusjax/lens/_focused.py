@@ -283,7 +283,7 @@ def _mapped(
 def _light_on_axis(lens: PrescriptionLens) -> Float[Array, ""]:
     """What the opening lets through to the middle of the film, in mm^2."""
     dtype = lens.indices.dtype
-    points = _rings(dtype, GOLDEN_ANGLE * (not is_round(lens.prescription)))
+    points = _rings(dtype, 0.0 if is_round(lens.prescription) else GOLDEN_ANGLE)
     if not isinstance(lens.aperture, Disk):
         points = jax.vmap(lens.aperture.point)(_square(dtype))
 

@@ -36,8 +36,8 @@ def height_field(
             is taken that they may have been rounded from. 0 takes them as they are.
 
     Raises:
-        ValueError: fewer than 4 rows, other than square, numbers that are not finite, or a width that is not
-            positive.
+        ValueError: fewer than 4 rows, other than square, numbers that are not finite, a width that is not
+            positive, or another side.
 
     Example:
         >>> plate = height_field(np.full((9, 9), 0.5), width=20.0, scale=1.0, towards="scene")
@@ -60,6 +60,8 @@ def height_field(
         raise ValueError(f"has a width of {width:g} mm; expected a positive one")
     if not math.isfinite(scale):
         raise ValueError(f"has a scale of {scale:g} mm; expected a finite one")
+    if towards not in ("scene", "film"):
+        raise ValueError(f"has towards {towards!r}; expected 'scene', of a front, or 'film', of a back")
     if step > 0.0:
         picture = without_rounding(picture, step)
     count = picture.shape[0]

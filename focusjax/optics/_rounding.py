@@ -1,14 +1,14 @@
 """Heights that were rounded to whole steps, as in pictures of 16 bits, made smooth again.
 
 Light is bent by slopes, and a step of 40 nm between samples 0.1 mm apart turns it by some tenths of a pixel.
-But where a surface is smooth, neighbours tell where within a step a height was. Of the heights that may have
+But where a surface is smooth, neighbours show where within a step a height was. Of the heights that may have
 been rounded to these the smoothest are taken: those p + q with the least sum over rows and columns of
 
     |p + q - heights|^2 + lambda |D q|^2,
 
 p the polynomial of least squares of degree 8 along either axis, and D third differences (Whittaker 1923,
-Eilers 2003). Lambda is the largest for which what is changed is no more than rounding changes: a third of a
-step in the mean square, and a step anywhere. So a relief as fine as its samples is left as it is.
+Eilers 2003). Lambda is the largest for which what is changed is no more than rounding changes:
+step / sqrt(12) as root mean square, and a step anywhere. So a relief as fine as its samples is left as it is.
 """
 
 import numpy as np

@@ -31,7 +31,6 @@ above three, so that widths go as rays^-0.3 and the error of the picture still f
 
 import functools
 import math
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -71,9 +70,9 @@ def denoised(
 
     kernels = [_kernel_for(blur, rays) for blur in least]
     # Each is compiled once, whichever bins it is for.
-    kinds = {0.0: partial(_borrowing, lights=lights)}
+    kinds = {0.0: functools.partial(_borrowing, lights=lights)}
     kinds |= {
-        blur: partial(_smoothed, taps=taps)
+        blur: functools.partial(_smoothed, taps=taps)
         for blur, taps in zip(least, kernels, strict=True)
         if len(taps) > 1
     }

@@ -204,6 +204,7 @@ def test_a_picture_stands_upright_and_the_top_bends_light_as_a_wedge():
         ),
         (np.zeros((9, 9)), {"width": 0.0}, "has a width of 0 mm; expected a positive one"),
         (np.zeros((9, 9)), {"scale": np.inf}, "has a scale of inf mm; expected a finite one"),
+        (np.zeros((9, 9)), {"towards": "sensor"}, "has towards 'sensor'; expected 'scene', of a front, or"),
     ],
 )
 def test_pictures_that_make_no_surface(values, keys, message):

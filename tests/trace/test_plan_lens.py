@@ -43,12 +43,13 @@ def test_the_glass_is_taken_for_references_and_where_nothing_else_will_do():
     assert reference.lens is glass
     assert reference.decibels is None
     assert "a reference is made with the glass itself" in reference.why_glass
+    # The best polynomials in four variables are off by 1.1 px (by 0.08 px with heights a third of these).
     uneven = eqx.tree_at(
         lambda lens: lens.prescription.surfaces,
         glass,
         (
             glass.prescription.surfaces[0],
-            HeightField(jnp.asarray(0.1 * np.random.default_rng(0).random((9, 9))), jnp.asarray(3.0)),
+            HeightField(jnp.asarray(0.3 * np.random.default_rng(0).random((17, 17))), jnp.asarray(3.0)),
         ),
         is_leaf=lambda node: isinstance(node, tuple),
     )

@@ -82,8 +82,8 @@ def render_moving(
     `step_px` from one to the next. Where nothing moves rays are those of `render`, and a scene where nothing
     does is peeled and traced as without a shutter.
 
-    Highlights and shading are those of a span's middle. Small highlights have no samples of their own where
-    something moves.
+    Highlights and shading are those of a span's middle. Small lights that are out of focus all the while have
+    rays of their own, whether they move or not; those that come into focus are seen by the others alone.
 
     Args:
         world: what moves, or a scene that stands still before a moving camera.
@@ -212,7 +212,7 @@ def _lay(
         begin, end = edges[k * every], edges[(k + 1) * every]
         middle = 0.5 * (begin + end)
         part = part_of(world.at(float(middle)), plan.faces)
-        key, wide, matrices = cameras.still, lens, np.broadcast_to(np.eye(4), (_SPAN_NODES, 4, 4))
+        key, wide, matrices = cameras.still, lens, np.eye(4)[None]
         if plan.nearest > 0:
             key = cameras.at(float(middle))
             matrices = _matrices(plan, cameras, key, np.linspace(begin, end, _SPAN_NODES), middle)
@@ -221,7 +221,16 @@ def _lay(
         like, left_out = layers.extent, left_out + layers.left_out.count
         backdrop = plan.body.name == BACKDROP
         posed.append(
-            moving_layers(layers, matrices, float(begin), float(end), number=number, backdrop=backdrop)
+            moving_layers(
+                layers,
+                cameras.still,
+                lens,
+                matrices,
+                float(begin),
+                float(end),
+                number=number,
+                backdrop=backdrop,
+            )
         )
         check_held(
             held + _bytes(posed),

@@ -1,10 +1,10 @@
 """Tracing lens rays through layers."""
 
+from focusjax.trace._body_motion import moved_ray as moved_ray
 from focusjax.trace._exposed import Span as Span
 from focusjax.trace._exposed import exposed as exposed
 from focusjax.trace._known_light import light_map as light_map
 from focusjax.trace._moving import MovingLayers as MovingLayers
-from focusjax.trace._moving import moved_ray as moved_ray
 from focusjax.trace._moving import moving_layers as moving_layers
 from focusjax.trace._nearest import nearest_in_layers as nearest_in_layers
 from focusjax.trace._pinhole import render_pinhole as render_pinhole

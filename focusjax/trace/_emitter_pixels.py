@@ -1,11 +1,14 @@
 """Which pixels may see a cluster of emitters: a rectangle of them."""
 
+import itertools
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
+from focusjax.trace._body_motion import BodyMotion
 
 _ROUNDS = 4
 _MARGIN = 0.04
@@ -57,3 +60,39 @@ def pixels_that_see(
     first = jnp.clip(jnp.floor(first - margin), 0, size)
     last = jnp.clip(jnp.ceil(last + margin), first, size)
     return first.astype(jnp.int32), (last - first).astype(jnp.int32)
+
+
+def pixels_that_see_in_motion(
+    motion: BodyMotion,
+    lens: AbstractLens,
+    low: Float[Array, "2"],
+    high: Float[Array, "2"],
+    disparities: Float[Array, "2"],
+    wide: float,
+) -> tuple[Int[Array, "2"], Int[Array, "2"]]:
+    """The same of the pixels whose rays may pass a box of a body at any of its times.
+
+    The rectangle around those of all times at which its place is known: between two, what is straight in
+    space is so in the picture. There is none if any of the box is not ahead of the lens all the while.
+
+    Args:
+        motion: of the body.
+        lens: whose rays they are.
+        low: left and top of the box in output pixels of the body's key camera.
+        high: right and bottom.
+        disparities: the box's least and largest there.
+        wide: as for `pixels_that_see`.
+    """
+    axes = (low[0], high[0]), (low[1], high[1]), (disparities[0], disparities[1])
+    corners = jnp.stack([jnp.stack(corner) for corner in itertools.product(*axes)])
+
+    def at(matrix: Float[Array, "3 4"]) -> tuple[Array, Array, Array]:
+        place, now, ahead = jax.vmap(lambda c: motion.place(c[:2], c[2], matrix))(corners)
+        first, extent = pixels_that_see(
+            motion.camera, lens, place.min(axis=0), place.max(axis=0), jnp.stack([now.min(), now.max()]), wide
+        )
+        return first, first + extent, ahead.min() > 0
+
+    first, last, ahead = jax.lax.map(at, motion.matrices)
+    first = first.min(axis=0)
+    return first, jnp.where(ahead.all(), last.max(axis=0) - first, 0)

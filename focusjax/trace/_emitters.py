@@ -8,6 +8,8 @@ picture is linear in the radiance of samples, so both together are the same pict
 
 Emitters are drawn in clusters: the bright samples of one layer in a square of its grid. Everything here has a
 static shape: the most valuable clusters are kept, as many as there is room and rays for.
+
+Of a body that moves they are those that are out of focus all the while; see `focusjax.trace._body_motion`.
 """
 
 import dataclasses
@@ -21,8 +23,9 @@ from jaxtyping import Array, Bool, Float, Int
 from focusjax.geometry import filter_radius
 from focusjax.layers import Layers, interval
 from focusjax.lens import AbstractLens
+from focusjax.trace._body_motion import BodyMotion
 from focusjax.trace._emitter_aim import one_to_one
-from focusjax.trace._emitter_pixels import pixels_that_see
+from focusjax.trace._emitter_pixels import pixels_that_see, pixels_that_see_in_motion
 from focusjax.trace._emitter_slots import Slots, slots_of
 from focusjax.trace._emitter_tiles import TileSums, share_of_rays, tile_sums
 from focusjax.trace._prefix import prefix_sums
@@ -68,8 +71,13 @@ def may_emit(layers: Layers) -> bool:
         return bool(radiance.size) and float(radiance.max()) > WHITE
 
 
-def split_emitters(layers: Layers, lens: AbstractLens) -> tuple[Layers, Emitters]:
+def split_emitters(
+    layers: Layers, lens: AbstractLens, motion: BodyMotion | None = None
+) -> tuple[Layers, Emitters]:
     """The layers with a plain level in place of emitters, as `lens` sees them; and the emitters.
+
+    Where the layers have a `motion`, emitters are those of all of its times, and the pixels that may see one
+    see it at any of them.
 
     Differentiable by the radiance of samples: what is chosen counts as fixed, and excess radiance changes as
     the samples' does. Gloss that each ray works out is no part of it.
@@ -78,7 +86,7 @@ def split_emitters(layers: Layers, lens: AbstractLens) -> tuple[Layers, Emitters
     radiance = layers.samples.radiance
 
     def split(radiance: Float[Array, "n 3"]) -> tuple[Float[Array, "n 3"], Emitters]:
-        return _split(radiance, fixed, lens)
+        return _split(radiance, fixed, lens, motion)
 
     def nothing(radiance: Float[Array, "n 3"]) -> tuple[Float[Array, "n 3"], Emitters]:
         _, shapes = jax.eval_shape(split, radiance)
@@ -90,7 +98,7 @@ def split_emitters(layers: Layers, lens: AbstractLens) -> tuple[Layers, Emitters
 
 
 def _split(
-    radiance: Float[Array, "n 3"], layers: Layers, lens: AbstractLens
+    radiance: Float[Array, "n 3"], layers: Layers, lens: AbstractLens, motion: BodyMotion | None
 ) -> tuple[Float[Array, "n 3"], Emitters]:
     lens = jax.lax.stop_gradient(lens)
     held = jnp.maximum(jnp.bitwise_count(layers.places.held).sum(dtype=jnp.int32), 1)
@@ -98,12 +106,12 @@ def _split(
     others = [jnp.where(bright, 0.0, plane).sum() for plane in layers.samples.radiance.T]
     level = jnp.stack(others) / held.astype(radiance.dtype)
     sums = tile_sums(layers, bright, level)
-    value = _values(sums, layers, lens)
+    value = _values(sums, layers, lens, motion)
     count = min(MOST_CLUSTERS, value.shape[0])
     best, tile = jax.lax.top_k(value, count)
     slots, number, member = slots_of(layers, radiance, tile, best >= _LEAST_VARIANCE, level, WHITE)
-    first, extent = _rectangles(slots, member, layers, lens)
-    pairs = _within_budget(first, extent, slots, layers, lens)
+    first, extent = _rectangles(slots, member, layers, lens, motion)
+    pairs = _within_budget(first, extent, slots, layers, lens, motion)
     kept = jnp.repeat(pairs > 0, member.shape[0] // count)
     member &= kept
     slots = slots.only(kept)
@@ -119,7 +127,9 @@ def _split(
     )
 
 
-def _values(sums: TileSums, layers: Layers, lens: AbstractLens) -> Float[Array, " t"]:
+def _values(
+    sums: TileSums, layers: Layers, lens: AbstractLens, motion: BodyMotion | None
+) -> Float[Array, " t"]:
     """Variance of a pixel that sees the bright samples of a tile and its like; 0 if they are not small."""
     grid = layers.grid
     count = jnp.maximum(sums.count, 1.0)
@@ -127,7 +137,11 @@ def _values(sums: TileSums, layers: Layers, lens: AbstractLens) -> Float[Array, 
 
     def radius(x: Array, y: Array, disparity: Array) -> Array:
         place = (jnp.stack([x, y]) - grid.margin) / grid.supersampling
-        return lens.footprint(layers.camera, place, disparity)[1] * grid.supersampling
+        if motion is None:
+            least = lens.footprint(layers.camera, place, disparity)[1]
+        else:
+            least = _least_radius(motion, lens, place, disparity)
+        return least * grid.supersampling
 
     most = jnp.maximum(jnp.maximum(sums.excess[0], sums.excess[1]), sums.excess[2])
     share = share_of_rays(sums, x, y, jax.vmap(radius)(x, y, disparity))
@@ -138,8 +152,22 @@ def _values(sums: TileSums, layers: Layers, lens: AbstractLens) -> Float[Array, 
     return jnp.where((sums.count > 0) & (share < _LARGEST_SHARE), variance, 0.0)
 
 
+def _least_radius(
+    motion: BodyMotion, lens: AbstractLens, place: Float[Array, "2"], disparity: Float[Array, ""]
+) -> Float[Array, ""]:
+    """Radius in pixels of the disc of a place of a body, where it is smallest on its way; 0 through focus."""
+
+    def at(matrix: Float[Array, "3 4"]) -> tuple[Array, Array]:
+        there, now, ahead = motion.place(place, disparity, matrix)
+        radius = lens.footprint(motion.camera, there, now)[1]
+        return jnp.where(ahead > 0, radius, 0.0), lens.blur(motion.camera, there, now)
+
+    radius, blur = jax.vmap(at)(motion.matrices)
+    return jnp.where(blur.min() * blur.max() > 0, radius.min(), 0.0)
+
+
 def _rectangles(
-    slots: Slots, member: Bool[Array, " m"], layers: Layers, lens: AbstractLens
+    slots: Slots, member: Bool[Array, " m"], layers: Layers, lens: AbstractLens, motion: BodyMotion | None
 ) -> tuple[Int[Array, "k 2"], Int[Array, "k 2"]]:
     """First column and row of the pixels that may see each cluster, and how many there are of them."""
     grid, count = layers.grid, slots.layer.shape[0]
@@ -158,28 +186,45 @@ def _rectangles(
     low, high = ((corner - grid.margin) / grid.supersampling for corner in (low, high))
     wide = filter_radius(layers.pixel_filter)
 
-    def seen(low: Array, high: Array, ends: Array) -> tuple[Array, Array]:
-        return pixels_that_see(layers.camera, lens, low, high, ends, wide)
+    def seen(*box: Array) -> tuple[Array, Array]:
+        if motion is None:
+            return pixels_that_see(layers.camera, lens, *box, wide)
+        return pixels_that_see_in_motion(motion, lens, *box, wide)
 
     first, extent = jax.vmap(seen)(low, high, ends)
     return first, jnp.where(some[:, None], extent, 0)
 
 
 def _within_budget(
-    first: Int[Array, "k 2"], extent: Int[Array, "k 2"], slots: Slots, layers: Layers, lens: AbstractLens
+    first: Int[Array, "k 2"],
+    extent: Int[Array, "k 2"],
+    slots: Slots,
+    layers: Layers,
+    lens: AbstractLens,
+    motion: BodyMotion | None,
 ) -> Int[Array, " k"]:
     """Pairs of each cluster with a pixel; 0 where there is no room for them, or where a caustic is."""
-    camera = layers.camera
-    disparity = slots.middles()[2]
+    camera, grid = layers.camera, layers.grid
+    x, y, disparity = slots.middles()
     shares = jnp.array([(x, y) for y in (0.0, 0.5, 1.0) for x in (0.0, 0.5, 1.0)], dtype=disparity.dtype)
+    whens = disparity[None]
+    if motion is not None:
+        places = (jnp.stack([x, y], axis=1) - grid.margin) / grid.supersampling
 
-    def clear(share: Array) -> Array:
+        def when(matrix: Float[Array, "3 4"]) -> Float[Array, " k"]:
+            return jax.vmap(lambda place, w: motion.place(place, w, matrix)[1])(places, disparity)
+
+        whens = jax.lax.map(when, motion.matrices[jnp.array([0, -1])])
+
+    def clear(share_and_when: tuple[Array, Array]) -> Array:
         """Of each cluster, at one of the pixels that may see it."""
+        share, when = share_and_when
         films = first + share[None] * extent
-        return jax.vmap(lambda film, disparity: one_to_one(camera, lens, film, disparity))(films, disparity)
+        return jax.vmap(lambda film, w: one_to_one(camera, lens, film, w))(films, whens[when])
 
     # One after the other, so that few rays are held at once.
-    pairs = jnp.where(jax.lax.map(clear, shares).all(axis=0), extent.prod(axis=1), 0)
+    every = jnp.repeat(shares, len(whens), axis=0), jnp.tile(jnp.arange(len(whens)), len(shares))
+    pairs = jnp.where(jax.lax.map(clear, every).all(axis=0), extent.prod(axis=1), 0)
     most = MOST_PAIRS * camera.width * camera.height
     # In floating point, where sums do not overflow.
     room = jnp.cumsum(jnp.minimum(pairs, most + 1).astype(disparity.dtype)) <= most * (1.0 - 2.0**-10)

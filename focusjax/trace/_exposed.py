@@ -19,6 +19,7 @@ from focusjax.trace._focal_zone import focal_zone
 from focusjax.trace._groups import SomeGroups
 from focusjax.trace._known_light import known_light
 from focusjax.trace._moving import MovingLayers, seen_in_motion
+from focusjax.trace._moving_emitters import moving_light
 from focusjax.trace._picture import RenderSettings, developed, light_of, picture_sums
 from focusjax.trace._radiances import Seen
 from focusjax.trace._render import render_settings, seed_of
@@ -77,38 +78,65 @@ def exposed(
     """
     settings = render_settings(backdrop, lens, rays=rays, smooth=smooth)
     seed, here = seed_of(seed), jnp.asarray(changing)
-    # Emitters are split off in pixels in which nothing changes only, whose bins are without them then.
-    emitters = None
-    if settings.emitters and not changing.all():
-        backdrop, emitters = eqx.filter_jit(split_emitters)(backdrop, lens)
     bins = _coc_bins(camera, lens, spans) if smooth else CocBins(None)
-    still = None if changing.all() else _still_sums(backdrop, lens, seed, bins, ~here, settings=settings)
-    total = still if emitters is None else None
+    total, light = None, jnp.zeros((len(changing), 3), dtype=camera.focal_px.dtype)
+    if not changing.all():
+        if settings.emitters:
+            backdrop, emitters = eqx.filter_jit(split_emitters)(backdrop, lens)
+            light = _still_light(emitters, backdrop, lens, seed, settings=settings)
+            light = jnp.where(here[:, None], 0.0, light)
+        total = _still_sums(backdrop, lens, seed, bins, ~here, settings=settings)
     through = any(body.scene.volume.opacity is not None for span in spans for body in span.bodies)
     samples = _samples(lens, stirred(seed, _TIMED), settings, through)
     together = min(_TOGETHER, -(-rays // len(spans)))
     of_row = changing.reshape(camera.height, -1).sum(axis=1)
-    for span in spans:
+    for number, span in enumerate(spans):
         begin = None if span is spans[0] else span.begin
         end = None if span is spans[-1] else span.end
         shares = row_shares(timing, begin, end, camera.height, rays, together)
         groups = int(of_row @ shares.parts.astype(np.int64))
         if groups:
             most = _FEWEST_GROUPS << max(0, -(-groups // _FEWEST_GROUPS) - 1).bit_length()
-            moving = _Moving(camera, timing, span.bodies, samples, shares)
+            moving = _Moving(camera, timing, _plain(span.bodies), samples, shares)
             sums = _span_sums(moving, lens, bins, here, together=together, most=most)
             total = sums if total is None else jax.tree.map(jnp.add, total, sums)
+            each = stirred(seed, _TIMED + 1 + number)
+            fewer = dataclasses.replace(settings, rays=-(-rays // len(spans)))
+            more = _span_light(span.bodies, lens, timing, shares, each, fewer)
+            light = jnp.where(here[:, None], light + more, light)
+    assert total is not None
+    return _developed(total, lens, camera, bins, settings=settings) + light
 
-    def means(sums: PixelSums) -> Float[Array, "p 3"]:
-        return _developed(sums, lens, camera, bins, settings=settings)
 
-    if emitters is None:
-        assert total is not None
-        return means(total)
-    # Lamps are in the sums of pixels in which something changes only: either are denoised by themselves.
-    assert still is not None
-    steady = means(still) + _still_light(emitters, backdrop, lens, seed, settings=settings)
-    return steady if total is None else jnp.where(here[:, None], means(total), steady)
+def _plain(bodies: tuple[MovingLayers, ...]) -> tuple[MovingLayers, ...]:
+    """Bodies without their emitters, whose rays compile nothing new where others have some."""
+    return tuple(dataclasses.replace(body, emitters=None) for body in bodies)
+
+
+def _span_light(
+    bodies: tuple[MovingLayers, ...],
+    lens: AbstractLens,
+    timing: Timing,
+    shares: RowShares,
+    seed: UInt[Array, ""],
+    settings: RenderSettings,
+) -> Float[Array, "p 3"] | float:
+    """The light of the emitters of all bodies in one span."""
+    total: Float[Array, "p 3"] | float = 0.0
+    for number, body in enumerate(bodies):
+        if body.emitters is not None:
+            others = _plain((*bodies[:number], *bodies[number + 1 :]))
+            total += moving_light(
+                body,
+                others,
+                lens,
+                timing,
+                shares,
+                stirred(seed, number),
+                rays=settings.rays,
+                pixel_filter=settings.pixel_filter,
+            )
+    return total
 
 
 def _coc_bins(camera: Camera, lens: AbstractLens, spans: Sequence[Span]) -> CocBins:

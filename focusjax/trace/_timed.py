@@ -34,6 +34,12 @@ class Timing(eqx.Module):
         delay = jnp.asarray(self.delay) * ((row.astype(moment.dtype) + 0.5) / height - 0.5)
         return interpolated(jnp.asarray(self.quantiles), moment) + delay[None]
 
+    def moment(self, time: Float[Array, " n"], row: Int[Array, " n"], height: int) -> Float[Array, " n"]:
+        """The share of the light of pixels in some rows that has arrived at a time: `times` the other way."""
+        quantiles = jnp.asarray(self.quantiles)
+        delay = jnp.asarray(self.delay) * ((row.astype(time.dtype) + 0.5) / height - 0.5)
+        return jnp.interp(time - delay, quantiles, jnp.linspace(0.0, 1.0, len(quantiles), dtype=time.dtype))
+
     def share_before(self, time: float, height: int) -> Float[np.ndarray, " h"]:
         """The share of the light of each row that has arrived at a time; on the host."""
         delay = self.delay * ((np.arange(height) + 0.5) / height - 0.5)

@@ -13,6 +13,7 @@ Of a body that moves they are those that are out of focus all the while; see `fo
 """
 
 import dataclasses
+import math
 
 import equinox as eqx
 import jax
@@ -138,10 +139,10 @@ def _values(
     def radius(x: Array, y: Array, disparity: Array) -> Array:
         place = (jnp.stack([x, y]) - grid.margin) / grid.supersampling
         if motion is None:
-            least = lens.footprint(layers.camera, place, disparity)[1]
+            wide = lens.footprint(layers.camera, place, disparity)[1]
         else:
-            least = _least_radius(motion, lens, place, disparity)
-        return least * grid.supersampling
+            wide = _smeared_radius(motion, lens, place, disparity)
+        return wide * grid.supersampling
 
     most = jnp.maximum(jnp.maximum(sums.excess[0], sums.excess[1]), sums.excess[2])
     share = share_of_rays(sums, x, y, jax.vmap(radius)(x, y, disparity))
@@ -152,18 +153,23 @@ def _values(
     return jnp.where((sums.count > 0) & (share < _LARGEST_SHARE), variance, 0.0)
 
 
-def _least_radius(
+def _smeared_radius(
     motion: BodyMotion, lens: AbstractLens, place: Float[Array, "2"], disparity: Float[Array, ""]
 ) -> Float[Array, ""]:
-    """Radius in pixels of the disc of a place of a body, where it is smallest on its way; 0 through focus."""
+    """Radius in pixels of a disc as large as what a place of a body is smeared over; 0 through focus.
 
-    def at(matrix: Float[Array, "3 4"]) -> tuple[Array, Array]:
+    Its own disc of radius r, where that is smallest, goes by a length l: pi r^2 + 2 r l.
+    """
+
+    def at(matrix: Float[Array, "3 4"]) -> tuple[Array, ...]:
         there, now, ahead = motion.place(place, disparity, matrix)
         radius = lens.footprint(motion.camera, there, now)[1]
-        return jnp.where(ahead > 0, radius, 0.0), lens.blur(motion.camera, there, now)
+        return jnp.where(ahead > 0, radius, 0.0), lens.blur(motion.camera, there, now), there
 
-    radius, blur = jax.vmap(at)(motion.matrices)
-    return jnp.where(blur.min() * blur.max() > 0, radius.min(), 0.0)
+    radius, blur, way = jax.vmap(at)(motion.matrices)
+    least, length = radius.min(), jnp.hypot(*(way[-1] - way[0]))
+    smeared = jnp.sqrt(least**2 + 2.0 / math.pi * least * length)
+    return jnp.where(blur.min() * blur.max() > 0, smeared, 0.0)
 
 
 def _rectangles(
@@ -186,10 +192,10 @@ def _rectangles(
     low, high = ((corner - grid.margin) / grid.supersampling for corner in (low, high))
     wide = filter_radius(layers.pixel_filter)
 
-    def seen(*box: Array) -> tuple[Array, Array]:
+    def seen(low: Array, high: Array, ends: Array) -> tuple[Array, Array]:
         if motion is None:
-            return pixels_that_see(layers.camera, lens, *box, wide)
-        return pixels_that_see_in_motion(motion, lens, *box, wide)
+            return pixels_that_see(layers.camera, lens, low, high, ends, wide)
+        return pixels_that_see_in_motion(motion, lens, low, high, ends, wide)
 
     first, extent = jax.vmap(seen)(low, high, ends)
     return first, jnp.where(some[:, None], extent, 0)

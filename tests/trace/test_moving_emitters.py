@@ -100,12 +100,11 @@ def test_what_passes_before_lights_hides_them_at_its_time(monkeypatch):
     wall = patch("wall", CAMERA, (-60, -60, 120, 120), 0.1, (0.2, 0.3, 0.25))
     card = patch("card", CAMERA, (2.0, -30.0, 16.0, 60.0), 0.6, (0.1, 0.05, 0.02))
     world = moving(LAMP, wall, card, card=to_the_right(14.0, 0.6))
-    way = jnp.array([-0.3, 0.1])
-    path = (
-        lambda time: dataclasses.replace(  # noqa: E731
-            CAMERA, world_from_camera=CAMERA.world_from_camera.at[:2, 3].add((time - 1) * way)
-        )
-    )
+
+    def path(time):
+        pose = CAMERA.world_from_camera.at[:2, 3].add((time - 1) * jnp.array([-0.3, 0.1]))
+        return dataclasses.replace(CAMERA, world_from_camera=pose)
+
     few = taken(world, path, rays=16)
     monkeypatch.setattr(_moving, "may_emit", lambda layers: False)
     truth = taken(world, path, rays=2048)

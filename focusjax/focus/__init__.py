@@ -31,6 +31,7 @@ from focusjax.focus._image_points import stacked as stacked
 from focusjax.focus._locate import locate as locate
 from focusjax.focus._many import solve_many as solve_many
 from focusjax.focus._parameters import PARAMETERS as PARAMETERS
+from focusjax.focus._parameters import reframes as reframes
 from focusjax.focus._plane import PlaneFit as PlaneFit
 from focusjax.focus._plane import fit_focal_plane as fit_focal_plane
 from focusjax.focus._points import AtInfinity as AtInfinity

@@ -13,11 +13,8 @@ from focusjax.focus._objective import make_objective
 from focusjax.focus._parameters import FOCUS, RADIUS, SWING, TILT, Start, blur_models, make_start, scales
 from focusjax.focus._priors import PriorRows, prior_rows
 from focusjax.focus._search import Basin, search
-from focusjax.focus._solution import Asked, Result, Solution
+from focusjax.focus._solution import PARTLY_OPEN, Asked, Result, Solution
 from focusjax.lens import TiltShiftLens
-
-_PARTLY_OPEN = 0.01
-"""Squared cosine between a parameter's axis and what is open from which on the parameter is called open."""
 
 
 def place_of(asked: Asked) -> tuple[Start, PriorRows, Box, Float[Array, "k"]]:
@@ -53,7 +50,7 @@ def ended(
     result: Result,
 ) -> tuple[Solution, Bool[Array, ""]]:
     """The solution at `value`, and whether the solver failed; `priced` is what priors cost in px^2."""
-    is_open = basin.held | (jnp.diag(basin.open) > _PARTLY_OPEN)
+    is_open = basin.held | (jnp.diag(basin.open) > PARTLY_OPEN)
     result = Result.where(basin.settled, result, Result.max_steps_reached)
     result = Result.where((result == Result.solved) & jnp.any(is_open), Result.undetermined, result)
     result = Result.where(jnp.all(jnp.isfinite(error)), result, Result.not_finite)

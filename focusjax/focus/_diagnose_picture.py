@@ -26,7 +26,7 @@ from focusjax.focus._findings import (
 )
 from focusjax.focus._image_points import ImagePoints
 from focusjax.focus._sensitivity import Sensitivity, sensitivity
-from focusjax.focus._solution import Asked, Solution, WishResult
+from focusjax.focus._solution import PARTLY_OPEN, Asked, Solution, WishResult
 from focusjax.focus._solve import solve_asked
 from focusjax.focus._solve_glass import reweighted
 
@@ -38,9 +38,6 @@ _MOST_WISHES = 16
 
 _EXPLAINED = 1.0 - 1e-4
 """Squared cosine from which on a direction is one of those that are open."""
-
-_PARTLY_OPEN = 0.01
-"""Squared cosine between a parameter's axis and what is open from which on the parameter is called open."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -179,7 +176,7 @@ def _open_sentences(sensed: Sensitivity) -> list[str]:
         turning = [
             name
             for name, share in zip(sensed.names, sensed.turn, strict=True)
-            if name != "focus" and share**2 > _PARTLY_OPEN
+            if name != "focus" and share**2 > PARTLY_OPEN
         ]
         they = "turn" if len(turning) > 1 else "turns"
         are = "are" if len(turning) > 1 else "is"
@@ -191,7 +188,7 @@ def _open_sentences(sensed: Sensitivity) -> list[str]:
         _, sizes, across = np.linalg.svd(rest - np.outer(rest @ sensed.turn, sensed.turn))
         rest = across[: len(sizes)][sizes > 0.5]
     shares = np.sum(rest**2, axis=0) if len(rest) else np.zeros(len(sensed.names))
-    left = [name for name, share in zip(sensed.names, shares, strict=True) if share > _PARTLY_OPEN]
+    left = [name for name, share in zip(sensed.names, shares, strict=True) if share > PARTLY_OPEN]
     if left == ["f_number"] and sensed.one_depth:
         lines.append("All wishes are at one distance, so that any f-number will do; it stays as it was.")
     elif left:

@@ -18,6 +18,8 @@ from focusjax.focus._priors import Numbers
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, CloseFocus, LensSettings, ThinLens, TiltShiftLens, lens_settings
 
+PARTLY_OPEN = 0.01
+"""Squared cosine between a parameter's axis and what is open from which on the parameter is called open."""
 _RELATIONS = {EQUAL: "equal", AT_MOST: "at most", AT_LEAST: "at least", SAME: "same"}
 SHOWN_AT, IN_FRAME = "shown at", "in frame"
 """Relations of wishes about where something is shown, which are not about blur."""

@@ -21,12 +21,9 @@ from focusjax.focus._objective import Objective, make_objective
 from focusjax.focus._parameters import Start, make_start, scales
 from focusjax.focus._path import way_through
 from focusjax.focus._priors import prior_rows
-from focusjax.focus._solution import Result
+from focusjax.focus._solution import PARTLY_OPEN, Result
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens
-
-_PARTLY_OPEN = 0.01
-"""As for one picture: the share of an open direction from which on a parameter is called open."""
 
 _HELD = 1.0 - 1e-6
 """The share from which on it stays, whatever the others do."""
@@ -168,7 +165,7 @@ def _solve(asked: FramesAsked) -> FramesSolution:
     at_upper = (walked.pixels >= still.upper) & (here.gradient < -rounding)
     open_ = _open(here.slopes * jnp.mean(still.upper - still.lower, axis=0)[None, None])
     kept = jnp.where(open_ > _HELD, first * scale, 0.0)
-    is_open = open_ > _PARTLY_OPEN
+    is_open = open_ > PARTLY_OPEN
     kept = kept - jax.lax.stop_gradient(kept)
     pixels = following(joint, walked.pixels, walked.side, at_lower | asked.held, at_upper, kept, is_open)
     # What is held is no bound that keeps it from a better value.

@@ -11,7 +11,15 @@ from jaxtyping import Float
 
 from focusjax._stopwatch import Stopwatch
 from focusjax.config import Config, refusals_located
-from focusjax.focus import FocusPoint, ImagePoints, Solution, SurfaceSolution, solve, solve_focal_surface
+from focusjax.focus import (
+    FocusPoint,
+    ImagePoints,
+    Solution,
+    SurfaceSolution,
+    reframes,
+    solve,
+    solve_focal_surface,
+)
 from focusjax.geometry import Camera
 from focusjax.job._exposed import ExposedLens, ExposedSolution
 from focusjax.job._find import find_wishes
@@ -20,8 +28,6 @@ from focusjax.job._weigh import weighed_solution
 from focusjax.layers import disparity_map
 from focusjax.lens import FocalSurface, FocalSurfaceLens, ThinLens, TiltShiftLens
 from focusjax.scene import Scene
-
-_FRAMING = {"focal_length", "shift", "rise"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +66,7 @@ class Settling:
     @property
     def _reframes(self) -> bool:
         """Whether solving moves things in the picture."""
-        return bool(set(self.config.solve.free) & _FRAMING) or self.config.lens.close_focus == "breathing"
+        return reframes(self.config.solve.free, self.config.lens.close_focus)
 
     def settle(self, start: Settled) -> Settled:
         """The best settings: of a focal surface, of a thin or tilted lens, or through glass.

@@ -6,7 +6,17 @@ which less than 1 % of the light was guessed, "inner" those farther from the fra
 reaches, both for the three in turn. Values are cut to 0 to 1, as a display shows them; highlights are kept
 in the sharp picture, or cut with `--display`, as a photograph has them.
 
+`--oracle` adds a second table that says what limits the photograph, by PSNR over the whole picture and over
+what is seen. A part of the truth at a time takes the place of what the photograph has to estimate:
+
+- hidden: what was not photographed, behind foregrounds and beyond the frame, is the real scene;
+- beyond: what is beyond the frame alone is;
+- twice: the picture and its depth have twice the pixels along each side, as have the layers;
+- scene: all is the real scene, with as many layer samples as the photograph has pixels: what is left is the
+  error of the layers, which have one sample per pixel, and of the rays.
+
     python scripts/compare_photo.py
+    python scripts/compare_photo.py --oracle --focus 1 --configs configs/still_life.toml
 """
 
 import argparse
@@ -14,6 +24,7 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+from _photo_oracle import with_real_scene
 from rich.console import Console
 from rich.table import Table
 
@@ -48,6 +59,14 @@ def distances_at(disparity, shares):
     return [1.0 / (low + share * (high - low)) for share in shares]
 
 
+def photo_of(scene, camera, lens, path, display):
+    """The photograph, with exact depth, that `camera` takes of `scene`."""
+    sharp = np.asarray(render_pinhole(peel(scene, camera, lens, supersampling=2)))
+    disparity = np.asarray(disparity_map(scene, camera))
+    sharp = np.clip(sharp, 0.0, 1.0 if display else None)
+    return Photo(sharp, disparity, np.ones(disparity.shape, dtype=bool), camera, 1, path)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -59,6 +78,7 @@ def main() -> None:
     parser.add_argument("--rays", type=int, default=64)
     parser.add_argument("--truth-rays", type=int, default=256)
     parser.add_argument("--display", action="store_true", help="cut highlights of the sharp picture")
+    parser.add_argument("--oracle", action="store_true", help="also what parts of the truth would gain")
     options = parser.parse_args()
     size = [int(side) for side in options.size.split("x")]
     table = Table(box=None, header_style="dim", title="PSNR in dB, SSIM")
@@ -74,6 +94,11 @@ def main() -> None:
         "inner",
     ):
         table.add_column(heading, justify="left" if heading == "scene" else "right")
+    known = Table(
+        box=None, header_style="dim", title="PSNR in dB, whole / seen, with a part of the truth known"
+    )
+    for heading in ("scene", "focus", "photo", "hidden", "beyond", "twice", "scene"):
+        known.add_column(heading, justify="left" if not known.columns else "right")
     for path in options.configs:
         config = load_config(path, [f"camera.resolution={size}"])
         scene, camera = build_scene(config), build_camera(config)
@@ -81,13 +106,14 @@ def main() -> None:
         number = options.f_number or min(config.widest_f_number, config.lens.f_number or np.inf)
         focus = {"focal_length": length, "f_number": number}
         widest = thin_lens(focus_distance=1.0, **focus)
-        truth = peel(scene, camera, widest, supersampling=2)
-        sharp, disparity = np.asarray(render_pinhole(truth)), np.asarray(disparity_map(scene, camera))
-        sharp = np.clip(sharp, 0.0, 1.0 if options.display else None)
-        there = disparity > 0
-        photo = Photo(sharp, disparity, np.ones_like(there), camera, 1, path)
+        photo = photo_of(scene, camera, widest, path, options.display)
+        sharp, disparity = photo.light, photo.disparity
         guess = photo.scene(f_number=number)
         assert HOLES not in guess.objects
+        if options.oracle:
+            doubled = load_config(path, [f"camera.resolution={[2 * side for side in size]}"])
+            finer = photo_of(scene, build_camera(doubled), widest, path, options.display)
+            finer = finer.scene(f_number=number)
         reach = int(float(camera.focal_px) * float(widest.aperture_radius) * np.ptp(disparity)) + 1
         inner = np.zeros(disparity.shape, dtype=bool)
         inner[reach:-reach, reach:-reach] = True
@@ -118,7 +144,24 @@ def main() -> None:
                     for mask in masks
                 ),
             )
-    Console(width=200).print(table)
+            if options.oracle:
+                pictures = [ours]
+                for each in (
+                    with_real_scene(scene, guess, camera, lens),
+                    with_real_scene(scene, guess, camera, lens, behind=False),
+                    peel(finer, camera, lens, supersampling=2),
+                    peel(scene, camera, lens),
+                ):
+                    pictures.append(np.clip(np.asarray(render(each, lens, rays=options.rays)), 0.0, 1.0))
+                known.add_row(
+                    path.stem,
+                    f"{distance:.3g} m",
+                    *(f"{psnr(each, real):.1f} / {psnr(each, real, mask=seen):.1f}" for each in pictures),
+                )
+    console = Console(width=200)
+    console.print(table)
+    if options.oracle:
+        console.print(known)
 
 
 if __name__ == "__main__":

@@ -65,7 +65,10 @@ def moving_layers(
     number: int,
     backdrop: bool,
 ) -> MovingLayers:
-    """The layers of one body with how it moves between two times; see `MovingLayers` and `BodyMotion`."""
+    """The layers of one body with how it moves between two times; see `MovingLayers` and `BodyMotion`.
+
+    One matrix is that of a body that is seen as by `camera` all the while.
+    """
     real = layers.ranges.overall.dtype
     motion = BodyMotion(
         camera,
@@ -76,7 +79,9 @@ def moving_layers(
     )
     emitters = None
     if may_emit(layers):
-        layers, emitters = eqx.filter_jit(split_emitters)(layers, lens, motion)
+        # What stands still in the axes of rays is split as a still picture's layers are, by the same program.
+        moves = motion if len(matrices) > 1 else None
+        layers, emitters = eqx.filter_jit(split_emitters)(layers, lens, moves)
     return MovingLayers(
         traced_scene(layers),
         layers.ranges,

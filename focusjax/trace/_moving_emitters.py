@@ -80,7 +80,7 @@ def moving_light(
         first, last = (
             jnp.clip(timing.moment(end, some.row, height), low[some.row], high[some.row]) for end in ends
         )
-        time = timing.times((first + (last - first) * t)[None], some.row, height)[0]
+        time = timing.times(first + (last - first) * t, some.row, height)
         near = FARTHEST_OFF / body.scene.grid.supersampling
 
         def one(matrix: Array, film: Array, place: Array, w: Array, slope: Array) -> tuple[Array, ...]:

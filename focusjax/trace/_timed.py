@@ -1,6 +1,7 @@
 """When each ray of a pixel is, where it starts, and which rays are in which span of time."""
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -29,16 +30,20 @@ class Timing(eqx.Module):
     quantiles: Float[np.ndarray, " q"] | Float[Array, " q"]
     delay: Float[np.ndarray, ""] | Float[Array, ""] = eqx.field(converter=np.asarray)
 
-    def times(self, moment: Float[Array, "s g"], row: Int[Array, " g"], height: int) -> Float[Array, "s g"]:
+    def times(self, moment: Float[Array, "*s g"], row: Int[Array, " g"], height: int) -> Float[Array, "*s g"]:
         """When the share `moment` of the light of pixels in some rows has arrived."""
-        delay = jnp.asarray(self.delay) * ((row.astype(moment.dtype) + 0.5) / height - 0.5)
-        return interpolated(jnp.asarray(self.quantiles), moment) + delay[None]
+        late = jnp.broadcast_to(self._late(row, height, moment.dtype), moment.shape)
+        return interpolated(jnp.asarray(self.quantiles), moment) + late
 
     def moment(self, time: Float[Array, " n"], row: Int[Array, " n"], height: int) -> Float[Array, " n"]:
         """The share of the light of pixels in some rows that has arrived at a time: `times` the other way."""
         quantiles = jnp.asarray(self.quantiles)
-        delay = jnp.asarray(self.delay) * ((row.astype(time.dtype) + 0.5) / height - 0.5)
-        return jnp.interp(time - delay, quantiles, jnp.linspace(0.0, 1.0, len(quantiles), dtype=time.dtype))
+        shares = jnp.linspace(0.0, 1.0, len(quantiles), dtype=time.dtype)
+        return jnp.interp(time - self._late(row, height, time.dtype), quantiles, shares)
+
+    def _late(self, row: Int[Array, " n"], height: int, dtype: Any) -> Float[Array, " n"]:
+        """By how much rows are later than the middle of the picture."""
+        return jnp.asarray(self.delay) * ((row.astype(dtype) + 0.5) / height - 0.5)
 
     def share_before(self, time: float, height: int) -> Float[np.ndarray, " h"]:
         """The share of the light of each row that has arrived at a time; on the host."""

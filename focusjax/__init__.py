@@ -95,6 +95,7 @@ if TYPE_CHECKING:
     from focusjax.lens import spectral_lens as spectral_lens
     from focusjax.lens import thin_lens as thin_lens
     from focusjax.lens import tilt_shift_lens as tilt_shift_lens
+    from focusjax.lens import tilted_lens as tilted_lens
     from focusjax.optics import lens_preset as lens_preset
     from focusjax.optics import load_lens as load_lens
     from focusjax.photo import Photo as Photo
@@ -222,6 +223,7 @@ _NAMES = {
         "spectral_lens",
         "thin_lens",
         "tilt_shift_lens",
+        "tilted_lens",
     ),
     "optics": (
         "lens_preset",

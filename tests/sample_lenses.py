@@ -15,6 +15,7 @@ from focusjax.lens import (
     FocalSurfaceLens,
     PrescriptionLens,
     ThinLens,
+    TiltedPrescriptionLens,
     TiltShiftLens,
     apodized,
     chromatic_lens,
@@ -31,6 +32,7 @@ from focusjax.lens import (
     seidel,
     squeezed,
     tabulated_aberrations,
+    tilted_lens,
     vignetted_lens,
 )
 
@@ -142,5 +144,11 @@ def by_polynomials() -> FittedLens:
     return fitted_lens(exact, CAMERA)
 
 
-REAL = {"glass": through_glass, "glass, fitted": by_polynomials}
+@functools.cache
+def turned_glass() -> TiltedPrescriptionLens:
+    """The first on a standard that is tilted and swung."""
+    return tilted_lens(through_glass(), CAMERA, tilt=0.06, swing=-0.04)
+
+
+REAL = {"glass": through_glass, "glass, fitted": by_polynomials, "glass, tilted": turned_glass}
 """Functions that make them, as that takes seconds."""

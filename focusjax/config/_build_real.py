@@ -7,7 +7,16 @@ from focusjax.config._errors import ConfigError
 from focusjax.config._height_field import height_lens
 from focusjax.config._load import Config
 from focusjax.geometry import Camera
-from focusjax.lens import PrescriptionLens, SpectralLens, ThinLens, prescription_lens, spectral_lens
+from focusjax.lens import (
+    PrescriptionLens,
+    SpectralLens,
+    ThinLens,
+    TiltedPrescriptionLens,
+    TiltShiftLens,
+    prescription_lens,
+    spectral_lens,
+    tilted_lens,
+)
 from focusjax.optics import (
     LENS_FILES,
     LensFileError,
@@ -22,9 +31,11 @@ from focusjax.optics import (
 
 
 def build_real_lens(
-    config: Config, camera: Camera, lens: ThinLens, *, wide_open: bool = False
-) -> PrescriptionLens | SpectralLens | None:
-    """The real lens of `[lens]` with the focal length, focus and opening of a thin one; None of an ideal one.
+    config: Config, camera: Camera, lens: ThinLens | TiltShiftLens, *, wide_open: bool = False
+) -> PrescriptionLens | TiltedPrescriptionLens | SpectralLens | None:
+    """The real lens of `[lens]` with the settings of an ideal one: focal length, focus, opening and tilt.
+
+    None of an ideal one.
 
     With `wide_open` it is open as far as the config and it allow.
 
@@ -48,7 +59,11 @@ def build_real_lens(
             f_number=f_number,
             aperture=lens.aperture,
         )
-        return spectral_lens(made, camera, bands=table.spectral_bands) if table.spectral else made
+        coloured = spectral_lens(made, camera, bands=table.spectral_bands) if table.spectral else made
+        if not isinstance(lens, TiltShiftLens):
+            return coloured
+        turned = lens.movements(camera)
+        return tilted_lens(coloured, camera, tilt=float(turned.tilt), swing=float(turned.swing))
     except LensFileError as error:
         raise ConfigError(f"{config.source}: lens.prescription: {error}") from error
     except ValueError as error:

@@ -232,7 +232,7 @@ class LensTable(Look):
                 )
         if self.real is None:
             return self
-        others = ("aperture_radius_mm", "tilt_deg", "swing_deg", "focal_surface")
+        others = ("aperture_radius_mm", "focal_surface")
         own = [key for key in others if getattr(self, key) != type(self).model_fields[key].default]
         own += self.look
         if own:

@@ -17,7 +17,14 @@ from focusjax.film._photometry import (
     magnification,
 )
 from focusjax.geometry import Camera
-from focusjax.lens import CloseFocus, PrescriptionLens, ThinLens, TiltShiftLens, lens_settings
+from focusjax.lens import (
+    CloseFocus,
+    PrescriptionLens,
+    ThinLens,
+    TiltedPrescriptionLens,
+    TiltShiftLens,
+    lens_settings,
+)
 
 WIDEST_F_NUMBER = 0.5
 """The f-number at which light comes from all sides (Kyaw 2013 section 4.3)."""
@@ -122,7 +129,7 @@ def camera_settings(
 
 
 def settings_through(
-    lens: ThinLens | TiltShiftLens | PrescriptionLens,
+    lens: ThinLens | TiltShiftLens | PrescriptionLens | TiltedPrescriptionLens,
     camera: Camera,
     *,
     time: SupportsFloat,
@@ -152,16 +159,18 @@ def settings_through(
         >>> round(float(settings.f_number), 3), round(float(settings.magnification), 4)
         (2.8, 0.0256)
     """
-    pupils = lens.pupil_magnification() if isinstance(lens, PrescriptionLens) else 1.0
+    pupils = (
+        lens.pupil_magnification() if isinstance(lens, PrescriptionLens | TiltedPrescriptionLens) else 1.0
+    )
     length, disparity = float(camera.focal_length), float(lens.focus_disparity)
     number = float(lens.f_number(camera))
     if math.isinf(number):
         raise ValueError("the lens is a pinhole, which has no f-number; open its aperture")
     if close_focus != "ignored":
-        if isinstance(lens, PrescriptionLens):
+        if isinstance(lens, PrescriptionLens | TiltedPrescriptionLens):
             raise ValueError(
-                f"close_focus is {close_focus!r} and the lens is a PrescriptionLens, whose glass says what"
-                " light is lost; leave close_focus out"
+                f"close_focus is {close_focus!r} and the lens is a {type(lens).__name__}, whose glass says"
+                " what light is lost; leave close_focus out"
             )
         found = lens_settings(camera, lens, close_focus)
         values = float(found.f_number), float(found.magnification)

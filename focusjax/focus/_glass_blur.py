@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
-from focusjax.lens import PrescriptionLens, SettableLens
+from focusjax.lens import PrescriptionLens, SettableLens, TiltedPrescriptionLens
 
 _RAYS = 256
 _STEPS = 4
@@ -88,7 +88,11 @@ def glass_blur(
 
 
 def _landed(
-    lens: PrescriptionLens, camera: Camera, pupil: Float[Array, "s 2"], seen: Array, w: Array
+    lens: PrescriptionLens | TiltedPrescriptionLens,
+    camera: Camera,
+    pupil: Float[Array, "s 2"],
+    seen: Array,
+    w: Array,
 ) -> tuple[Array, Array, Array]:
     """Where rays of a point land on the film, pixels per dioptre that they move, and their light."""
 

@@ -12,6 +12,7 @@ from focusjax.lens import (
     PrescriptionLens,
     SpectralLens,
     ThinLens,
+    TiltedPrescriptionLens,
     nearest_focus,
     pupil_radius,
 )
@@ -27,7 +28,7 @@ def checked_glass(glass: object, asked: Asked) -> AbstractLens:
         ArgumentError: another kind of lens, something free that glass does not have, a start wider than the
             glass, or a closest focus that it does not reach.
     """
-    kinds = (PrescriptionLens, SpectralLens, FittedLens)
+    kinds = (PrescriptionLens, SpectralLens, FittedLens, TiltedPrescriptionLens)
     remedy = "`prescription_lens` and `spectral_lens` make one"
     require_kind(glass, kinds, "solve(through=)", remedy, "through")
     assert isinstance(glass, AbstractLens)
@@ -39,7 +40,9 @@ def checked_glass(glass: object, asked: Asked) -> AbstractLens:
             "free",
         )
     if not isinstance(asked.lens, ThinLens):
-        raise ArgumentError("the starting lens is turned, and real lenses are not; start upright", "lens")
+        raise ArgumentError(
+            "the starting lens is turned; start with a thin lens, and turn the glass (`tilted_lens`)", "lens"
+        )
     leaves = jax.tree.leaves((glass, asked.camera, asked.lens, asked.limits))
     if any(isinstance(leaf, Tracer) for leaf in leaves):
         return glass

@@ -23,7 +23,7 @@ from focusjax.focus._parameters import FOCUS, RADIUS, Start, scales
 from focusjax.focus._search import Basin
 from focusjax.focus._solution import Asked
 from focusjax.geometry import Camera
-from focusjax.lens import AbstractLens, SettableLens, settable
+from focusjax.lens import AbstractLens, SettableLens, is_tilted, settable
 
 _ROUNDS = 5
 """Of the thin lens's problem, at most; the first is that of the points themselves."""
@@ -81,7 +81,8 @@ def best_settings(
     def thin_again(state: Reached, found: Sensed) -> Reached:
         setting = start.whole(state.value)[jnp.array([FOCUS, RADIUS])]
         thin = exchanged(asked, setting, jax.tree.map(lambda leaf: leaf[0], found))
-        thin = jax.tree.map(lambda a, b: jnp.where(state.number == 0, a, b), points, thin)
+        if not is_tilted(glass):
+            thin = jax.tree.map(lambda a, b: jnp.where(state.number == 0, a, b), points, thin)
         basin = basin_of(dataclasses.replace(asked, points=thin))
         same = (state.number > 0) & (jnp.max(jnp.abs(basin.value - state.value) / unit) < 1.0)
         exact = same | (state.number + 1 == _ROUNDS)

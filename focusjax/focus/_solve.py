@@ -31,11 +31,12 @@ from focusjax.lens import (
     PrescriptionLens,
     SpectralLens,
     ThinLens,
+    TiltedPrescriptionLens,
     TiltShiftLens,
     require_close_focus,
 )
 
-Glass: TypeAlias = PrescriptionLens | SpectralLens | FittedLens
+Glass: TypeAlias = PrescriptionLens | SpectralLens | FittedLens | TiltedPrescriptionLens
 
 
 def solve(

@@ -19,9 +19,13 @@ from focusjax.lens import (
     PrescriptionLens,
     SpectralLens,
     ThinLens,
+    TiltedPrescriptionLens,
+    TiltShiftLens,
     fitted_lens,
+    is_tilted,
+    refocused,
 )
-from focusjax.trace import LensPlan
+from focusjax.trace import NO_TILTED_FIT, LensPlan
 
 FIT_PX = 0.05
 """Pixels by which polynomials may be off where nothing is said of them, nor of quality."""
@@ -41,17 +45,17 @@ class ThroughGlass:
         solution: what wishes set the focus; None where none did.
     """
 
-    exact: PrescriptionLens | SpectralLens
+    exact: PrescriptionLens | TiltedPrescriptionLens | SpectralLens
     traced: AbstractLens
     poor_fit: str
     decibels: float | None = None
     solution: Solution | None = None
 
     @property
-    def middle(self) -> PrescriptionLens:
+    def middle(self) -> PrescriptionLens | TiltedPrescriptionLens:
         """The lens for the one wavelength that it is focused with."""
         lens = self.exact.lens if isinstance(self.exact, SpectralLens) else self.exact
-        assert isinstance(lens, PrescriptionLens)
+        assert isinstance(lens, PrescriptionLens | TiltedPrescriptionLens)
         return lens
 
     def planned(self, plan: LensPlan) -> "ThroughGlass":
@@ -71,7 +75,7 @@ def solved_through(
     options: Mapping[str, Any],
     points: ImagePoints,
     camera: Camera,
-    lens: ThinLens,
+    lens: ThinLens | TiltShiftLens,
     settled: Solution | None,
 ) -> Solution:
     """The wishes of a config met by its real lens.
@@ -82,9 +86,9 @@ def solved_through(
         points: the wishes.
         camera: framed already, where that is solved for.
         lens: where to start.
-        settled: what a thin lens says, where more is free than focus and f-number, or where the light has set
-            the f-number: the focus is then found anew, and the f-number where nothing has set it. None
-            otherwise.
+        settled: what an ideal lens says, where more is free than focus and f-number, where it is tilted, or
+            where the light has set the f-number: the focus is then found anew, and the f-number where nothing
+            has set it. None otherwise.
 
     Raises:
         ConfigError: as `build_real_lens`, and as `solve`.
@@ -100,18 +104,23 @@ def solved_through(
     limits = {"focus": ("min_focus_distance", "max_focus_distance"), "f_number": ("f_number_range",)}
     kept = {name: options[name] for key in free for name in limits[key] if name in options}
     priors = {name: prior for name, prior in options.get("priors", {}).items() if name in free}
+    # The glass is turned; what is solved for is its focus and opening.
+    start = ThinLens(lens.focus_disparity, lens.aperture_radius, lens.aperture)
     with refusals_located(config):
         solution = solve(
-            points, camera, lens, through=exact, free=free, method=options["method"], priors=priors, **kept
+            points, camera, start, through=exact, free=free, method=options["method"], priors=priors, **kept
         )
     jax.block_until_ready(solution.blur)
+    if isinstance(lens, TiltShiftLens):
+        found = replace(lens, aperture_radius=solution.lens.aperture_radius)
+        solution = replace(solution, lens=refocused(found, camera, solution.lens.focus_disparity))
     return solution
 
 
 def through_glass(
     config: Config,
     camera: Camera,
-    lens: ThinLens,
+    lens: ThinLens | TiltShiftLens,
     solution: Solution | None,
     disparity: Float[np.ndarray, "h w"],
     *,
@@ -131,10 +140,13 @@ def through_glass(
         ConfigError: as `build_real_lens`.
     """
     exact = build_real_lens(config, camera, lens) if solution is None else solution.glass
-    assert isinstance(exact, PrescriptionLens | SpectralLens)
+    assert isinstance(exact, PrescriptionLens | TiltedPrescriptionLens | SpectralLens)
     traced, poor_fit = exact, ""
     error_px = FIT_PX if config.lens.fit_px is None else config.lens.fit_px
-    if fit and error_px > 0 and not left_to_quality(config):
+    if is_tilted(exact):
+        poor_fit = NO_TILTED_FIT if fit and error_px > 0 else ""
+    elif fit and error_px > 0 and not left_to_quality(config):
+        assert isinstance(exact, PrescriptionLens | SpectralLens)
         nearest = float(disparity.max())
         try:
             distances = {"nearest": 1.0 / nearest} if nearest > 0 else {}

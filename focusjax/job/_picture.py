@@ -26,7 +26,7 @@ from focusjax.layers import (
     peel,
     umbra_saving,
 )
-from focusjax.lens import AbstractLens, PrescriptionLens, SpectralLens
+from focusjax.lens import AbstractLens, PrescriptionLens, SpectralLens, TiltedPrescriptionLens
 from focusjax.post import PinholeView, closed_lens, post_process, view_in_layers
 from focusjax.scene import Scene
 from focusjax.trace import (
@@ -194,7 +194,7 @@ def make_picture(
     if table.quality is not None:
         with watch.stage("plan"):
             if choose_lens:
-                assert isinstance(lens, PrescriptionLens | SpectralLens)
+                assert isinstance(lens, PrescriptionLens | TiltedPrescriptionLens | SpectralLens)
                 lens_plan = plan_lens(layers, lens, table.quality)
                 lens = lens_plan.lens
             way = choose_way(table, view, layers, lens)

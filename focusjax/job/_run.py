@@ -176,7 +176,7 @@ def _run(
         settled = dataclasses.replace(settled, lens=focal_surface_lens(surface, camera, lens))
     glass = None
     if config.lens.real is not None:
-        assert isinstance(settled.lens, ThinLens)
+        assert isinstance(settled.lens, ThinLens | TiltShiftLens)
         assert not isinstance(settled.solution, SurfaceSolution)
         with watch.stage("glass"):
             glass = through_glass(

@@ -71,13 +71,15 @@ class Settling:
     def settle(self, start: Settled) -> Settled:
         """The best settings: of a focal surface, of a thin or tilted lens, or through glass.
 
-        What frames the picture, and what the light takes, a thin lens settles before glass is looked through.
+        What frames or tilts the picture, and what the light takes, an ideal lens settles before glass is
+        looked through.
         """
         if start.surface is not None:
             return self._surface(start)
         if self.config.lens.real is None:
             return self._ideal(start)
-        if set(self.config.solve.free) <= {"focus", "f_number"} and self.grey is None:
+        alone = set(self.config.solve.free) <= {"focus", "f_number"} and self.grey is None
+        if alone and isinstance(start.lens, ThinLens):
             return self._through_glass(start, "solve")
         return self._through_glass(self._ideal(start), "solve_glass")
 
@@ -136,7 +138,7 @@ class Settling:
         """Focus and f-number of a real lens, as far as `start` leaves them open."""
         points, lens, settled = start.points, start.lens, start.solution
         assert points is not None
-        assert isinstance(lens, ThinLens)
+        assert isinstance(lens, ThinLens | TiltShiftLens)
         assert not isinstance(settled, SurfaceSolution)
         with self.watch.stage(stage):
             solution = solved_through(self.config, self.options, points, start.camera, lens, settled)

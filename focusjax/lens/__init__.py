@@ -77,6 +77,8 @@ from focusjax.lens._scheimpflug import lens_axis as lens_axis
 from focusjax.lens._scheimpflug import movements_of as movements_of
 from focusjax.lens._scheimpflug import view_tangents as view_tangents
 from focusjax.lens._settable import SettableLens as SettableLens
+from focusjax.lens._settable import is_tilted as is_tilted
+from focusjax.lens._settable import level as level
 from focusjax.lens._settable import nearest_focus as nearest_focus
 from focusjax.lens._settable import pupil_radius as pupil_radius
 from focusjax.lens._settable import settable as settable
@@ -94,6 +96,8 @@ from focusjax.lens._tilt_shift import TiltShiftLens as TiltShiftLens
 from focusjax.lens._tilt_shift import as_tilt_shift as as_tilt_shift
 from focusjax.lens._tilt_shift import lens_for_plane as lens_for_plane
 from focusjax.lens._tilt_shift import tilt_shift_lens as tilt_shift_lens
+from focusjax.lens._tilted import TiltedPrescriptionLens as TiltedPrescriptionLens
+from focusjax.lens._tilted import tilted_lens as tilted_lens
 from focusjax.lens._vignetted import VignettedLens as VignettedLens
 from focusjax.lens._vignetted import hooded_lens as hooded_lens
 from focusjax.lens._vignetted import vignetted_lens as vignetted_lens

@@ -27,14 +27,17 @@ class Aim(eqx.Module):
 def line_of(
     camera: Camera,
     film_point: Float[Array, "2"],
-    aim: Aim,
+    light: Float[Array, ""],
     slope: Pair,
     crossing: Pair,
     clearance: Float[Array, ""],
 ) -> LensRay:
-    """A ray ahead of a real lens as a line in image space; cut off, it is the pinhole's, without light."""
+    """A ray ahead of a real lens as a line in image space; cut off, it is the pinhole's, without light.
+
+    `light` is its weight if it passes.
+    """
     flat = slope[0] * slope[0] + slope[1] * slope[1] < STEEPEST**2
-    share = jnp.where(flat, openness(clearance) * aim.light, 0.0)
+    share = jnp.where(flat, openness(clearance) * light, 0.0)
     a, b = [], []
     for axis, sign in enumerate((1.0, -1.0)):
         ahead = camera.principal_point[axis] + sign * camera.focal_px * slope[axis]

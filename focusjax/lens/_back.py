@@ -15,6 +15,7 @@ import dataclasses
 import jax.numpy as jnp
 
 from focusjax.geometry import Camera
+from focusjax.lens._scheimpflug import turn_to
 from focusjax.lens._tilt_shift import TiltShiftLens
 
 
@@ -43,16 +44,9 @@ def tilt_back(camera: Camera, lens: TiltShiftLens) -> tuple[Camera, TiltShiftLen
     """
     plane = lens.plane
     normal = jnp.stack([-plane[0], -plane[1], 1.0 / camera.focal_length - plane[2]])
-    x, y, z = normal / jnp.sqrt(normal @ normal)
-    # The smallest rotation that takes (0, 0, 1) to the normal: no roll comes in.
-    fold = 1.0 / (1.0 + z)
-    turn = jnp.stack(
-        [
-            jnp.stack([1.0 - x * x * fold, -x * y * fold, x]),
-            jnp.stack([-x * y * fold, 1.0 - y * y * fold, y]),
-            jnp.stack([-x, -y, z]),
-        ]
-    )
+    axis = normal / jnp.sqrt(normal @ normal)
+    x, y, z = axis
+    turn = turn_to(axis)
     # Camera axes have z backwards.
     mirror = jnp.array([1.0, 1.0, -1.0], dtype=plane.dtype)
     pose = camera.world_from_camera

@@ -60,7 +60,7 @@ class FittedLens(AbstractLens):
         aim = self.exact.aim(camera, film_point, pupil_point)
         (x, y), crossing, clearance = self.transfer(aim.tangents, aim.target)
         slope = (x - aim.tangents[0], y - aim.tangents[1])
-        return line_of(camera, film_point, aim, slope, crossing, clearance)
+        return line_of(camera, film_point, aim.light, slope, crossing, clearance)
 
     def blur(
         self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]

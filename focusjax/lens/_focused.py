@@ -33,7 +33,7 @@ from focusjax.optics import (
 
 _RADII = 33
 """Film radii at which pupils and bounds are kept; as many less one lie between them."""
-_FRAME_MARGIN = 4.0
+FRAME_MARGIN = 4.0
 """Pixels beyond the frame from which rays may start, for wide filters."""
 _EDGE = 128
 """Rays along and across the unit square that measure the light through an opening that is not round."""
@@ -140,7 +140,7 @@ def _refuse_all_around(lens: PrescriptionLens, camera: Camera) -> None:
     """A picture in perspective, whose rays are q = a + b w, ends before 90 degrees."""
     beyond = np.flatnonzero(np.asarray(lens.bounds.beyond) > 0.5)
     pixels = float(lens.film_step * camera.focal_px) * (beyond[0] if len(beyond) else math.inf)
-    if pixels < float(lens.film_step * camera.focal_px) * (_RADII - 1) - _FRAME_MARGIN:
+    if pixels < float(lens.film_step * camera.focal_px) * (_RADII - 1) - FRAME_MARGIN:
         raise ValueError(
             f"{lens.prescription.name} looks farther than {np.degrees(np.arctan(STEEPEST)):.1f} degrees from"
             f" the axis at {pixels:.0f} pixels from the middle of the picture, within its frame; pictures"
@@ -158,22 +158,24 @@ def focused_lens(
     breathing: bool = False,
     falloff: bool = True,
     aperture: AbstractAperture = _ROUND,
+    farthest: Float[Array, ""] | None = None,
 ) -> PrescriptionLens:
     """As `prescription_lens`, unchecked, not scaled nor stopped down: for derivatives and compiled code.
 
     Differentiable in the prescription and the focus; only the ellipse that rays are spread over is taken as
-    it is, since any that covers the opening gives the same picture.
+    it is, since any that covers the opening gives the same picture. `farthest` is the tangent to the axis up
+    to which film points are seen, that of the frame's farthest corner if not given.
     """
     indices = prescription.indices(line())
     film, scale = film_for(prescription, camera, focus_disparity, focus, breathing=breathing)
     pupil = first_order(prescription).entrance_pupil
-    lens = _placed(prescription, indices, film, scale, pupil, _film_step(camera), falloff, aperture)
+    farthest = _farthest(camera) if farthest is None else farthest
+    step = jax.lax.stop_gradient(farthest) / (_RADII - 1)
+    lens = _placed(prescription, indices, film, scale, pupil, step, falloff, aperture)
     return dataclasses.replace(lens, focus_disparity=focus_disparity, focus=focus, breathing=breathing)
 
 
-def at_wavelength(
-    lens: PrescriptionLens, camera: Camera, wavelength: SupportsFloat | Float[Array, ""]
-) -> PrescriptionLens:
+def at_wavelength(lens: PrescriptionLens, wavelength: SupportsFloat | Float[Array, ""]) -> PrescriptionLens:
     """The same lens with its film where it is, for light of another `wavelength` in nm.
 
     Raises:
@@ -186,27 +188,22 @@ def at_wavelength(
                 f"the wavelength is {nanometres:g} nm; expected {_SHORTEST:g} to {_LONGEST:g}, for which"
                 " glasses have an index"
             )
-    return with_indices(
-        lens, camera, lens.prescription.indices(jnp.asarray(wavelength, dtype=lens.indices.dtype))
-    )
+    return with_indices(lens, lens.prescription.indices(jnp.asarray(wavelength, dtype=lens.indices.dtype)))
 
 
-def with_indices(
-    lens: PrescriptionLens, camera: Camera, indices: Float[Array, " n_plus_1"]
-) -> PrescriptionLens:
+def with_indices(lens: PrescriptionLens, indices: Float[Array, " n_plus_1"]) -> PrescriptionLens:
     """The same lens with its film where it is, for light that is refracted by other `indices`."""
-    place = (lens.film_place, lens.film_scale, lens.entrance_pupil, _film_step(camera))
+    place = (lens.film_place, lens.film_scale, lens.entrance_pupil, lens.film_step)
     other = _placed(lens.prescription, indices, *place, lens.falloff, lens.aperture)
     kept = {name: getattr(lens, name) for name in ("focus_disparity", "exposure", "focus", "breathing")}
     return dataclasses.replace(other, **kept)
 
 
-def _film_step(camera: Camera) -> Float[Array, ""]:
-    """Tangent between the film radii that are kept, which reach beyond the frame's farthest corner."""
+def _farthest(camera: Camera) -> Float[Array, ""]:
+    """Tangent to which film points are seen, beyond the frame's farthest corner."""
     size = jnp.array([camera.width, camera.height], dtype=camera.principal_point.dtype)
     farthest = jnp.maximum(camera.principal_point, size - camera.principal_point)
-    reach = jnp.sqrt(farthest @ farthest) + _FRAME_MARGIN
-    return jax.lax.stop_gradient(reach / camera.focal_px / (_RADII - 1))
+    return (jnp.sqrt(farthest @ farthest) + FRAME_MARGIN) / camera.focal_px
 
 
 def _placed(

@@ -90,7 +90,7 @@ class PrescriptionLens(AbstractLens):
 
     def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
         aim = self.aim(camera, film_point, pupil_point)
-        return line_of(camera, film_point, aim, *self.passing(aim))
+        return line_of(camera, film_point, aim.light, *self.passing(aim))
 
     def aim(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> Aim:
         """How a ray starts at the film."""
@@ -98,19 +98,27 @@ class PrescriptionLens(AbstractLens):
         # upside down.
         x = (camera.principal_point[0] - film_point[0]) / camera.focal_px
         y = (film_point[1] - camera.principal_point[1]) / camera.focal_px
-        radius, (along_x, along_y) = polar(x, y)
-        across_x, across_y = pupil_point[0], -pupil_point[1]
-        r, t = along_x * across_x + along_y * across_y, along_x * across_y - along_y * across_x
-        (out, aside), area = self.aimed_at(radius / self.film_step, r, t)
-        target_x, target_y = along_x * out - along_y * aside, along_y * out + along_x * aside
-        light = area / self.exposure
+        (target_x, target_y), light = self.aimed_from((x, y), (pupil_point[0], -pupil_point[1]))
         if self.falloff:
             step_x, step_y = target_x - self.film_scale * x, target_y - self.film_scale * y
             square = self.film_place**2
             light *= (square / (step_x * step_x + step_y * step_y + square)) ** 2
-        last = self.pupils.centre.shape[0] - 1
-        light = jnp.where(radius <= last * self.film_step, light, 0.0)
         return Aim((x, y), (target_x, target_y), light)
+
+    def aimed_from(self, film: Pair, opening: Pair) -> tuple[Pair, Float[Array, ""]]:
+        """Point in mm of the last vertex plane for one of the opening, and the light without its falloff.
+
+        Args:
+            film: the film point over s, upside down.
+            opening: the point of the opening; both with y upwards, as the lens sees them.
+        """
+        radius, (along_x, along_y) = polar(*film)
+        r = along_x * opening[0] + along_y * opening[1]
+        t = along_x * opening[1] - along_y * opening[0]
+        (out, aside), area = self.aimed_at(radius / self.film_step, r, t)
+        last = self.pupils.centre.shape[0] - 1
+        light = jnp.where(radius <= last * self.film_step, area / self.exposure, 0.0)
+        return (along_x * out - along_y * aside, along_y * out + along_x * aside), light
 
     def passing(self, aim: Aim) -> tuple[Pair, Pair, Float[Array, ""]]:
         """A ray's slopes [2] ahead of the lens, where [2] in mm it crosses the pupil, and its clearance."""

@@ -22,8 +22,8 @@ STEEPEST = 6.0
 """Tangent to the axis beyond which no ray is taken: 80.5 degrees."""
 _RINGS = (*(((ring + 0.5) / 4) ** 0.5 for ring in range(4)), 1.0)
 """Shares of the rim's radius: four that stand for equal areas, and the rim, which stands for none."""
-_MARGIN = 1.08
-_ROUNDING = 2e-6
+MARGIN = 1.08
+ROUNDING = 2e-6
 
 
 class RayBounds(eqx.Module):
@@ -102,7 +102,11 @@ def find_bounds(
         area = area.reshape(-1)
         lost, kept = jnp.sum(dark * area), jnp.sum(light * area)
         beyond = lost / jnp.where(lost > 0.0, lost + kept, 1.0)
-        return *_disk(slope, crossing, light, area, radius), beyond
+        # The other half of the opening mirrors this one.
+        mirrored = jnp.array([1.0, -1.0], dtype=rim.dtype)
+        slope, crossing = (jnp.concatenate([one, one * mirrored[None]]) for one in (slope, crossing))
+        a, b, *rest, lit = disk_of_rays(slope, crossing, jnp.tile(light, 2), jnp.tile(area, 2))
+        return jnp.where(lit, a[0], radius), b[0], *rest, lit, beyond
 
     *found, lit, beyond = jax.vmap(one)(radii, pupils.inside, pupils.rim)
     # Where no light comes, as where some comes last.
@@ -115,44 +119,50 @@ def find_bounds(
     return _with_margins(bounds)
 
 
-def _disk(slope: Array, crossing: Array, light: Array, area: Array, radius: Array) -> tuple[Array, ...]:
-    """a, b, w_0, A, B and the equal opening of some rays, and whether there are any."""
+def disk_of_rays(
+    slope: Float[Array, "r 2"],
+    crossing: Float[Array, "r 2"],
+    light: Float[Array, " r"],
+    area: Float[Array, " r"],
+) -> tuple[Array, ...]:
+    """The disk around the rays of a film point.
+
+    Args:
+        slope: tangents.
+        crossing: of the pupil's plane in metres.
+        light: above 0 for rays that count.
+        area: of the opening that a ray stands for in means.
+
+    Returns:
+        a [2], b [2], w_0, A, B, the radius of the equal opening, and whether any ray counts.
+    """
     lit = light > 0.0
-    weight = light * area
-    total = jnp.where(jnp.any(lit), jnp.sum(weight), 1.0)
+    found = jnp.any(lit)
+    weight = (light * area)[:, None]
+    total = jnp.where(found, jnp.sum(weight), 1.0)
 
     def mean(values: Array) -> Array:
-        return jnp.sum(weight * values) / total
+        return jnp.sum(weight * values, axis=0) / total
 
-    def extent(values: Array) -> tuple[Array, Array]:
-        largest, least = (jnp.max(jnp.where(lit, sign * values, -jnp.inf)) for sign in (1.0, -1.0))
-        middle = jnp.where(jnp.any(lit), 0.5 * (largest - least), 0.0)
-        return middle, values - middle
+    def middle(values: Array) -> Array:
+        largest, least = (
+            jnp.max(jnp.where(lit[:, None], sign * values, -jnp.inf), axis=0) for sign in (1.0, -1.0)
+        )
+        return jnp.where(found, 0.5 * (largest - least), 0.0)
 
-    # The other half of the opening mirrors this one: radial means are the same, those across it 0.
-    off_slope, off_crossing = (one[:, 0] - mean(one[:, 0]) for one in (slope, crossing))
-    square = mean(off_crossing**2 + crossing[:, 1] ** 2)
-    together = mean(off_slope * off_crossing + slope[:, 1] * crossing[:, 1])
+    off_slope, off_crossing = (one - mean(one)[None] for one in (slope, crossing))
+    square, together = (jnp.sum(mean(off_crossing * one)) for one in (off_crossing, off_slope))
     focus = -together / jnp.where(square > 0.0, square, 1.0)
-    b, from_b = extent(crossing[:, 0])
     sharp = slope + crossing * focus
-    a, from_a = extent(sharp[:, 0])
+    a, b = middle(sharp), middle(crossing)
 
-    def farthest(along: Array, across: Array) -> Array:
-        squares = jnp.where(lit, along**2 + across**2, 0.0)
-        most = jnp.max(squares)
+    def farthest(values: Array) -> Array:
+        most = jnp.max(jnp.where(lit, jnp.sum(values**2, axis=1), 0.0))
         return jnp.where(most > 0.0, jnp.sqrt(jnp.where(most > 0.0, most, 1.0)), 0.0)
 
     root = jnp.sqrt(jnp.where(square > 0.0, 2.0 * square, 1.0))
-    return (
-        jnp.where(jnp.any(lit), a - b * focus, radius),
-        b,
-        focus,
-        farthest(from_a, sharp[:, 1]),
-        farthest(from_b, crossing[:, 1]),
-        jnp.where(square > 0.0, root, 0.0),
-        jnp.any(lit),
-    )
+    radius = jnp.where(square > 0.0, root, 0.0)
+    return a - b * focus, b, focus, farthest(sharp - a[None]), farthest(crossing - b[None]), radius, found
 
 
 def _with_margins(fine: RayBounds) -> RayBounds:
@@ -167,10 +177,10 @@ def _with_margins(fine: RayBounds) -> RayBounds:
 
     def widened(values: Array, excess: Array) -> Array:
         beside = jnp.maximum(jnp.append(excess, 0.0), jnp.append(0.0, excess))
-        return _MARGIN * values + 2.0 * beside
+        return MARGIN * values + 2.0 * beside
 
     return eqx.tree_at(
         lambda b: (b.spot, b.spread),
         kept,
-        (widened(kept.spot, spot) + _ROUNDING, widened(kept.spread, spread)),
+        (widened(kept.spot, spot) + ROUNDING, widened(kept.spread, spread)),
     )

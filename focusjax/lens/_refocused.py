@@ -15,6 +15,7 @@ from focusjax.lens._prescription import PrescriptionLens
 from focusjax.lens._spectral import SpectralLens
 from focusjax.lens._thin import ThinLens
 from focusjax.lens._tilt_shift import TiltShiftLens
+from focusjax.lens._tilted import TiltedPrescriptionLens, retilted
 from focusjax.lens.aberrations import AberratedLens, ChromaticLens
 
 _Lens = TypeVar("_Lens", bound=AbstractLens)
@@ -32,6 +33,11 @@ def moved_film(lens: AbstractLens, camera: Camera, focus_disparity: Float[Array,
             lens.prescription, camera, focus_disparity, lens.focus, breathing=lens.breathing
         )
         return dataclasses.replace(lens, film_place=film, film_scale=scale, focus_disparity=focus_disparity)
+    if isinstance(lens, TiltedPrescriptionLens):
+        return lens.focused_at(camera, focus_disparity)
+    if isinstance(lens, SpectralLens) and isinstance(lens.lens, TiltedPrescriptionLens):
+        moved = [moved_film(each, camera, focus_disparity) for each in (lens.lens, *lens.bands)]
+        return dataclasses.replace(lens, lens=moved[0], bands=tuple(moved[1:]))
     if isinstance(lens, SpectralLens):
         middle = moved_film(unfitted(lens.lens), camera, focus_disparity)
         place = {name: getattr(middle, name) for name in ("film_place", "film_scale", "focus_disparity")}
@@ -76,7 +82,11 @@ def refocused(lens: _Lens, camera: Camera, focus_disparity: Float[Array, ""]) ->
         return cast(_Lens, focused)
     if isinstance(lens, FittedLens):
         return refitted(lens, refocused(lens.exact, camera, focus_disparity), camera)
+    if isinstance(lens, TiltedPrescriptionLens):
+        return cast(_Lens, retilted(lens, camera, focus_disparity))
     if isinstance(lens, SpectralLens):
+        if isinstance(lens.lens, TiltedPrescriptionLens):
+            return cast(_Lens, retilted(lens, camera, focus_disparity))
         return _spectral(lens, camera, focus_disparity)
     if isinstance(lens, AberratedLens | ChromaticLens | AbstractDimmedLens):
         return dataclasses.replace(lens, lens=refocused(lens.lens, camera, focus_disparity))
@@ -88,7 +98,7 @@ def _spectral(lens: SpectralLens, camera: Camera, focus_disparity: Float[Array, 
     middle = refocused(unfitted(lens.lens), camera, focus_disparity)
 
     def band(old: AbstractLens) -> AbstractLens:
-        new = with_indices(middle, camera, unfitted(old).indices)
+        new = with_indices(middle, unfitted(old).indices)
         return refitted(old, new, camera) if isinstance(old, FittedLens) else new
 
     bands = tuple(band(old) for old in lens.bands)

@@ -50,6 +50,19 @@ def view_tangents(camera: Camera, film_point: Float[Array, "2"]) -> Float[Array,
     return away * jnp.array([1.0, -1.0], dtype=away.dtype)
 
 
+def turn_to(axis: Float[Array, "3"]) -> Float[Array, "3 3"]:
+    """The smallest rotation that takes (0, 0, 1) to a unit vector, so that no roll comes in."""
+    x, y, z = axis
+    fold = 1.0 / (1.0 + z)
+    return jnp.stack(
+        [
+            jnp.stack([1.0 - x * x * fold, -x * y * fold, x]),
+            jnp.stack([-x * y * fold, 1.0 - y * y * fold, y]),
+            jnp.stack([-x, -y, z]),
+        ]
+    )
+
+
 def lens_axis(plane: Float[Array, "3"], focal_length: Float[Array, ""]) -> Float[Array, "3"]:
     """The unit axis u of the lens that focuses on `plane`; at right angles to z beyond what one can reach."""
     across = focal_length * plane[:2]

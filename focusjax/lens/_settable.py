@@ -21,6 +21,7 @@ from focusjax.lens._prescription import PrescriptionLens
 from focusjax.lens._pupils import SOFTNESS, Pupils
 from focusjax.lens._spectral import SpectralLens
 from focusjax.lens._stop_map import find_stop_map
+from focusjax.lens._tilted import TiltedPrescriptionLens
 from focusjax.optics import Prescription, first_order
 
 _RADII = 17
@@ -37,20 +38,22 @@ class SettableLens(eqx.Module):
         shares: how much of the light each colour is (static).
     """
 
-    channels: tuple[PrescriptionLens, ...]
+    channels: tuple[PrescriptionLens | TiltedPrescriptionLens, ...]
     shares: tuple[float, ...] = eqx.field(static=True)
 
     def pupil_point(self, sample: Float[Array, "2"], opening: Float[Array, ""]) -> Float[Array, "2"]:
         """A point of the stop, in its widest radii, for one of the unit square."""
-        aperture = self.channels[0].aperture
+        aperture = self.channels[0].opening()
         edge = 1.0 + SOFTNESS / 2.0 if isinstance(aperture, Disk) else 1.0
         return opening * edge * aperture.point(sample)
 
     def set_to(
         self, camera: Camera, focus_disparity: Float[Array, ""], opening: Float[Array, ""]
-    ) -> tuple[PrescriptionLens, ...]:
+    ) -> tuple[PrescriptionLens | TiltedPrescriptionLens, ...]:
         """The channels, for `ray` alone, focused on 1/m and stopped down; differentiable in both."""
         first = self.channels[0]
+        if isinstance(first, TiltedPrescriptionLens):
+            return self._tilted_to(camera, focus_disparity, opening)
         prescription = _opened(first.prescription, opening)
         film, scale = film_for(prescription, camera, focus_disparity, first.focus, breathing=first.breathing)
         return tuple(
@@ -62,7 +65,19 @@ class SettableLens(eqx.Module):
                 focus_disparity=focus_disparity,
             )
             for each in self.channels
+            if isinstance(each, PrescriptionLens)
         )
+
+    def _tilted_to(
+        self, camera: Camera, focus_disparity: Float[Array, ""], opening: Float[Array, ""]
+    ) -> tuple[TiltedPrescriptionLens, ...]:
+        """As `set_to`, of a tilted lens."""
+        found = []
+        for each in self.channels:
+            assert isinstance(each, TiltedPrescriptionLens)
+            level = dataclasses.replace(each.lens, prescription=_opened(each.lens.prescription, opening))
+            found.append(dataclasses.replace(each, lens=level).focused_at(camera, focus_disparity))
+        return tuple(found)
 
 
 def settable(lens: AbstractLens, camera: Camera, focus_disparity: Float[Array, ""]) -> SettableLens:
@@ -77,11 +92,21 @@ def settable(lens: AbstractLens, camera: Camera, focus_disparity: Float[Array, "
     """
     if isinstance(lens, SpectralLens):
         colours = lens.channels()
-        bands = [unfitted(each.lens) for each in colours]
+        bands = [each.lens for each in colours]
         shares = tuple(sum(each.colour) / 3.0 for each in colours)
     else:
-        bands, shares = [unfitted(lens)], (1.0,)
-    return SettableLens(tuple(_aimed(band, camera, focus_disparity) for band in bands), shares)
+        bands, shares = [lens], (1.0,)
+    return SettableLens(tuple(_channel(band, camera, focus_disparity) for band in bands), shares)
+
+
+def _channel(
+    lens: AbstractLens, camera: Camera, focus_disparity: Float[Array, ""]
+) -> PrescriptionLens | TiltedPrescriptionLens:
+    """One colour's lens with its aims."""
+    if not isinstance(lens, TiltedPrescriptionLens):
+        return _aimed(unfitted(lens), camera, focus_disparity)
+    near = lens.focused_at(camera, focus_disparity)
+    return dataclasses.replace(near, lens=_aimed(near.lens, camera, near.lens.focus_disparity))
 
 
 @eqx.filter_jit
@@ -114,8 +139,19 @@ def _opened(prescription: Prescription, opening: Float[Array, ""]) -> Prescripti
 
 def pupil_radius(lens: AbstractLens) -> Float[Array, ""]:
     """Radius in metres of the entrance pupil of a real lens, as it is opened."""
-    middle = unfitted(lens.lens if isinstance(lens, SpectralLens) else lens)
-    return 1e-3 * first_order(middle.prescription).entrance_pupil_radius
+    return 1e-3 * first_order(level(lens).prescription).entrance_pupil_radius
+
+
+def is_tilted(lens: AbstractLens) -> bool:
+    """Whether a real lens is turned on its standard."""
+    middle = lens.lens if isinstance(lens, SpectralLens) else lens
+    return isinstance(middle, TiltedPrescriptionLens)
+
+
+def level(lens: AbstractLens) -> PrescriptionLens:
+    """The glass of a real lens for the one wavelength that it is focused with, not tilted nor fitted."""
+    middle = lens.lens if isinstance(lens, SpectralLens) else lens
+    return middle.lens if isinstance(middle, TiltedPrescriptionLens) else unfitted(middle)
 
 
 def stopped(lens: AbstractLens, opening: Float[Array, ""]) -> AbstractLens:
@@ -123,6 +159,8 @@ def stopped(lens: AbstractLens, opening: Float[Array, ""]) -> AbstractLens:
     if isinstance(lens, SpectralLens):
         bands = tuple(stopped(band, opening) for band in lens.bands)
         return dataclasses.replace(lens, lens=stopped(lens.lens, opening), bands=bands)
+    if isinstance(lens, TiltedPrescriptionLens):
+        return dataclasses.replace(lens, lens=stopped(lens.lens, opening))
     exact = unfitted(lens)
     exact = dataclasses.replace(exact, prescription=_opened(exact.prescription, opening))
     return dataclasses.replace(lens, exact=exact) if isinstance(lens, FittedLens) else exact
@@ -130,6 +168,5 @@ def stopped(lens: AbstractLens, opening: Float[Array, ""]) -> AbstractLens:
 
 def nearest_focus(lens: AbstractLens) -> Float[Array, ""]:
     """Metres from the entrance pupil to the front focal point, nearer than which nothing has a real image."""
-    middle = unfitted(lens.lens if isinstance(lens, SpectralLens) else lens)
-    seen = first_order(middle.prescription)
+    seen = first_order(level(lens).prescription)
     return 1e-3 * (seen.entrance_pupil - seen.front_focal_distance)

@@ -65,4 +65,4 @@ def spectral_lens(
         raise ValueError(f"wavelengths are {numbers} nm; expected three, of red, green and blue")
     places, colours = colour_bands(bands)
     middle = np.interp(places, np.arange(3.0), numbers)
-    return SpectralLens(lens, tuple(at_wavelength(lens, camera, each) for each in middle), colours)
+    return SpectralLens(lens, tuple(at_wavelength(lens, each) for each in middle), colours)

@@ -4,6 +4,7 @@ from typing import Any
 
 from focusjax._settings import metres
 from focusjax.job import Outcome
+from focusjax.lens import level
 
 
 def glass_facts(outcome: Outcome) -> dict[str, Any] | None:
@@ -11,12 +12,12 @@ def glass_facts(outcome: Outcome) -> dict[str, Any] | None:
     found = outcome.glass
     if found is None:
         return None
-    lens = found.middle
+    lens, glass = found.middle, level(found.middle)
     facts: dict[str, Any] = {
-        "name": lens.prescription.name,
+        "name": glass.prescription.name,
         "focus_distance_m": float(lens.focus_distance()),
         "f_number": float(lens.f_number(outcome.camera)),
-        "film_distance_mm": float(lens.film_place),
+        "film_distance_mm": float(glass.film_place),
         "spectral": outcome.config.lens.spectral,
         "fit": None,
         "poor_fit": found.poor_fit,

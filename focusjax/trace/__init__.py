@@ -11,6 +11,7 @@ from focusjax.trace._pinhole import render_pinhole as render_pinhole
 from focusjax.trace._plan import RayPlan as RayPlan
 from focusjax.trace._plan import decibels_of as decibels_of
 from focusjax.trace._plan import plan_rays as plan_rays
+from focusjax.trace._plan_lens import NO_TILTED_FIT as NO_TILTED_FIT
 from focusjax.trace._plan_lens import LensPlan as LensPlan
 from focusjax.trace._plan_lens import plan_lens as plan_lens
 from focusjax.trace._quality import QualityEstimate as QualityEstimate

@@ -18,7 +18,16 @@ import numpy as np
 from jaxtyping import Float
 
 from focusjax.layers import Layers
-from focusjax.lens import AbstractLens, FittedLens, PoorFitError, PrescriptionLens, SpectralLens, fitted_lens
+from focusjax.lens import (
+    AbstractLens,
+    FittedLens,
+    PoorFitError,
+    PrescriptionLens,
+    SpectralLens,
+    TiltedPrescriptionLens,
+    fitted_lens,
+    is_tilted,
+)
 from focusjax.trace._pinhole import render_pinhole
 from focusjax.trace._plan import decibels_of
 
@@ -28,6 +37,8 @@ _WORST = 4.0
 """Most error of a ray over the RMS error allowed; of polynomials it is about six times their own."""
 _MOST = 0.25
 """Pixels by which no ray may be off, whatever the quality."""
+
+NO_TILTED_FIT = "polynomials are of a level lens, and this one is tilted"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,7 +58,11 @@ class LensPlan:
 
 
 def plan_lens(
-    layers: Layers, lens: PrescriptionLens | SpectralLens, quality: str | float, *, margin: float = _CLEAR
+    layers: Layers,
+    lens: PrescriptionLens | TiltedPrescriptionLens | SpectralLens,
+    quality: str | float,
+    *,
+    margin: float = _CLEAR,
 ) -> LensPlan:
     """Polynomials for a real lens, where their error is clearly below what a quality allows; else the glass.
 
@@ -73,6 +88,9 @@ def plan_lens(
     wanted = decibels_of(quality)
     if quality == "reference":
         return LensPlan(lens, None, "a reference is made with the glass itself")
+    if is_tilted(lens):
+        return LensPlan(lens, None, NO_TILTED_FIT)
+    assert isinstance(lens, PrescriptionLens | SpectralLens)
     slope, brightness = picture_slope(np.asarray(render_pinhole(layers)))
     allowed = np.sqrt(2.0 * 10.0 ** (-0.1 * (wanted + margin)) / max(slope, 1e-12))
     nearest = float(layers.ranges.overall[1])

@@ -117,11 +117,11 @@ def test_ahead_of_a_prescription_it_is_more_glass(boxes):
         ),
         (
             ['lens.height_field.file="a.npy"', "lens.tilt_deg=3"],
-            "lens has tilt_deg and a height_field, which",
+            "has lens.height_field, but lens.tilt_deg is given; a lens with a height field is not turned",
         ),
         (
             ['lens.height_field.file="a.npy"', "solve.free=['focus', 'tilt']"],
-            "has lens.height_field, but solve.free has 'tilt'; a real lens is not turned",
+            "has lens.height_field, but solve.free has 'tilt'; a lens with a height field is not turned",
         ),
         (
             ['lens.height_field.file="a.npy"', "lens.height_field.ahead_mm=3"],

@@ -18,6 +18,7 @@ from focusjax.lens import (
     FittedLens,
     FocalSurfaceLens,
     PrescriptionLens,
+    TiltedPrescriptionLens,
     VignettedLens,
 )
 
@@ -39,12 +40,14 @@ def lens(request: pytest.FixtureRequest) -> AbstractLens:
 
 
 def is_real(lens: AbstractLens) -> bool:
-    return isinstance(lens, PrescriptionLens | FittedLens)
+    return isinstance(lens, PrescriptionLens | FittedLens | TiltedPrescriptionLens)
 
 
 every_lens = each(IDEAL | ABERRATED | REAL)
 every_lens_by_formulas = each(IDEAL | ABERRATED)
 every_real_lens = each(REAL)
+LEVEL_REAL = {name: lens for name, lens in REAL.items() if "tilted" not in name}
+every_level_real_lens = each(LEVEL_REAL)
 every_ideal_lens = each(IDEAL)
 every_aberrated_lens = each(ABERRATED)
 every_pinhole = each(PINHOLES)
@@ -164,7 +167,7 @@ def test_blur_is_that_of_the_best_fitting_ideal_lens(lens: AbstractLens, camera:
         assert float(lens.blur(camera, film, jnp.array(w))) == pytest.approx(-2 * slope, abs=1e-3)
 
 
-@every_lens
+@each(IDEAL | ABERRATED | LEVEL_REAL)
 def test_the_middle_ray_is_the_pinhole_ray(lens: AbstractLens, camera: Camera):
     ray = lens.ray(camera, camera.principal_point, jnp.zeros(2))
     # Of real lenses observed: 0.
@@ -265,7 +268,7 @@ def seen(lens: AbstractLens, camera: Camera, sample: jnp.ndarray) -> tuple:
     return ray.a, ray.b, ray.weight, channels, lens.blur(camera, film, w), lens.footprint(camera, film, w)
 
 
-@every_real_lens
+@every_level_real_lens
 def test_weights_of_glass_integrate_to_the_light_that_falls(lens: AbstractLens, camera: Camera):
     """One on the axis, where its unit is, and less towards a corner."""
     middle = camera.principal_point

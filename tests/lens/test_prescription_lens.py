@@ -190,7 +190,7 @@ def test_colours_focus_elsewhere(single):
     """N-BK7 bends blue more: its focus is nearer to the lens, so that on the film a nearer thing is sharp."""
     sharp = []
     for wavelength in RGB_WAVELENGTHS:
-        lens = at_wavelength(single, CAMERA, wavelength)
+        lens = at_wavelength(single, wavelength)
         zero, one = (float(bounds_at(lens, jnp.array([30.0, 20.0]), jnp.array(w))[3]) for w in (0.0, 1.0))
         sharp.append(zero / (zero - one))
     assert sharp[0] < sharp[1] < sharp[2]

@@ -96,8 +96,8 @@ from focusjax.lens._tilt_shift import TiltShiftLens as TiltShiftLens
 from focusjax.lens._tilt_shift import as_tilt_shift as as_tilt_shift
 from focusjax.lens._tilt_shift import lens_for_plane as lens_for_plane
 from focusjax.lens._tilt_shift import tilt_shift_lens as tilt_shift_lens
-from focusjax.lens._tilted import TiltedPrescriptionLens as TiltedPrescriptionLens
 from focusjax.lens._tilted import tilted_lens as tilted_lens
+from focusjax.lens._tilted_lens import TiltedPrescriptionLens as TiltedPrescriptionLens
 from focusjax.lens._vignetted import VignettedLens as VignettedLens
 from focusjax.lens._vignetted import hooded_lens as hooded_lens
 from focusjax.lens._vignetted import vignetted_lens as vignetted_lens

@@ -15,7 +15,8 @@ from focusjax.lens._prescription import PrescriptionLens
 from focusjax.lens._spectral import SpectralLens
 from focusjax.lens._thin import ThinLens
 from focusjax.lens._tilt_shift import TiltShiftLens
-from focusjax.lens._tilted import TiltedPrescriptionLens, retilted
+from focusjax.lens._tilted import retilted
+from focusjax.lens._tilted_lens import TiltedPrescriptionLens
 from focusjax.lens.aberrations import AberratedLens, ChromaticLens
 
 _Lens = TypeVar("_Lens", bound=AbstractLens)

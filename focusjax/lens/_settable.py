@@ -21,7 +21,7 @@ from focusjax.lens._prescription import PrescriptionLens
 from focusjax.lens._pupils import SOFTNESS, Pupils
 from focusjax.lens._spectral import SpectralLens
 from focusjax.lens._stop_map import find_stop_map
-from focusjax.lens._tilted import TiltedPrescriptionLens
+from focusjax.lens._tilted_lens import TiltedPrescriptionLens
 from focusjax.optics import Prescription, first_order
 
 _RADII = 17

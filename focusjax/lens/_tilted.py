@@ -1,18 +1,4 @@
-"""A real lens on a standard that tilts and swings: its glass turned against the film's normal.
-
-The lens turns about the middle of its entrance pupil, where the camera's pinhole is. The film keeps its
-normal and moves until what is in focus on that normal is at the wished distance; the plane in focus then
-leans as `_tilted_film` derives. In the lens's own axes everything but the film is what it is for a level
-lens: the film point of a pixel that looks along the tangents t of these axes is where the level lens, were it
-focused at w(t) = m.(t, 1), has it,
-
-    h = -s(w) t        at D(w) from the exit pupil,
-
-on the ray through the exit pupil's middle. So the picture is framed as the pinhole's. A ray is aimed at the
-place in the exit pupil that the level lens, focused at m_z, aims it at, followed through the glass, and its
-line ahead turned into the camera's axes. Its light is the film's irradiance: cos(film) cos(lens) / r^2 over
-the last vertex plane, in units of that on the axis of the level lens.
-"""
+"""Turning a real lens on its standard: checked settings, and bounds of its rays."""
 
 import dataclasses
 import functools
@@ -26,173 +12,24 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._arguments import real_number, require_kind
-from focusjax.geometry import Camera, LensRay
-from focusjax.lens._aim import line_of
+from focusjax.geometry import Camera
 from focusjax.lens._all_sides import is_round
-from focusjax.lens._aperture import AbstractAperture
 from focusjax.lens._base import AbstractLens
-from focusjax.lens._film import film_for
 from focusjax.lens._focused import FRAME_MARGIN, focused_lens, with_indices
-from focusjax.lens._length import Pair
 from focusjax.lens._prescription import PrescriptionLens
-from focusjax.lens._pupils import from_film, turns
-from focusjax.lens._ray_bounds import STEEPEST, exit_line
-from focusjax.lens._scheimpflug import MAX_TILT, turn_to, view_tangents
+from focusjax.lens._pupils import turns
+from focusjax.lens._ray_bounds import STEEPEST
+from focusjax.lens._scheimpflug import MAX_TILT, turn_to
 from focusjax.lens._spectral import SpectralLens
 from focusjax.lens._tilted_bounds import FilmBounds, RayDisk, Rays, find_film_bounds
 from focusjax.lens._tilted_film import TiltedFilm, tilted_film
+from focusjax.lens._tilted_lens import TiltedPrescriptionLens
 
 _RINGS = (*(((ring + 0.5) / 4) ** 0.5 for ring in range(4)), 0.98, 1.0, 1.02)
 """Shares of the rim's radius at which bounds look: four that stand for equal areas, and about the rim."""
 _AREAS = 4
 _BLOCKS = 1e-3
 """Clearance by which a ray may be cut off and still be bounded."""
-
-
-class TiltedPrescriptionLens(AbstractLens):
-    """A prescription turned against the film, as a source of rays. `tilted_lens` makes one.
-
-    Attributes:
-        lens: the glass, level, with its film as far away as it is on the lens's axis.
-        turn: camera axes from the lens's (X right, Y up, Z ahead) [3, 3].
-        focus_disparity: 1/m along the film's normal from the entrance pupil, where the camera stands.
-        film: where the film is.
-        bounds: disks around the rays of film points.
-
-    Example:
-        >>> camera = fj.look_at((0, 1, 2), (0, 1, 0), width=60, height=40, focal_length=0.05)
-        >>> planar = fj.lens_preset("planar_us583336_f4.5_1897")
-        >>> level = fj.prescription_lens(planar, camera, focus_distance=2.0)
-        >>> lens = fj.tilted_lens(level, camera, tilt=0.05)
-        >>> [round(float(each), 2) for each in (lens.focus_distance(), *lens.plane)]
-        [2.0, 0.0, -1.0, 0.5]
-    """
-
-    lens: PrescriptionLens
-    turn: Float[Array, "3 3"]
-    focus_disparity: Float[Array, ""]
-    film: TiltedFilm
-    bounds: FilmBounds
-
-    @property
-    def plane(self) -> Float[Array, "3"]:
-        """The plane in focus n.P = 1, by first-order optics: n in 1/m, in camera axes."""
-        return 1e3 * self.turn @ self._plane()
-
-    def opening(self) -> AbstractAperture:
-        return self.lens.opening()
-
-    def vignettes(self) -> bool:
-        return True
-
-    def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
-        seen = view_tangents(camera, film_point)
-        film, place = self._film_point(seen)
-        target, light = self.lens.aimed_from(film, (pupil_point[0], -pupil_point[1]))
-        slope, crossing, share, clearance = self._passing(film, place, target)
-        return line_of(camera, film_point, light * share, slope, crossing, clearance)
-
-    def blur(
-        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
-    ) -> Float[Array, ""]:
-        """Signed diameter in pixels, 2 f E (w_0 - w): about the film point's own best focus w_0."""
-        seen = self.bounds.at(view_tangents(camera, film_point))
-        return 2.0 * camera.focal_px * seen.radius * (seen.focus - disparity)
-
-    def footprint(
-        self, camera: Camera, film_point: Float[Array, "2"], disparity: Float[Array, ""]
-    ) -> tuple[Float[Array, "2"], Float[Array, ""]]:
-        seen = self.bounds.at(view_tangents(camera, film_point))
-        middle = seen.at_infinity + seen.crossing * disparity
-        radius = seen.spot + seen.spread * jnp.abs(disparity - seen.focus)
-        down = jnp.array([1.0, -1.0], dtype=middle.dtype)
-        return camera.principal_point + camera.focal_px * down * middle, camera.focal_px * radius
-
-    def reach(self, camera: Camera, disparity: Float[Array, ""]) -> Float[Array, ""]:
-        return camera.focal_px * self.bounds.reach(disparity)
-
-    def parallax(self, camera: Camera) -> Float[Array, ""]:
-        return camera.focal_px * self.bounds.parallax()
-
-    def focus_distance(self) -> Float[Array, ""]:
-        """Distance in metres along the film's normal to the plane in focus; infinite when that is far."""
-        return 1.0 / self.focus_disparity
-
-    def f_number(self, camera: Camera) -> Float[Array, ""]:
-        """Focal length over entrance pupil diameter, at the line d."""
-        return self.lens.f_number(camera)
-
-    def pupil_magnification(self) -> Float[Array, ""]:
-        """Diameter of the exit pupil over that of the entrance pupil, at the line d."""
-        return self.lens.pupil_magnification()
-
-    def tilt_and_swing(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """Radians, with the signs of `tilt_shift_lens`."""
-        axis = self.turn[:, 2]
-        return -jnp.arcsin(axis[1]), jnp.arctan2(axis[0], axis[2])
-
-    def focused_at(self, camera: Camera, focus_disparity: Float[Array, ""]) -> "TiltedPrescriptionLens":
-        """The same with its film moved, for `ray` alone: pupils and bounds stay."""
-        level = self.lens
-        film = tilted_film(level.prescription, jnp.zeros_like(focus_disparity))
-        wanted = film.plane(self.turn[2], 1e-3 * focus_disparity)[2]
-        place, scale = film_for(level.prescription, camera, 1e3 * wanted, level.focus, breathing=False)
-        level = dataclasses.replace(level, film_place=place, film_scale=scale, focus_disparity=1e3 * wanted)
-        film = dataclasses.replace(film, shift=place - film.place(wanted))
-        return dataclasses.replace(self, lens=level, film=film, focus_disparity=focus_disparity)
-
-    def _plane(self) -> Float[Array, "3"]:
-        """M in 1/mm, in the lens's axes."""
-        return self.film.plane(self.turn[2], 1e-3 * self.focus_disparity)
-
-    def _film_point(self, seen: Float[Array, "2"]) -> tuple[Pair, Float[Array, ""]]:
-        """What tangents of the view are for the level lens, upside down, and the film's place there in mm."""
-        x, y, z = self.turn.T @ jnp.append(seen, 1.0)
-        tangents = x / z, y / z
-        plane = self._plane()
-        disparity = plane[2] + plane[0] * tangents[0] + plane[1] * tangents[1]
-        return (-tangents[0], -tangents[1]), self.film.place(disparity)
-
-    def _passing(
-        self, film: Pair, place: Float[Array, ""], target: Pair
-    ) -> tuple[Pair, Pair, Float[Array, ""], Float[Array, ""]]:
-        """A ray's slopes ahead of the lens and where in mm it crosses the pupil, in camera axes.
-
-        Then its light over that of the level lens without falloff, and its clearance.
-
-        Args:
-            film: the level lens's film point over s, upside down.
-            place: mm from the last vertex to the film there.
-            target: point of the last vertex plane in mm that the level lens aims at.
-        """
-        level = self.lens
-        before, moved = level.film_place, place - level.film_place
-        inverse = 1.0 / (before - self.film.exit_pupil)
-        start, aimed = [], []
-        stretch = 1.0 + inverse * moved
-        for at, to in zip(film, target, strict=True):
-            height = level.film_scale * at
-            start.append(height * stretch)
-            # Through the same place of the exit pupil.
-            way = ((to - height) / before - height * inverse**2 * moved) / stretch
-            aimed.append(start[-1] + place * way)
-        found, _ = from_film(level.prescription, level.indices, place, tuple(start), tuple(aimed))
-        slope, crossing = exit_line(found.position, found.direction, level.entrance_pupil)
-        ahead = self.turn @ jnp.stack([*slope, jnp.ones_like(place)])
-        pupil = self.turn @ jnp.stack([*crossing, jnp.zeros_like(place)])
-        flat = ahead[2] > jnp.sqrt(ahead @ ahead) / STEEPEST
-        along = jnp.where(flat, ahead[2], 1.0)
-        slope = ahead[0] / along, ahead[1] / along
-        crossing = pupil[0] - pupil[2] * slope[0], pupil[1] - pupil[2] * slope[1]
-        share = jnp.ones_like(place)
-        if level.falloff:
-            x, y = aimed[0] - start[0], aimed[1] - start[1]
-            square = x * x + y * y + place * place
-            normal = self.turn[2]
-            cosines = (normal[0] * x + normal[1] * y + normal[2] * place) * place / square
-            area = (place / (before * stretch)) ** 2
-            share = area * before**2 * cosines / square
-        return slope, crossing, jnp.where(flat, share, 0.0), found.clearance
 
 
 @overload
@@ -319,7 +156,7 @@ def _bounded(
 
 def _rays_of(lens: TiltedPrescriptionLens, seen: Float[Array, "2"]) -> Rays:
     """Rays of the film point that looks along tangents, all over the opening."""
-    film, place = lens._film_point(seen)
+    film, place = lens.film_at(seen)
     level = lens.lens
     radius = jnp.sqrt(film[0] ** 2 + film[1] ** 2)
     along = (
@@ -342,7 +179,7 @@ def _rays_of(lens: TiltedPrescriptionLens, seen: Float[Array, "2"]) -> Rays:
     targets = along[0] * out - along[1] * aside, along[1] * out + along[0] * aside
 
     def one(x: Array, y: Array) -> tuple[Array, Array, Array]:
-        slope, crossing, share, clearance = lens._passing(film, place, (x, y))
+        slope, crossing, share, clearance = lens.passing(film, place, (x, y))
         open_ = (clearance > -_BLOCKS) & (share > 0.0)
         return jnp.stack(slope), 1e-3 * jnp.stack(crossing), jnp.where(open_, 1.0, 0.0)
 

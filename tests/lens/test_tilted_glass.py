@@ -107,7 +107,7 @@ def test_the_film_gets_the_light_that_the_pupil_takes_in():
     lens = narrow("gauss_jp62087922_f1.8_1987")
 
     def place(seen):
-        film, far = lens._film_point(seen)
+        film, far = lens.film_at(seen)
         before = lens.lens.film_place - lens.film.exit_pupil
         stretch = 1.0 + (far - lens.lens.film_place) / before
         return jnp.stack([lens.lens.film_scale * stretch * each for each in film] + [far])

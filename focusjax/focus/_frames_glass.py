@@ -32,8 +32,8 @@ class FramesGlass(eqx.Module):
     def look(self, points: ImagePoints, settings: Float[Array, "t 2"], wanted: Bool[Array, "t m"]) -> Sensed:
         """The blur of rows and, after them, of their references; 1 px of some that are not `wanted`.
 
-        Rows are looked at by eights, those that are wanted first: wishes that do not count in a frame cost
-        little.
+        Rows are looked at by eights, those that are wanted first, and of repeated ones the first: what pads
+        frames, and wishes that do not count in a frame, cost little.
 
         Args:
             points: of every frame.
@@ -43,6 +43,13 @@ class FramesGlass(eqx.Module):
         count, rows = wanted.shape
         blocks = -(-rows // _ROWS)
         xy, disparity = jax.vmap(rows_and_references)(points)
+        place = jnp.concatenate([xy, disparity[..., None]], axis=-1)
+        repeats = jnp.all(place[:, 1:] == place[:, :-1], axis=-1)
+        own = jnp.concatenate(
+            [jnp.zeros((count, 1), dtype=int), jnp.where(repeats, 0, jnp.arange(1, rows)[None])], 1
+        )
+        source = jax.lax.cummax(own, axis=1)
+        wanted = jax.vmap(lambda at, each: jnp.zeros_like(each).at[at].max(each))(source, wanted)
         order = jnp.argsort(~wanted, axis=1)
         used = jnp.arange(blocks)[None] * _ROWS < jnp.sum(wanted, axis=1)[:, None]
         units = jnp.argsort(~used.ravel())
@@ -60,7 +67,8 @@ class FramesGlass(eqx.Module):
         steep = jnp.zeros((count, rows, 2), dtype=disparity.dtype)
         # A blur of 0 has no slope.
         blank = Sensed(GlassBlur(none, none + 1.0, none), GlassBlur(steep, steep, steep))
-        return jax.lax.fori_loop(0, jnp.sum(used), one, blank)
+        found = jax.lax.fori_loop(0, jnp.sum(used), one, blank)
+        return jax.tree.map(lambda leaf: jax.vmap(lambda row, at: row[at])(leaf, source), found)
 
 
 def frames_glass(glass: AbstractLens, camera: Camera, focus_disparity: Float[Array, "t"]) -> FramesGlass:
@@ -74,15 +82,8 @@ def frames_radius(glass: AbstractLens) -> Float[Array, "t"]:
     return eqx.filter_vmap(pupil_radius)(glass)
 
 
-def every_row(points: ImagePoints) -> Bool[Array, "t m"]:
-    """Rows and references, all of them."""
-    own = jnp.ones(points.disparity.shape, dtype=bool)
-    return own if points.reference is None else jnp.concatenate([own, own], axis=1)
-
-
-def rows_that_count(points: ImagePoints) -> Bool[Array, "t m"]:
-    """Rows with weight, and the references that these are compared with."""
-    own = points.weight > 0.0
+def with_references(points: ImagePoints, own: Bool[Array, "t n"]) -> Bool[Array, "t m"]:
+    """Some rows, and the references that these are compared with."""
     if points.reference is None:
         return own
     return jnp.concatenate([own, own & (points.relation == SAME)], axis=1)

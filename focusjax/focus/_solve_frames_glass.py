@@ -18,11 +18,10 @@ from jaxtyping import Array, Bool, Float, Int
 from focusjax.focus._frames_asked import FramesAsked, stacked_glass
 from focusjax.focus._frames_glass import (
     FramesGlass,
-    every_row,
     frames_glass,
     frames_radius,
-    rows_that_count,
     seen,
+    with_references,
 )
 from focusjax.focus._frames_problem import (
     FramesProblem,
@@ -98,12 +97,13 @@ def solve_frames_through(asked: FramesAsked, near: FramesSolution | None = None)
     Args:
         asked: the problem.
         near: the solution of one that differs in weights or smoothness: two rounds from there are done, and
-            no steps.
+            no steps. The rows that had weight are looked at.
     """
     count = asked.points.disparity.shape[0], len(asked.plan.free)
     again = near is not None
     first = jnp.zeros(count, dtype=asked.points.disparity.dtype) if near is None else near.pixels
-    solution = _solve(dataclasses.replace(asked, names=()), first, jnp.asarray(again))
+    reported = jnp.ones(asked.points.weight.shape, dtype=bool) if near is None else near.points.weight > 0.0
+    solution = _solve(dataclasses.replace(asked, names=()), first, jnp.asarray(again), reported)
     points = dataclasses.replace(solution.points, names=asked.names)
     return dataclasses.replace(solution, points=points, asked=asked, glass=asked.glass)
 
@@ -129,12 +129,15 @@ def _seen_at(
     focus, points = solution.lens.focus_disparity, solution.points
     aimed = frames_glass(glass, solution.camera, focus)
     settings = jnp.stack([focus, aimed.widest], axis=1)
-    return seen(aimed.look(points, settings, every_row(points)), points)
+    every = with_references(points, jnp.ones(points.weight.shape, dtype=bool))
+    return seen(aimed.look(points, settings, every), points)
 
 
 @eqx.filter_jit
-def _solve(asked: FramesAsked, near: Float[Array, "t k"], again: Bool[Array, ""]) -> FramesSolution:
-    """The compiled part."""
+def _solve(
+    asked: FramesAsked, near: Float[Array, "t k"], again: Bool[Array, ""], reported: Bool[Array, "t n"]
+) -> FramesSolution:
+    """The compiled part; `reported` are the rows to look at in the end."""
     assert asked.glass is not None
     widest = frames_radius(asked.glass)
     radius = jnp.minimum(asked.lens.aperture_radius, widest)
@@ -144,7 +147,7 @@ def _solve(asked: FramesAsked, near: Float[Array, "t k"], again: Bool[Array, ""]
         limits=jax.vmap(lambda limits, *of: limits.no_wider(*of))(asked.limits, asked.camera, widest),
     )
     problem = frames_problem(asked)
-    reached = _Search(asked, problem).run(near, again)
+    reached = _Search(asked, problem).run(near, again, reported)
     return _reported(asked, problem, reached)
 
 
@@ -154,7 +157,9 @@ class _Search(eqx.Module):
     asked: FramesAsked
     problem: FramesProblem
 
-    def run(self, near: Float[Array, "t k"], again: Bool[Array, ""]) -> FramesReached:
+    def run(
+        self, near: Float[Array, "t k"], again: Bool[Array, ""], reported: Bool[Array, "t n"]
+    ) -> FramesReached:
         """The best parameters, and what rays say there.
 
         One loop has the rounds, the steps and the last look, so that rays are compiled once.
@@ -164,7 +169,8 @@ class _Search(eqx.Module):
             eqx.filter_eval_shape(lambda pixels: self._aim(pixels), near),
             lambda leaf: isinstance(leaf, jax.ShapeDtypeStruct),
         )
-        counts, every = rows_that_count(points), every_row(points)
+        counts = with_references(points, points.weight > 0.0)
+        reported = with_references(points, reported)
 
         def step(carry: tuple[FramesReached, FramesGlass]) -> tuple[FramesReached, FramesGlass]:
             state, aims = carry
@@ -172,7 +178,7 @@ class _Search(eqx.Module):
             anew = (state.phase == ROUNDS) | ((state.phase == STEPS) & (state.number == 0))
             aims = jax.lax.cond(anew, lambda: eqx.filter(self._aim(state.pixels), eqx.is_array), lambda: aims)
             blind = (state.phase == ROUNDS) & (state.number == 0)
-            wanted = jnp.where(state.phase == REPORT, every, counts & ~blind)
+            wanted = jnp.where(state.phase == REPORT, reported, counts & ~blind)
             found = eqx.combine(aims, fixed).look(points, self._settings(state.pixels), wanted)
             # In the order of the phases. Bound methods of a module that holds arrays cannot be hashed.
             turns = (
@@ -195,7 +201,9 @@ class _Search(eqx.Module):
         points, joint = self.asked.points, self.problem.joint
 
         def looked() -> tuple[Linearised, Sensed]:
-            found = self._aim(near).look(points, self._settings(near), every_row(points))
+            found = self._aim(near).look(
+                points, self._settings(near), with_references(points, points.weight > 0.0)
+            )
             return joint.coupled(near, *self._rows(near, found)), found
 
         unseen = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), eqx.filter_eval_shape(looked))

@@ -4,7 +4,6 @@ from focusjax._arguments import ArgumentError as ArgumentError
 from focusjax.focus._bounds import F_NUMBERS as F_NUMBERS
 from focusjax.focus._by_rays import RayFocus as RayFocus
 from focusjax.focus._by_rays import focus_by_rays as focus_by_rays
-from focusjax.focus._by_rays import sharp_weights as sharp_weights
 from focusjax.focus._by_rays import spots as spots
 from focusjax.focus._diagnose import diagnose as diagnose
 from focusjax.focus._diagnose_frames import FramesDiagnosis as FramesDiagnosis
@@ -26,6 +25,7 @@ from focusjax.focus._image_points import SAME as SAME
 from focusjax.focus._image_points import ImagePoints as ImagePoints
 from focusjax.focus._image_points import blurs as blurs
 from focusjax.focus._image_points import errors as errors
+from focusjax.focus._image_points import named_like as named_like
 from focusjax.focus._image_points import residuals as residuals
 from focusjax.focus._image_points import stacked as stacked
 from focusjax.focus._locate import locate as locate
@@ -50,8 +50,10 @@ from focusjax.focus._solution import Result as Result
 from focusjax.focus._solution import Solution as Solution
 from focusjax.focus._solution import WishResult as WishResult
 from focusjax.focus._solution import one_row as one_row
+from focusjax.focus._solve import Glass as Glass
 from focusjax.focus._solve import solve as solve
 from focusjax.focus._solve_frames import solve_frames as solve_frames
+from focusjax.focus._solve_frames_glass import frames_seen_through as frames_seen_through
 from focusjax.focus._solve_glass import seen_through as seen_through
 from focusjax.focus._solve_surface import SurfaceSolution as SurfaceSolution
 from focusjax.focus._solve_surface import solve_focal_surface as solve_focal_surface

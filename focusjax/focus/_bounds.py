@@ -1,5 +1,6 @@
 """How far the solved parameters may go: what a photographer limits, and the box it makes."""
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any, TypeAlias
 
@@ -92,6 +93,11 @@ class Limits(eqx.Module):
     focal_length: Ends
     shift: Ends
     rise: Ends
+
+    def no_wider(self, camera: Camera, widest: Float[Array, ""]) -> "Limits":
+        """The same with no opening of a larger radius in metres than `widest`."""
+        fastest = jnp.maximum(self.f_number[0], camera.focal_length / (2.0 * widest))
+        return dataclasses.replace(self, f_number=(fastest, jnp.maximum(self.f_number[1], fastest)))
 
     def box(self, camera: Camera, close_focus: CloseFocus = "ignored") -> Box:
         """The same bounds on the whole vector of parameters."""

@@ -1,7 +1,7 @@
 """What stands between the wishes of a shot and the lenses that meet them best."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import jax.numpy as jnp
@@ -33,6 +33,7 @@ from focusjax.focus._frames_asked import FramesAsked
 from focusjax.focus._frames_solution import FramesSolution
 from focusjax.focus._parameters import PARAMETERS
 from focusjax.focus._solve_frames import solve_frames_asked
+from focusjax.focus._solve_frames_glass import solve_frames_through
 from focusjax.focus._solve_surface_frames import (
     SurfaceFramesAsked,
     SurfaceFramesSolution,
@@ -100,6 +101,8 @@ def diagnose_frames(
     """
     asked = solution.asked
     assert asked is not None
+    errors = partial(_errors, solution)
+    changed = partial(_changed, asked, errors)
     error = np.asarray(solution.error, dtype=float)
     verdict = _verdict(solution, error, counts)
     chosen = weightiest(solution.points, _MOST_WISHES)
@@ -109,12 +112,12 @@ def diagnose_frames(
     if unmet:
         # With nothing to tie them together, the frames are solved each by itself.
         none = jnp.zeros_like(asked.smoothness)
-        free = _errors(dataclasses.replace(asked, smoothness=none, steadiness=none))
+        free = errors(dataclasses.replace(asked, smoothness=none, steadiness=none))
         if len(chosen) > 1:
             conflicts = find_conflicts(
-                verdict, verdict.missed, chosen, partial(_changed, asked, False), over_time=True
+                verdict, verdict.missed, chosen, partial(changed, False), over_time=True
             )
-    unreachable = find_unreachable(verdict, partial(_changed, asked, True), over_time=True)
+    unreachable = find_unreachable(verdict, partial(changed, True), over_time=True)
     missed = tuple(_missed(verdict, index, free) for index in unmet)
     lenses = solution if isinstance(solution, FramesSolution) else None
     bounds = {} if lenses is None else _bounds(lenses)
@@ -176,19 +179,33 @@ def _verdict(
     )
 
 
-def _changed(asked: FramesAsked | SurfaceFramesAsked, alone: bool, index: int) -> Errors:
+def _changed(
+    asked: FramesAsked | SurfaceFramesAsked, errors: Callable[..., Errors], alone: bool, index: int
+) -> Errors:
     """Errors with one wish alone in the whole shot, or without it."""
     weight = np.asarray(asked.points.weight)
     kept = np.where((np.asarray(asked.points.wish) == index) == alone, weight, 0.0)
     points = dataclasses.replace(asked.points, weight=jnp.asarray(kept, dtype=asked.points.weight.dtype))
-    return _errors(dataclasses.replace(asked, points=points), weight=weight)
+    return errors(dataclasses.replace(asked, points=points), weight=weight)
 
 
-def _errors(asked: FramesAsked | SurfaceFramesAsked, weight: np.ndarray | None = None) -> Errors:
-    """Errors by wish, of the rows that have weight in the shot as asked."""
+def _errors(
+    known: FramesSolution | SurfaceFramesSolution,
+    asked: FramesAsked | SurfaceFramesAsked,
+    weight: np.ndarray | None = None,
+) -> Errors:
+    """Errors by wish, of the rows that have weight in the shot as asked.
+
+    Through glass they are those at nearly the best settings, from those that are `known`.
+    """
     own = np.asarray(asked.points.weight if weight is None else weight, dtype=float)
-    surfaces = isinstance(asked, SurfaceFramesAsked)
-    solution = solve_surface_frames_asked(asked) if surfaces else solve_frames_asked(asked)
+    if isinstance(asked, SurfaceFramesAsked):
+        solution = solve_surface_frames_asked(asked)
+    elif asked.glass is None:
+        solution = solve_frames_asked(asked)
+    else:
+        assert isinstance(known, FramesSolution)
+        solution = solve_frames_through(asked, near=known)
     error = np.asarray(solution.error, dtype=float)
     return errors_by_wish(error, asked.points, len(asked.names), own)
 

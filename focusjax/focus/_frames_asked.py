@@ -15,13 +15,14 @@ from focusjax._arguments import ArgumentError, require_kind
 from focusjax._words import kind_of
 from focusjax.focus._bounds import Limits
 from focusjax.focus._checks import require_number
+from focusjax.focus._glass_checks import checked_glass
 from focusjax.focus._image_points import ImagePoints, anonymous, padded, room_for, stacked, together
 from focusjax.focus._priors import Numbers
 from focusjax.focus._refuse import require_lens, require_points
 from focusjax.focus._solution import Plan
 from focusjax.focus._solve import prepared
 from focusjax.geometry import Camera
-from focusjax.lens import ThinLens, TiltShiftLens, as_tilt_shift
+from focusjax.lens import AbstractLens, FittedLens, ThinLens, TiltShiftLens, as_tilt_shift
 
 USAGE = "solve_frames(points, cameras, lenses)"
 
@@ -39,6 +40,7 @@ class FramesAsked(eqx.Module):
         steadiness: weight of first differences.
         max_steps: steps allowed.
         held: frames in which a free parameter stays where the start has it, in the order of `plan.free`.
+        glass: the real lenses that make the pictures, as wide as they open; None for ideal lenses.
         names: of the wishes (static).
         plan: what else is static.
     """
@@ -52,6 +54,7 @@ class FramesAsked(eqx.Module):
     steadiness: Float[Array, ""]
     max_steps: Int[Array, ""]
     held: Bool[Array, "t k"]
+    glass: AbstractLens | None
     names: tuple[str, ...] = eqx.field(static=True)
     plan: Plan = eqx.field(static=True)
 
@@ -75,6 +78,7 @@ def frames_asked(
     cameras: Camera | Sequence[Camera],
     lenses: ThinLens | TiltShiftLens | Sequence[ThinLens | TiltShiftLens],
     *,
+    through: Any,
     smoothness: ArrayLike,
     steadiness: ArrayLike,
     max_steps: int,
@@ -97,10 +101,12 @@ def frames_asked(
         lens_kinds = (ThinLens, TiltShiftLens)
         require_kind(lenses, lens_kinds, USAGE, "`thin_lens` and `tilt_shift_lens` make one", "lenses")
         lenses = [lenses] * count
-    for what, given in (("cameras", cameras), ("lenses", lenses)):
+    glasses = through if isinstance(through, Sequence) else [through] * count
+    for what, given in (("cameras", cameras), ("lenses", lenses), ("lenses of through", glasses)):
         if len(given) != count:
             raise ArgumentError(
-                f"there are {len(given)} {what} for {count} frames; give one each, or one for all", what
+                f"there are {len(given)} {what} for {count} frames; give one each, or one for all",
+                what.split()[-1],
             )
     for camera, lens in zip(cameras, lenses, strict=True):
         require_lens(camera, lens, USAGE)
@@ -108,15 +114,19 @@ def frames_asked(
         raise ArgumentError(
             "the cameras have pictures of several sizes; give all frames the same size", "cameras"
         )
+    if through is not None:
+        _refuse_traced((points, cameras, lenses, glasses, smoothness, steadiness, options))
     if any(isinstance(lens, TiltShiftLens) for lens in lenses):
         lenses = [as_tilt_shift(lens) for lens in lenses]
     stand_ins = _with_weight(points)
-    checked: dict[tuple[int, int], Any] = {}
+    checked: dict[tuple[int, int, int], Any] = {}
     frames = []
     for t in range(count):
-        key = (id(cameras[t]), id(lenses[t]))
+        key = (id(cameras[t]), id(lenses[t]), id(glasses[t]))
         if key not in checked:
             checked[key] = prepared(points[stand_ins[t]], cameras[t], lenses[t], usage=USAGE, **options)
+            if through is not None:
+                checked_glass(glasses[t], checked[key], usage="solve_frames(through=)")
         frames.append(checked[key])
     plan = frames[0].plan
     if plan.method != "optimistix":
@@ -142,9 +152,34 @@ def frames_asked(
         steadiness=weights[1],
         max_steps=jnp.asarray(max_steps),
         held=_held(held, plan.free, count),
+        glass=None if through is None else stacked_glass(glasses),
         names=points[0].names,
         plan=dataclasses.replace(plan, exact=False, many=not sided),
     )
+
+
+def _refuse_traced(arguments: Any) -> None:
+    """Refuses values that are not known, of which a search through glass gives no derivatives."""
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(arguments)):
+        raise ArgumentError(
+            "values are traced, by `jax.grad` or `jax.jit`; frames are solved through glass with known values"
+            " and without derivatives, which `solve(through=)` has of one picture",
+            "through",
+        )
+
+
+def stacked_glass(glasses: Sequence[AbstractLens]) -> AbstractLens:
+    """The glass of all frames as one with a leading axis; without polynomials, as rays are followed."""
+    exact = [glass.exact if isinstance(glass, FittedLens) else glass for glass in glasses]
+    shapes = [eqx.filter_eval_shape(lambda glass=glass: glass) for glass in exact]
+    for frame, shape in enumerate(shapes):
+        if not eqx.tree_equal(shape, shapes[0]):
+            raise ArgumentError(
+                f"the glass of frame {frame} is another lens than that of frame 0; give lenses made of one"
+                " prescription in one way, with as many colours",
+                "through",
+            )
+    return jax.tree.map(together, *exact)
 
 
 def _held(held: Mapping[str, Sequence[bool]], free: tuple[str, ...], count: int) -> Bool[Array, "t k"]:

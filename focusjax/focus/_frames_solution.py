@@ -9,11 +9,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._arguments import ArgumentError
 from focusjax.focus._frames_asked import FramesAsked
 from focusjax.focus._image_points import ImagePoints, together
 from focusjax.focus._solution import Result, WishResult, html_of, one_row, text_of, wish_table
 from focusjax.geometry import Camera
-from focusjax.lens import ThinLens, TiltShiftLens, as_tilt_shift
+from focusjax.lens import (
+    AbstractLens,
+    ThinLens,
+    TiltShiftLens,
+    as_tilt_shift,
+    pupil_radius,
+    refocused,
+    stopped,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,6 +63,8 @@ class FramesSolution(eqx.Module):
         open: for every free parameter, whether the wishes of all frames together leave it open.
         free: what was solved for, in the order of `PARAMETERS` (static).
         asked: the problem.
+        glass: the real lenses, as wide as they open, of which `blur` and `error` are; None for ideal lenses.
+            `glass_at` gives one frame's with its settings.
     """
 
     lens: ThinLens | TiltShiftLens
@@ -71,6 +82,7 @@ class FramesSolution(eqx.Module):
     open: Bool[Array, "k"]
     free: tuple[str, ...] = eqx.field(static=True)
     asked: FramesAsked | None = None
+    glass: AbstractLens | None = None
 
     def __str__(self) -> str:
         return text_of(self)
@@ -91,6 +103,24 @@ class FramesSolution(eqx.Module):
     def at(self, frame: int) -> tuple[Camera, ThinLens | TiltShiftLens]:
         """Camera and lens of one frame, counted from 0."""
         return jax.tree.map(lambda leaf: one_row(leaf, frame), (self.camera, self.lens))
+
+    def glass_at(self, frame: int) -> AbstractLens:
+        """The real lens that makes the picture of one frame, counted from 0, with the settings found.
+
+        Raises:
+            ArgumentError: the frames were not solved through glass.
+        """
+        if self.glass is None:
+            raise ArgumentError(
+                "the frames were solved for ideal lenses, which `at` gives; give `through` for glass",
+                "solution",
+            )
+        camera, lens = self.at(frame)
+        glass = jax.tree.map(lambda leaf: one_row(leaf, frame), self.glass)
+        assert isinstance(lens, ThinLens)
+        return refocused(
+            stopped(glass, lens.aperture_radius / pupil_radius(glass)), camera, lens.focus_disparity
+        )
 
     def table(self, frame: int) -> tuple[WishResult, ...]:
         """One line per wish for one frame, counted from 0."""

@@ -21,7 +21,7 @@ _WIDER = 1e-3
 """Share by which an f-number may be wider than the glass, as engraved ones are rounded."""
 
 
-def checked_glass(glass: object, asked: Asked) -> AbstractLens:
+def checked_glass(glass: object, asked: Asked, usage: str = "solve(through=)") -> AbstractLens:
     """`glass`, when the problem can be solved through it.
 
     Raises:
@@ -30,7 +30,7 @@ def checked_glass(glass: object, asked: Asked) -> AbstractLens:
     """
     kinds = (PrescriptionLens, SpectralLens, FittedLens, TiltedPrescriptionLens)
     remedy = "`prescription_lens` and `spectral_lens` make one"
-    require_kind(glass, kinds, "solve(through=)", remedy, "through")
+    require_kind(glass, kinds, usage, remedy, "through")
     assert isinstance(glass, AbstractLens)
     others = [name for name in asked.plan.free if name not in ("focus", "f_number")]
     if others:

@@ -58,7 +58,7 @@ class GlassRows(eqx.Module):
         settled = jax.lax.stop_gradient(found.blur.signed[0])
 
         def one(found: Sensed, value: Array) -> tuple[Array, Array, Array]:
-            error, slopes = self._rows(found, settled, columns, value, priors)
+            error, slopes = self.rows(found, settled, columns, value, priors)
             return 0.5 * error @ error, error @ slopes, slopes.T @ slopes
 
         costs, gradients, normals = jax.vmap(one)(found, values)
@@ -71,7 +71,7 @@ class GlassRows(eqx.Module):
     ) -> Float[Array, "k"]:
         """That of half the sum of squared errors, of what is found at one setting."""
         settled = jax.lax.stop_gradient(found.blur.signed)
-        error, slopes = self._rows(found, settled, columns, value, priors)
+        error, slopes = self.rows(found, settled, columns, value, priors)
         return error @ slopes
 
     def _counting(self, size: Float[Array, "m"]) -> Bool[Array, "n"]:
@@ -87,7 +87,7 @@ class GlassRows(eqx.Module):
             | ((points.relation == AT_LEAST) & (room < -_NEAR_PX))
         )
 
-    def _rows(
+    def rows(
         self,
         found: Sensed,
         settled: Float[Array, "m"],

@@ -80,7 +80,7 @@ def best_settings(
 
     def thin_again(state: Reached, found: Sensed) -> Reached:
         setting = start.whole(state.value)[jnp.array([FOCUS, RADIUS])]
-        thin = exchanged(asked, setting, jax.tree.map(lambda leaf: leaf[0], found))
+        thin = exchanged(points, asked.camera, setting, jax.tree.map(lambda leaf: leaf[0], found))
         if not is_tilted(glass):
             thin = jax.tree.map(lambda a, b: jnp.where(state.number == 0, a, b), points, thin)
         basin = basin_of(dataclasses.replace(asked, points=thin))
@@ -148,12 +148,11 @@ def _settings(start: Start, value: Float[Array, "k"]) -> Float[Array, "v 2"]:
     return jax.vmap(start.whole)(value[None] + _about(unit_steps(start)))[:, jnp.array([FOCUS, RADIUS])]
 
 
-def exchanged(asked: Asked, setting: Float[Array, "2"], found: Sensed) -> ImagePoints:
-    """Points that the thin lens blurs as the glass blurs those of the problem, about what is reached."""
-    own, other = own_and_other(found.blur, asked.points)
-    slope = found.slope.defocus[: asked.points.disparity.shape[0], 0]
-    points = asked.points
-    gain = 2.0 * asked.camera.focal_px * setting[1]
+def exchanged(points: ImagePoints, camera: Camera, setting: Float[Array, "2"], found: Sensed) -> ImagePoints:
+    """Points that the thin lens blurs as the glass blurs those given, about what is reached."""
+    own, other = own_and_other(found.blur, points)
+    slope = found.slope.defocus[: points.disparity.shape[0], 0]
+    gain = 2.0 * camera.focal_px * setting[1]
     related = jnp.zeros_like(points.wish) if points.relation is None else points.relation
     blurred = jnp.ones_like(points.signed) if points.quantity is None else points.quantity == BLUR
     ratio = slope / gain

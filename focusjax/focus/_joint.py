@@ -86,7 +86,12 @@ class Joint(eqx.Module):
             return jax.jvp(lambda at: self.own(at, side), (pixels,), (step,))
 
         axes = jnp.eye(size, dtype=pixels.dtype)
-        own, slopes = jax.vmap(along, out_axes=(None, -1))(axes)
+        return self.coupled(pixels, *jax.vmap(along, out_axes=(None, -1))(axes))
+
+    def coupled(
+        self, pixels: Float[Array, "t k"], own: Float[Array, "t m"], slopes: Float[Array, "t m k"]
+    ) -> "Linearised":
+        """The frames' own residuals and slopes with those of smoothness."""
         bent, paced = self.smooth(pixels)
         # The differences' transposes; their factors are 0 in frames that have too few before them.
         curve, speed = self.bend * bent, self.pace * paced
@@ -94,6 +99,29 @@ class Joint(eqx.Module):
         pull = pull + speed - jnp.roll(speed, -1, axis=0)
         gradient = jnp.einsum("tmk,tm->tk", slopes, own) + pull
         return Linearised(own, slopes, bent, paced, gradient, _half_squares(own, bent, paced))
+
+    def step(
+        self,
+        here: "Linearised",
+        pixels: Float[Array, "t k"],
+        damping: Float[Array, ""],
+        kept: Bool[Array, "k"] | None = None,
+    ) -> Float[Array, "t k"]:
+        """The parameters after a damped Gauss-Newton step from `pixels`, but those that are `kept`.
+
+        What is at a bound that the gradient pushes against stays there; the rest takes the step and is cut
+        off at its bounds (Bertsekas 1982).
+        """
+        stuck = ((pixels <= self.lower) & (here.gradient > 0)) | (
+            (pixels >= self.upper) & (here.gradient < 0)
+        )
+        if kept is not None:
+            stuck |= kept[None]
+        change = banded_least_squares(
+            here.slopes, here.own, self.bend, here.bent, self.pace, here.paced,
+            damping, jnp.where(stuck, 0.0, 1.0).astype(pixels.dtype),
+        )  # fmt: skip
+        return jnp.clip(pixels + change, self.lower, self.upper)
 
     def natural_side(self, pixels: Float[Array, "t k"]) -> Float[Array, "t n"]:
         """The sides on which all points are."""
@@ -141,10 +169,9 @@ class JointWalk(eqx.Module):
 def walk_frames(joint: Joint, first: Float[Array, "t k"], max_steps: Int[Array, ""]) -> JointWalk:
     """The best parameters in the box, downhill from `first`.
 
-    Gauss-Newton steps with as little damping as will do. What is at a bound that the gradient pushes against
-    stays there during a step; the rest takes the step and is cut off at its bounds (Bertsekas 1982). Errors
-    are convex for given sides, so this comes to rest at the best there is for them. Then points that have
-    crossed the focus change sides, which makes no error larger, and it goes on until none does.
+    Gauss-Newton steps with as little damping as will do (`Joint.step`). Errors are convex for given sides,
+    so this comes to rest at the best there is for them. Then points that have crossed the focus change
+    sides, which makes no error larger, and it goes on until none does.
     """
     eps = jnp.finfo(first.dtype).eps
     least = jnp.asarray((1e3 * eps) ** 2, first.dtype)
@@ -155,14 +182,7 @@ def walk_frames(joint: Joint, first: Float[Array, "t k"], max_steps: Int[Array, 
     def step(state: JointWalk) -> JointWalk:
         pixels, side = state.pixels, state.side
         here = joint.linearised(pixels, side)
-        stuck = ((pixels <= joint.lower) & (here.gradient > 0)) | (
-            (pixels >= joint.upper) & (here.gradient < 0)
-        )
-        change = banded_least_squares(
-            here.slopes, here.own, joint.bend, here.bent, joint.pace, here.paced,
-            state.damping, jnp.where(stuck, 0.0, 1.0).astype(pixels.dtype),
-        )  # fmt: skip
-        moved = jnp.clip(pixels + change, joint.lower, joint.upper)
+        moved = joint.step(here, pixels, state.damping)
         better = joint.cost(moved, side) < here.cost
         tiny = jnp.max(jnp.abs(moved - pixels)) <= 16.0 * eps * (1.0 + jnp.max(jnp.abs(pixels)))
         calmer = jnp.maximum(state.damping * 16.0, _GENTLE)

@@ -8,20 +8,17 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import Array, ArrayLike, Float
 
-from focusjax.focus._bounds import Box, Limits
 from focusjax.focus._frames_asked import FramesAsked, frames_asked
 from focusjax.focus._frames_implicit import following
+from focusjax.focus._frames_problem import at_bounds, frames_problem, openness, result_of, thin_walk
 from focusjax.focus._frames_solution import FramesSolution
-from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._image_points import ImagePoints, blurs, errors
-from focusjax.focus._joint import Joint, walk_frames
-from focusjax.focus._objective import Objective, make_objective
-from focusjax.focus._parameters import Start, make_start, scales
-from focusjax.focus._path import way_through
-from focusjax.focus._priors import prior_rows
+from focusjax.focus._parameters import Start
 from focusjax.focus._solution import PARTLY_OPEN, Result
+from focusjax.focus._solve import Glass
+from focusjax.focus._solve_frames_glass import solve_frames_through
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens
 
@@ -34,6 +31,7 @@ def solve_frames(
     cameras: Camera | Sequence[Camera],
     lenses: ThinLens | TiltShiftLens | Sequence[ThinLens | TiltShiftLens],
     *,
+    through: Glass | Sequence[Glass] | None = None,
     smoothness: ArrayLike = 100.0,
     steadiness: ArrayLike = 1.0,
     max_steps: int = 256,
@@ -67,11 +65,20 @@ def solve_frames(
     cameras, the bounds, the priors, the two smoothing weights and whatever of the lenses is not solved for,
     with sides and active bounds held: once, forward or backward.
 
+    With `through` all of this is of the blur of a real lens, as in `solve`, smoothness between frames and
+    the report included. Points are exchanged for ones that a thin lens blurs as the glass does and all
+    frames are solved again, up to five times, until that changes no picture by 0.02 px; Gauss-Newton steps
+    on the blur of the glass follow, until one changes no picture by 1e-4 px. What the wishes leave open, and
+    the sides of the focus, stay as the rounds left them. There are no derivatives: traced values are refused.
+
     Args:
         points: every frame's wishes, the same in every frame, as `locate` finds them; there may be frames in
             which none has weight, but not only such.
         cameras: of every frame, or one for all.
         lenses: where to start, and what is not free, of every frame or one for all.
+        through: the real lens that makes the pictures, or one for every frame, of one prescription; each made
+            for its frame's camera and as wide as it may open. Only "focus" and "f_number" can be free.
+            `FramesSolution.glass_at` gives the lens to use.
         smoothness: weight of second differences, in 1 / (px / frame^2)^2 of a wish of weight 1.
         steadiness: weight of first differences; a little of it keeps the focus from running on after
             the last wish.
@@ -82,7 +89,8 @@ def solve_frames(
         options: bounds, priors and what is free, as for `solve`. They are the same for all frames.
 
     Raises:
-        ValueError: an argument out of range, frames that do not fit together, or no point with weight.
+        ValueError: an argument out of range, frames that do not fit together, no point with weight, or traced
+            values with `through`.
         RuntimeError: the solver failed, and `throw` is true.
 
     Example:
@@ -98,7 +106,8 @@ def solve_frames(
     """
     asked = frames_asked(
         points, cameras, lenses,
-        smoothness=smoothness, steadiness=steadiness, max_steps=max_steps, held=held or {}, options=options,
+        through=through, smoothness=smoothness, steadiness=steadiness, max_steps=max_steps,
+        held=held or {}, options=options,
     )  # fmt: skip
     solution = solve_frames_asked(asked)
     result = solution.result
@@ -115,6 +124,8 @@ def solve_frames(
 
 def solve_frames_asked(asked: FramesAsked) -> FramesSolution:
     """The solution of a checked problem."""
+    if asked.glass is not None:
+        return solve_frames_through(asked)
     # Names are static: without them, other names do not compile the solver again.
     solution = _solve(dataclasses.replace(asked, names=()))
     points = dataclasses.replace(solution.points, names=asked.names)
@@ -125,52 +136,21 @@ def solve_frames_asked(asked: FramesAsked) -> FramesSolution:
 def _solve(asked: FramesAsked) -> FramesSolution:
     """The compiled part."""
     plan = asked.plan
-
-    def one(
-        points: ImagePoints,
-        camera: Camera,
-        lens: ThinLens | TiltShiftLens,
-        limits: Limits,
-        held: Bool[Array, "k"],
-    ) -> tuple[Objective, Start, Float[Array, "k"], Box, Float[Array, "k"]]:
-        start = make_start(camera, lens, plan.free, keep_view=plan.keep_view)
-        box = limits.box(camera).columns(start.columns)
-        columns = jnp.array(start.columns)
-        given = start.vector()[columns]
-        box = Box(jnp.where(held, given, box.lower), jnp.where(held, given, box.upper))
-        first = jnp.clip(given, box.lower, box.upper)
-        frame = make_objective(points, start, prior_rows(asked.numbers, plan.free, camera))
-        return frame, start, first, box, scales(start)[columns]
-
-    each_frame = asked.camera, asked.lens, asked.limits, asked.held
-    frames, start, first, boxes, scale = jax.vmap(one)(asked.points, *each_frame)
-    scale = jnp.where(jnp.array([name == "focus" for name in plan.free]), jnp.mean(scale, axis=0), scale)
-    joint = Joint(
-        frames=frames,
-        scale=scale,
-        lower=boxes.lower * scale,
-        upper=boxes.upper * scale,
-        smoothness=asked.smoothness,
-        steadiness=asked.steadiness,
-        unit=jnp.max(jnp.sum(asked.points.weight, axis=1)),
-    )
-    filled = dataclasses.replace(joint, frames=jax.vmap(one)(asked.filled(), *each_frame)[0])
+    problem = frames_problem(asked)
+    joint, start, first, boxes = problem.joint, problem.start, problem.first, problem.boxes
     # The search is not differentiated: what it finds is made to follow the wishes afterwards.
-    still, filled, still_first, still_boxes = jax.lax.stop_gradient((joint, filled, first, boxes))
-    way = way_through(filled, still_first, still_boxes, asked.own, many=plan.many, max_steps=asked.max_steps)
-    walked = walk_frames(still, jnp.clip(way, still.lower, still.upper), asked.max_steps)
+    walked = thin_walk(problem, asked)
+    still = jax.lax.stop_gradient(joint)
     here = still.linearised(walked.pixels, walked.side)
-    rounding = 1e3 * jnp.finfo(first.dtype).eps * (1.0 + jnp.abs(walked.pixels))
-    at_lower = (walked.pixels <= still.lower) & (here.gradient > rounding)
-    at_upper = (walked.pixels >= still.upper) & (here.gradient < -rounding)
-    open_ = _open(here.slopes * jnp.mean(still.upper - still.lower, axis=0)[None, None])
-    kept = jnp.where(open_ > _HELD, first * scale, 0.0)
+    at_lower, at_upper = at_bounds(still, here, walked.pixels)
+    open_ = openness(still, here)
+    kept = jnp.where(open_ > _HELD, first * joint.scale, 0.0)
     is_open = open_ > PARTLY_OPEN
     kept = kept - jax.lax.stop_gradient(kept)
     pixels = following(joint, walked.pixels, walked.side, at_lower | asked.held, at_upper, kept, is_open)
     # What is held is no bound that keeps it from a better value.
     at_lower, at_upper = at_lower & ~asked.held, at_upper & ~asked.held
-    value = pixels / scale
+    value = pixels / joint.scale
     # Rounding may carry a parameter past its bound.
     value = value + jax.lax.stop_gradient(jnp.clip(value, boxes.lower, boxes.upper) - value)
 
@@ -179,10 +159,6 @@ def _solve(asked: FramesAsked) -> FramesSolution:
         return camera, lens, points, blurs(points, camera, lens), errors(points, camera, lens)
 
     camera, lens, points, blur, error = jax.vmap(of_frame)(start, value, asked.points)
-    result = Result.where(walked.settled, Result.solved, Result.max_steps_reached)
-    result = Result.where((result == Result.solved) & jnp.any(is_open), Result.undetermined, result)
-    finite = jnp.all(jnp.isfinite(error)) & jnp.all(jnp.isfinite(value))
-    result = Result.where(finite, result, Result.not_finite)
     return FramesSolution(
         lens=lens,
         camera=camera,
@@ -192,23 +168,10 @@ def _solve(asked: FramesAsked) -> FramesSolution:
         pixels=pixels,
         cost=joint.unit * joint.cost(pixels, walked.side),
         roughness=0.5 * joint.unit * sum(jnp.sum(each**2) for each in joint.smooth(pixels)),
-        result=result,
+        result=result_of(walked.settled, is_open, error),
         steps=walked.steps,
         at_lower=at_lower,
         at_upper=at_upper,
         open=is_open,
         free=plan.free,
     )
-
-
-def _open(slopes: Float[Array, "t m k"]) -> Float[Array, "k"]:
-    """How open each parameter is, from 0 to 1.
-
-    Open are directions that could go through their whole range in all frames at once, and change no blur by
-    much.
-    """
-    rows = slopes.reshape(-1, slopes.shape[2])
-    short = max(0, rows.shape[1] - rows.shape[0])
-    small = jnp.linalg.qr(jnp.pad(rows, ((0, short), (0, 0))), mode="r")
-    _, strength, directions = jnp.linalg.svd(small)
-    return jnp.sum(jnp.where(strength[:, None] < UNDETERMINED_PX, directions**2, 0.0), axis=0)

@@ -59,9 +59,7 @@ def _solve(asked: Asked, glass: AbstractLens) -> tuple[Solution, Bool[Array, ""]
 
 def _no_wider(asked: Asked, widest: Float[Array, ""]) -> Asked:
     """The problem with no stop opened farther than the glass is."""
-    limits = asked.limits
-    fastest = jnp.maximum(limits.f_number[0], asked.camera.focal_length / (2.0 * widest))
-    limits = dataclasses.replace(limits, f_number=(fastest, jnp.maximum(limits.f_number[1], fastest)))
+    limits = asked.limits.no_wider(asked.camera, widest)
     radius = jnp.minimum(asked.lens.aperture_radius, widest)
     lens = eqx.tree_at(lambda lens: lens.aperture_radius, asked.lens, radius)
     return dataclasses.replace(asked, lens=lens, limits=limits)
@@ -193,7 +191,8 @@ def _thin_again(
 ) -> Float[Array, "2"]:
     """The best setting of a thin lens that blurs as the glass does about `setting`."""
     asked = _no_wider(asked, pupil_radius(glass))
-    basin = basin_of(dataclasses.replace(asked, points=exchanged(asked, setting, found)))
+    thin = exchanged(asked.points, asked.camera, setting, found)
+    basin = basin_of(dataclasses.replace(asked, points=thin))
     return place_of(asked)[0].whole(basin.value)[jnp.array([FOCUS, RADIUS])]
 
 

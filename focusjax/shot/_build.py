@@ -29,21 +29,17 @@ from focusjax.config import (
 from focusjax.focus import FocusPoint, ImagePoints
 from focusjax.geometry import Camera
 from focusjax.job import (
-    FIT_PX,
     Development,
-    ThroughGlass,
     build_shutter,
     find_development,
     keyed_transforms,
-    left_to_quality,
     refuse_uneven,
-    solved_through,
-    through_glass,
 )
 from focusjax.lens import AbstractLens, FocalSurface, ThinLens
 from focusjax.motion import Keyframes, Motion, MovingScene, load_vertex_sequence, transforms_of
 from focusjax.scene import Scene, SceneObject, placement
 from focusjax.shot._build_camera import build_path, table_keys
+from focusjax.shot._glass import ShotGlass
 from focusjax.shot._held import held_frames
 from focusjax.shot._lens_track import LensTrack
 from focusjax.shot._settings import FrameSettings, MotionSettings
@@ -93,7 +89,7 @@ def build_shot(config: Config, scene: MovingScene | None = None) -> Shot:
             options=options,
             held=held,
             surface=_surface(config, table, still),
-            glass=None if config.lens.real is None else partial(_through_glass, track),
+            glass=None if config.lens.real is None else ShotGlass(track),
             look=partial(_look, track) if keyed_look else None,
             camera_at=camera_at,
         )
@@ -104,30 +100,6 @@ def build_shot(config: Config, scene: MovingScene | None = None) -> Shot:
 def _look(track: LensTrack, frame: int, camera: Camera, lens: AbstractLens) -> AbstractLens:
     """The lens that makes a frame's picture."""
     return build_look(track.config_at(frame), camera, lens)
-
-
-def _through_glass(
-    track: LensTrack,
-    frame: int,
-    camera: Camera,
-    lens: ThinLens,
-    points: ImagePoints | None,
-    disparity: np.ndarray,
-    *,
-    fit: bool,
-) -> ThroughGlass:
-    """The real lens of a frame, focused by `points`, as a still is, where there are any and focus is free.
-
-    Frames have polynomials as exact as those of a still without a quality.
-    """
-    config = track.config_at(frame)
-    if left_to_quality(config):
-        config = config.model_copy(update={"lens": config.lens.model_copy(update={"fit_px": FIT_PX})})
-    solution = None
-    if points is not None and "focus" in config.solve.free:
-        options = build_solve_options(config) | {"free": ["focus"]}
-        solution = solved_through(config, options, points, camera, lens, None)
-    return through_glass(config, camera, lens, solution, disparity, fit=fit)
 
 
 def build_settings(config: Config) -> FrameSettings:

@@ -35,9 +35,6 @@ def save_settings_curves(path: Path, solved: SolvedShot) -> None:
     ):
         axes.plot(frames, values, "-o", markersize=3, color="#a8531f")
         axes.set_ylabel(_LABELS[name])
-        if name == "focus_per_m" and solved.glass is not None:
-            axes.plot(frames, solved.glass.focus_per_m, color="#2b5d7d", label="through the glass")
-            axes.legend(fontsize=8)
         axes.grid(alpha=0.25)
     figure.axes[-1].set_xlabel("frame")
     figure.savefig(path, dpi=110)

@@ -111,7 +111,6 @@ def shot_summary(
                 {"frame": t + 1}
                 | {name: float(values[t]) for name, values in settings.items()}
                 | {"wishes": _rows(solved, t)}
-                | _glass(solved, t)
                 for t in range(solution.count)
             ],
             "pictures": None
@@ -216,16 +215,6 @@ def _rows(solved: SolvedShot, frame: int) -> list[dict[str, Any]]:
         }
         for number, row in enumerate(solved.solution.table(frame))
     ]
-
-
-def _glass(solved: SolvedShot, frame: int) -> dict[str, Any]:
-    """How a real lens is focused in a frame; nothing without one."""
-    glass = solved.glass
-    if glass is None:
-        return {}
-    focus = float(glass.focus_per_m[frame])
-    by = "wishes" if frame + 1 in glass.by_wishes else "distance"
-    return {"glass": {"focus_per_m": focus, "focused_by": by, "blur_px": glass.blur[frame]}}
 
 
 def left_out_of_frames(config: Config, rendered: RenderedFrames) -> str | None:

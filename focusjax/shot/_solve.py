@@ -2,11 +2,9 @@
 
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -15,19 +13,17 @@ from focusjax.focus import (
     FramesSolution,
     SurfaceFramesSolution,
     diagnose,
-    one_row,
-    sharp_weights,
     solve_frames,
     solve_surface_frames,
     unsolved,
     unsolved_surfaces,
 )
 from focusjax.geometry import Camera
-from focusjax.job import ThroughGlass
 from focusjax.layers import disparity_map
 from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens
 from focusjax.motion import MovingScene
 from focusjax.scene import Scene
+from focusjax.shot._glass import ShotGlass, solve_through_glass
 from focusjax.shot._surfaces import TimedSurface, find_surfaces
 from focusjax.shot._wishes import TimedWish, find_wishes
 
@@ -51,8 +47,7 @@ class Shot:
         options: what is free, bounds and priors, as for `solve`.
         held: by the names of free settings: frames in which these stay as `lenses` has them, one a frame.
         surface: the control points of a focal surface, of which the focus is solved for instead.
-        glass: `focusjax.job.through_glass` of a frame's number, camera, lens, wishes (None for the lens's own
-            focus), disparities and whether to `fit`: a real lens makes the pictures instead of a thin one.
+        glass: a real lens that makes the pictures instead of a thin one, and through which wishes are met.
         look: from a frame's number, camera and solved lens to the lens that makes its picture; itself if not
             given.
         camera_at: the camera between frames, for motion while the shutter is open; without it a camera stands
@@ -70,7 +65,7 @@ class Shot:
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     held: Mapping[str, tuple[bool, ...]] = dataclasses.field(default_factory=dict)
     surface: TimedSurface | None = None
-    glass: Callable[..., ThroughGlass] | None = None
+    glass: ShotGlass | None = None
     look: Callable[[int, Camera, AbstractLens], AbstractLens] | None = None
     camera_at: Callable[[float], Camera] | None = None
 
@@ -87,21 +82,6 @@ class Shot:
     def count(self) -> int:
         """Number of frames."""
         return len(self.cameras)
-
-
-@dataclasses.dataclass(frozen=True)
-class FramesThroughGlass:
-    """How a real lens is focused over a shot.
-
-    Attributes:
-        focus_per_m: dioptres of every frame [t].
-        blur: of every frame, the largest blur in pixels of what is wished sharp, by name.
-        by_wishes: numbers of the frames whose focus these wishes have set, from 1.
-    """
-
-    focus_per_m: Float[np.ndarray, "t"]
-    blur: tuple[dict[str, float], ...]
-    by_wishes: tuple[int, ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -140,54 +120,14 @@ class SolvedShot:
         look = self.shot.look
         return camera, lens if look is None else look(number, camera, lens)
 
-    @cached_property
-    def glass(self) -> FramesThroughGlass | None:
-        """The focus of a real lens in every frame; None without one.
-
-        Where a wish for sharpness counts in full, it sets the focus through the glass, as in a still. How far
-        that is from the thin lens's, in dioptres, holds for other frames, too, on straight lines in between:
-        a focus that changes smoothly over the shot changes so through the glass.
-        """
-        glass, solution = self.shot.glass, self.solution
-        if glass is None or not isinstance(solution, FramesSolution):
-            return None
-        thin = solution.settings()["focus_per_m"]
-        full, found, blur = self.share > 1.0 - 1e-6, {}, []
-        for t in range(solution.count):
-            blur.append({})
-            points = jax.tree.map(lambda leaf, t=t: one_row(leaf, t), solution.points)
-            weight = (
-                np.asarray(points.weight) * full[t][np.asarray(points.wish)] if full.size else np.zeros(0)
-            )
-            points = dataclasses.replace(points, weight=jnp.asarray(weight, dtype=float))
-            sharp = np.asarray(sharp_weights(points))
-            if not (sharp > 0).any():
-                continue
-            points = dataclasses.replace(points, weight=jnp.asarray(sharp, dtype=float))
-            camera, lens = solution.at(t)
-            made = glass(t + 1, camera, lens, points, self.depths[t][None], fit=False).solution
-            if made is None:
-                continue
-            sizes = np.abs(np.asarray(made.blur))
-            for number in np.unique(np.asarray(points.wish)[sharp > 0]):
-                mine = (np.asarray(points.wish) == number) & (sharp > 0)
-                blur[-1][points.names[number]] = float(sizes[mine].max())
-            found[t] = float(made.lens.focus_disparity) - thin[t]
-        frames = np.arange(solution.count)
-        offset = np.interp(frames, list(found), list(found.values())) if found else np.zeros(len(frames))
-        return FramesThroughGlass(thin + offset, tuple(blur), tuple(t + 1 for t in found))
-
     def _glass_at(self, number: int, fit: bool) -> AbstractLens:
         """The real lens of a frame."""
         known = self._known.get((number, fit))
         if known is None:
             assert self.shot.glass is not None
-            assert self.glass is not None
             camera, lens = self.solution.at(number - 1)
             assert isinstance(lens, ThinLens)
-            focus = jnp.asarray(self.glass.focus_per_m[number - 1], dtype=float)
-            lens = dataclasses.replace(lens, focus_disparity=jnp.maximum(focus, 0.0))
-            known = self.shot.glass(number, camera, lens, None, self.depths[number - 1][None], fit=fit).traced
+            known = self.shot.glass.to_render(number, camera, lens, self.depths[number - 1], fit=fit)
             self._known[number, fit] = known
         return known
 
@@ -263,7 +203,8 @@ def solve_shot(
         report("solve", None)
         over_time = {"smoothness": shot.smoothness, "steadiness": shot.steadiness}
         if surfaces is None:
-            solution = solve_frames(
+            solving = solve_frames if shot.glass is None else partial(solve_through_glass, shot.glass)
+            solution = solving(
                 found.points,
                 shot.cameras,
                 shot.lenses,

@@ -13,6 +13,7 @@ from focusjax.lens import (
     SpectralLens,
     ThinLens,
     TiltedPrescriptionLens,
+    is_tilted,
     nearest_focus,
     pupil_radius,
 )
@@ -21,8 +22,10 @@ _WIDER = 1e-3
 """Share by which an f-number may be wider than the glass, as engraved ones are rounded."""
 
 
-def checked_glass(glass: object, asked: Asked, usage: str = "solve(through=)") -> AbstractLens:
-    """`glass`, when the problem can be solved through it.
+def checked_glass(
+    glass: object, asked: Asked, usage: str = "solve(through=)", *, turned: bool = True
+) -> AbstractLens:
+    """`glass`, when the problem can be solved through it; where it may be `turned`, tilted, too.
 
     Raises:
         ArgumentError: another kind of lens, something free that glass does not have, a start wider than the
@@ -32,6 +35,8 @@ def checked_glass(glass: object, asked: Asked, usage: str = "solve(through=)") -
     remedy = "`prescription_lens` and `spectral_lens` make one"
     require_kind(glass, kinds, usage, remedy, "through")
     assert isinstance(glass, AbstractLens)
+    if not turned and is_tilted(glass):
+        raise ArgumentError(f"through of {usage} is tilted; frames are solved through level glass", "through")
     others = [name for name in asked.plan.free if name not in ("focus", "f_number")]
     if others:
         raise ArgumentError(

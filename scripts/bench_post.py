@@ -190,7 +190,7 @@ def outlines(camera: Camera, still: Scene, options: argparse.Namespace) -> list[
     """Rows of each scene with blurred foregrounds, and its pictures beside each other."""
     rows: list[dict[str, Any]] = []
     for name, scene, own, lens in foregrounds(camera, still):
-        layers = peel(scene, own, lens, supersampling=2, max_layers=24)
+        layers = peel(scene, own, lens, supersampling=1, max_layers=24)
         truth = np.asarray(render(layers, lens, rays=options.truth, smooth=False, seed=7))
         view = view_in_layers(layers, scene)
         shown = [truth]
@@ -201,6 +201,7 @@ def outlines(camera: Camera, still: Scene, options: argparse.Namespace) -> list[
             )
             shown += [np.asarray(made), 0.5 + 4.0 * (np.asarray(made) - truth)]
             rows.append({"way": f"{name}, {way}", "cpu": seconds, "wall": wall, "db": decibels(made, truth)})
+        print(f"{name}: {rows[-2]['db']:.1f} dB gathered, {rows[-1]['db']:.1f} dB", flush=True)
         save_png(options.out / f"outlines_{name.replace(' ', '_')}.png", np.concatenate(shown, axis=1))
     return rows
 

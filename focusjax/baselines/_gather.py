@@ -100,10 +100,10 @@ def most_levels(radius: float, taps: int) -> int:
 
 
 def in_chunks(
-    seen: Callable[[Int[Array, "n"]], Float[Array, "n 3"]],
-    image: Float[Array, "h w 3"],
+    seen: Callable[[Int[Array, "n"]], Float[Array, "n c"]],
+    image: Float[Array, "h w c"],
     wanted: Bool[Array | np.ndarray, "h w"] | None,
-) -> Float[Array, "h w 3"]:
+) -> Float[Array, "h w c"]:
     """`image` with some pixels replaced, a fixed number of them at a time, so that one program does for all.
 
     Args:
@@ -111,7 +111,7 @@ def in_chunks(
         image: what the others stay.
         wanted: pixels to replace; all at once if None.
     """
-    flat = image.reshape(-1, 3)
+    flat = image.reshape(-1, image.shape[2])
     if wanted is None:
         return seen(jnp.arange(len(flat), dtype=jnp.int32)).reshape(image.shape)
     chosen = np.flatnonzero(np.asarray(wanted))

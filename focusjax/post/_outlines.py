@@ -28,12 +28,16 @@ _LEAST_RADIUS = 0.75
 """Pixels of blur's radius from which a foreground is followed."""
 _LEAST_STEP = 1.0
 """Pixels by which the nearest thing's circle of confusion exceeds that of a pixel that follows its rays."""
+_INSIDE = 4.0
+"""The same, of a pixel of the foreground above the least blurred within its circle of confusion."""
 _SAME = 1.0
 """Pixels that a ray moves at most between its own depth and that of what it hits."""
 _STEPS = 3
 """Depths at which a ray is compared with the view."""
 _CLEAR = 2.0
 """Pixels of radius by which a foreground must be more blurred than what is behind it to leave a line."""
+_STRONG = 4.0
+"""Pixels of radius from which blur hides a mean over 3 x 3 pixels."""
 _ALIKE = 0.5
 """Pixels of blur's radius by which pixels of one surface differ."""
 _NOWHERE = -1.0
@@ -70,9 +74,32 @@ def defocused(
     if levels is None:
         levels = most_levels(float(jnp.abs(radii).max()), taps)
     picture = gather(sharp, depths, camera, lens, taps=taps, levels=levels, wanted=~zone)
-    shown = _shown(_unmixed(sharp, radii), radii, jnp.asarray(taps), levels)
-    follow = functools.partial(_followed, shown, depths, front, camera, lens, jnp.asarray(taps))
-    return in_chunks(follow, picture, zone)
+    shown = _parts(_shown(_unmixed(sharp, radii), radii, jnp.asarray(taps), levels), radii)
+    follow = functools.partial(
+        _followed, shown.reshape(-1, 7), depths, front, camera, lens, jnp.asarray(taps)
+    )
+    parts = in_chunks(follow, _parts(picture, radii), zone)
+    return jnp.where(outlined[..., None], _joined(parts), picture)
+
+
+def _parts(image: Float[Array, "h w 3"], radii: Float[Array, "h w"]) -> Float[Array, "h w 7"]:
+    """Light of strongly blurred foregrounds, how much of a pixel they cover, and the other light."""
+    strong = (-radii >= _STRONG).astype(image.dtype)[..., None]
+    return jnp.concatenate([strong * image, strong, (1.0 - strong) * image], axis=-1)
+
+
+@eqx.filter_jit
+def _joined(parts: Float[Array, "h w 7"]) -> Float[Array, "h w 3"]:
+    """The picture of its parts, strongly blurred foregrounds and their coverage averaged over 3 x 3 pixels.
+
+    Both change little from pixel to pixel, so that this takes noise only; what shows between stays sharp.
+    """
+    covered = parts[..., 3:4]
+    around = functools.reduce(jnp.add, (_moved(parts, *step) for step in _AROUND)) / len(_AROUND)
+    light, cover, other = around[..., :3], around[..., 3:4], around[..., 4:]
+    alone = covered >= 1.0 - 1e-6
+    behind = parts[..., 4:] / jnp.where(alone, 1.0, 1.0 - covered)
+    return light + jnp.where(alone, other, (1.0 - cover) * behind)
 
 
 @eqx.filter_jit
@@ -110,24 +137,37 @@ def outline_zone(
     height, width = disparity.shape
     near = jnp.maximum(-radii, 0.0)
     blurred = near >= _LEAST_RADIUS
-    tiles = _tile_maxima(jnp.where(blurred, disparity, _NOWHERE)), _tile_maxima(near)
+    own = _tile_maxima(near)
+    tiles = _tile_maxima(jnp.where(blurred, disparity, _NOWHERE)), own, -_tile_maxima(-near), own
 
-    def grow(number: Array, tiles: tuple[Array, Array]) -> tuple[Array, Array]:
-        depth, reach = tiles
+    def grow(number: Array, tiles: tuple[Array, ...]) -> tuple[Array, ...]:
+        depth, reach, least, within = tiles
         far_enough = reach > number * _TILE
         spread = jnp.where(far_enough, depth, _NOWHERE), jnp.where(far_enough, reach, 0.0)
-        return jnp.maximum(depth, _ring_maximum(spread[0])), jnp.maximum(reach, _ring_maximum(spread[1]))
+        lower = -_ring_maximum(-least)
+        within = jnp.where(own > number * _TILE, jnp.minimum(within, lower), within)
+        return (
+            jnp.maximum(depth, _ring_maximum(spread[0])),
+            jnp.maximum(reach, _ring_maximum(spread[1])),
+            lower,
+            within,
+        )
 
     rings = jnp.ceil(near.max() / _TILE).astype(jnp.int32)
-    depth, _ = jax.lax.fori_loop(0, rings, grow, tiles)
-    front = jnp.repeat(jnp.repeat(depth, _TILE, axis=0), _TILE, axis=1)[:height, :width]
+    depth, _, _, within = jax.lax.fori_loop(0, rings, grow, tiles)
+    front, least = (
+        jnp.repeat(jnp.repeat(tile, _TILE, axis=0), _TILE, axis=1)[:height, :width]
+        for tile in (depth, within)
+    )
     there = -_signed_radii(jnp.maximum(front, 0.0), camera, lens)
-    return front, (front >= 0.0) & (there - near > _LEAST_STEP)
+    outside = there - near > _LEAST_STEP
+    inside = near - least > _INSIDE
+    return front, (front >= 0.0) & (outside | inside)
 
 
 def _tile_maxima(plane: Float[Array, "h w"]) -> Float[Array, "m n"]:
     height, width = plane.shape
-    padded = jnp.pad(plane, ((0, -height % _TILE), (0, -width % _TILE)), constant_values=_NOWHERE)
+    padded = jnp.pad(plane, ((0, -height % _TILE), (0, -width % _TILE)), mode="edge")
     rows, columns = padded.shape[0] // _TILE, padded.shape[1] // _TILE
     return padded.reshape(rows, _TILE, columns, _TILE).max(axis=(1, 3))
 
@@ -135,7 +175,7 @@ def _tile_maxima(plane: Float[Array, "h w"]) -> Float[Array, "m n"]:
 def _ring_maximum(tiles: Float[Array, "m n"]) -> Float[Array, "m n"]:
     """The maximum over each tile and the eight around it."""
     rows, columns = tiles.shape
-    padded = jnp.pad(tiles, 1, constant_values=_NOWHERE)
+    padded = jnp.pad(tiles, 1, mode="edge")
     over = functools.reduce(jnp.maximum, [padded[k : k + rows] for k in range(3)])
     return functools.reduce(jnp.maximum, [over[:, k : k + columns] for k in range(3)])
 
@@ -171,7 +211,7 @@ def _moved(plane: Shaped[Array, "h w *c"], row: int, column: int) -> Shaped[Arra
 @eqx.filter_jit
 def _shown(
     image: Float[Array, "h w 3"], radii: Float[Array, "h w"], taps: Array, levels: int
-) -> Float[Array, "n 3"]:
+) -> Float[Array, "h w 3"]:
     """Colours that a tap reads: the pixel's, or those of the block around it that the tap covers.
 
     Blocks are as large as taps are apart in the pixel's own circle of confusion. What is before the focus and
@@ -187,20 +227,20 @@ def _shown(
             means = block_means(planes, (side >= edge).astype(planes.dtype), edge)[0]
             wide = jnp.repeat(jnp.repeat(means, edge, axis=1), edge, axis=2)[:, :height, :width]
             planes = jnp.where(((own == level) & (side > 0.0))[None], wide, planes)
-    return jnp.moveaxis(planes, 0, 2).reshape(-1, 3)
+    return jnp.moveaxis(planes, 0, 2)
 
 
 @eqx.filter_jit
 def _followed(
-    shown: Float[Array, "m 3"],
+    shown: Float[Array, "m 7"],
     disparity: Float[Array, "h w"],
     front: Float[Array, "h w"],
     camera: Camera,
     lens: AbstractLens,
     taps: Array,
     pixels: Int[Array, "n"],
-) -> Float[Array, "n 3"]:
-    """Colours of some pixels, along their lens rays."""
+) -> Float[Array, "n 7"]:
+    """The parts of the light of some pixels, along their lens rays."""
     height, width = disparity.shape
     depths = disparity.ravel()
     film = _film_points(pixels, width, disparity.dtype)
@@ -235,7 +275,7 @@ def _followed(
         seen = jax.lax.optimization_barrier(jax.vmap(hit)(tuple(line), pixels, nearest))
         return total[0] + weight[:, None] * shown[seen], total[1] + weight
 
-    start = (jnp.zeros((*pixels.shape, 3), disparity.dtype), jnp.zeros(pixels.shape, disparity.dtype))
+    start = (jnp.zeros((*pixels.shape, 7), disparity.dtype), jnp.zeros(pixels.shape, disparity.dtype))
     light, weight = jax.lax.fori_loop(0, taps, add, start)
     empty = weight <= 0.0
     mean = light / jnp.where(empty, 1.0, weight)[:, None]

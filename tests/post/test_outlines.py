@@ -45,11 +45,11 @@ def test_an_outline_is_the_integral_of_the_opening_on_both_sides():
     found = np.asarray(post_process(half_plane(), wide_camera(), lens_of(), taps=64))
     share = disc_left_of((48 - (np.arange(96) + 0.5)) / RADIUS)[None, :, None]
     wanted = share * np.array([0.9, 0.3, 0.1]) + (1.0 - share) * np.array([0.2, 0.4, 0.6])
-    # Observed: 0.037 at most and a mean of 0.009, noise of 64 taps; 0.0017 in the mean over rows.
+    # Observed: 0.012 at most and a mean of 0.003; 0.006 in the mean over rows, of means over 3 x 3 pixels.
     error = found - wanted
-    assert np.abs(error).max() < 0.06
-    assert np.sqrt(np.mean(error[:, 40:56] ** 2)) < 0.02
-    assert np.abs(error.mean(axis=0)).max() < 0.005
+    assert np.abs(error).max() < 0.03
+    assert np.sqrt(np.mean(error[:, 40:56] ** 2)) < 0.006
+    assert np.abs(error.mean(axis=0)).max() < 0.01
 
 
 def test_a_constant_picture_stays_constant():
@@ -86,7 +86,7 @@ def test_outlines_are_nearer_to_tracing_than_by_gathering():
         return float(-10 * np.log10(np.mean((np.asarray(picture) - truth) ** 2)))
 
     reached = decibels(post_process(view, camera, lens, taps=32))
-    # Observed: 41.8 dB, and 28.0 dB by gathering.
+    # Observed: 45 dB, and 28.0 dB by gathering.
     assert reached > 38.0
     assert reached > decibels(gather(view.image, view.disparity, camera, lens, taps=32)) + 8.0
 

@@ -131,8 +131,8 @@ def outline_zone(
         lens: for the circle of confusion that the nearest disparity has in a pixel.
 
     Returns:
-        The disparity in 1/m, -1 where no blurred foreground is around, and the pixels whose own circle of
-        confusion before the focus is clearly smaller than that of the foreground.
+        The disparity in 1/m, -1 where no blurred foreground is around, and the pixels beside its outline:
+        those less blurred before the focus than it is, and its own that have such pixels within their circle.
     """
     height, width = disparity.shape
     near = jnp.maximum(-radii, 0.0)

@@ -82,6 +82,7 @@ def defocused(
     return jnp.where(outlined[..., None], _joined(parts), picture)
 
 
+@eqx.filter_jit
 def _parts(image: Float[Array, "h w 3"], radii: Float[Array, "h w"]) -> Float[Array, "h w 7"]:
     """Light of strongly blurred foregrounds, how much of a pixel they cover, and the other light."""
     strong = (-radii >= _STRONG).astype(image.dtype)[..., None]
@@ -201,11 +202,10 @@ def _unmixed(image: Float[Array, "h w 3"], radii: Float[Array, "h w"]) -> Float[
 
 
 def _moved(plane: Shaped[Array, "h w *c"], row: int, column: int) -> Shaped[Array, "h w *c"]:
-    """What is some rows below and columns to the right, at the border what is there."""
+    """What is up to two rows below and columns to the right, beyond the border what is there."""
     height, width = plane.shape[:2]
-    rows = jnp.clip(jnp.arange(height) + row, 0, height - 1)
-    columns = jnp.clip(jnp.arange(width) + column, 0, width - 1)
-    return plane[rows][:, columns]
+    padded = jnp.pad(plane, ((2, 2), (2, 2), *((0, 0) for _ in plane.shape[2:])), mode="edge")
+    return padded[2 + row : 2 + row + height, 2 + column : 2 + column + width]
 
 
 @eqx.filter_jit

@@ -2,19 +2,22 @@
 
 The truth of each row is the picture traced with many rays through the same lens over the same layers; of
 motion, the mean of sharp pictures along the way. Beside it stands the tracer with few rays. The scene is that
-of `focusjax bench speed-error`, no brighter than white, unless its lights are kept. Seconds are of
+of `focusjax bench speed-error`, no brighter than white, unless its lights are kept. `outlines` are scenes
+with blurred foregrounds instead, by post-processing and, as it was before that followed rays there, by
+gathering alone; of three configs the lens is the solved one. Seconds are of
 process time (all cores), programs being compiled; `view` and `peel` are what each needs before. What is
 printed goes to post.json, the pictures beside it.
 
     python scripts/bench_post.py --out out/post
     python scripts/bench_post.py --out out/post --width 320 --only defocus all
+    python scripts/bench_post.py --out out/post --width 320 --truth 256 --only outlines
 """
 
 import argparse
 import dataclasses
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +26,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from focusjax import job
+from focusjax.baselines import gather
 from focusjax.bench import baked, resized
-from focusjax.config import build_camera, build_scene, load_config
+from focusjax.config import build_camera, build_look, build_scene, load_config
 from focusjax.geometry import Camera
 from focusjax.io import save_png
 from focusjax.layers import Layers, peel
@@ -42,7 +47,7 @@ from focusjax.lens import (
     vignetted_lens,
 )
 from focusjax.post import PinholeView, post_process, view_in_layers
-from focusjax.scene import Scene
+from focusjax.scene import Scene, SceneObject, make_object, make_scene
 from focusjax.trace import render, render_pinhole
 
 FOCAL, FOCUS = 0.05, 0.6
@@ -64,7 +69,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--truth", type=int, default=1024, help="rays per pixel of the truth")
     parser.add_argument("--lights", action="store_true", help="keep lights brighter than white, and shading")
     parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--only", nargs="+", choices=[*EFFECTS, "motion"], default=[*EFFECTS, "motion"])
+    parser.add_argument(
+        "--only", nargs="+", choices=[*EFFECTS, "motion", "outlines"], default=[*EFFECTS, "motion"]
+    )
     return parser.parse_args()
 
 
@@ -139,6 +146,70 @@ def motion(scene: Scene, camera: Camera) -> tuple[np.ndarray, PinholeView]:
     return total / STEPS, dataclasses.replace(view, velocity=velocity)
 
 
+def before_a_wall(camera: Camera, lens_at: float) -> tuple[Scene, Camera, AbstractLens]:
+    """A card and a bar close to the lens before a checkered wall 4 m away, focused at a distance."""
+    rows, columns = np.mgrid[-30:30, -40:40].reshape(2, -1)
+    corners = np.stack([columns, rows, columns + 1, rows, columns + 1, rows + 1, columns, rows + 1], axis=1)
+    wall = np.concatenate([0.1 * corners.reshape(-1, 2), np.full((4 * len(rows), 1), -4.0)], axis=1)
+    faces = 4 * np.arange(len(rows))[:, None, None] + np.array([(0, 1, 2), (0, 2, 3)])
+    checks = np.where((rows + columns)[:, None] % 2, (0.25, 0.3, 0.45), (0.8, 0.75, 0.6))
+    things = [
+        make_object("wall", wall, faces.reshape(-1, 3), vertex_colours=np.repeat(checks, 4, axis=0)),
+        _card("card", (-0.25, -0.12, 0.02, 0.14), 1.0, (0.9, 0.3, 0.1)),
+        _card("bar", (0.16, -2.0, 0.2, 2.0), 0.8, (0.1, 0.1, 0.2)),
+        _card("sign", (0.1, 0.1, 0.6, 0.4), 2.0, (0.2, 0.6, 0.3)),
+    ]
+    ahead = dataclasses.replace(camera, world_from_camera=jnp.eye(4))
+    return make_scene(things, unlit=True), ahead, thin_lens(focus_distance=lens_at, aperture_radius=0.02)
+
+
+def _card(name: str, box: tuple[float, ...], away: float, colour: tuple[float, float, float]) -> SceneObject:
+    """An upright rectangle: left, bottom, right and top in metres, turned a little in its plane."""
+    left, bottom, right, top = box
+    corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
+    turned = corners @ np.array([(np.cos(0.1), np.sin(0.1)), (-np.sin(0.1), np.cos(0.1))])
+    points = np.concatenate([turned, np.full((4, 1), -away)], axis=1)
+    return make_object(name, points, np.array([(0, 1, 2), (0, 2, 3)]), colour=(0, 0, 0), emission=colour)
+
+
+def foregrounds(camera: Camera, still: Scene) -> Iterator[tuple[str, Scene, Camera, AbstractLens]]:
+    """Scenes with blurred foregrounds, with their lenses."""
+    yield ("wall in focus", *before_a_wall(camera, 4.0))
+    yield ("sign in focus", *before_a_wall(camera, 2.0))
+    for distance in (1.8, FOCUS):
+        lens = thin_lens(focus_distance=distance, f_number=2.0, focal_length=FOCAL)
+        yield f"still life at {distance} m", still, camera, lens
+    for name in ("bars", "town", "tilted_row"):
+        config = load_config(Path("configs") / f"{name}.toml")
+        solved = job.run(config, rendering=False)
+        own = resized(solved.camera, camera.width, camera.height)
+        yield name, build_scene(config), own, build_look(config, own, solved.lens)
+
+
+def outlines(camera: Camera, still: Scene, options: argparse.Namespace) -> list[dict[str, Any]]:
+    """Rows of each scene with blurred foregrounds, and its pictures beside each other."""
+    rows: list[dict[str, Any]] = []
+    for name, scene, own, lens in foregrounds(camera, still):
+        layers = peel(scene, own, lens, supersampling=1, max_layers=24)
+        truth = np.asarray(render(layers, lens, rays=options.truth, smooth=False, seed=7))
+        view = view_in_layers(layers, scene)
+        shown = [truth]
+        for way, run in (("gather", gathered), ("post", post_process)):
+            made, seconds, wall = timed(
+                lambda run=run, view=view, own=own, lens=lens: run(view, own, lens, taps=options.taps),
+                options.repeats,
+            )
+            shown += [np.asarray(made), 0.5 + 4.0 * (np.asarray(made) - truth)]
+            rows.append({"way": f"{name}, {way}", "cpu": seconds, "wall": wall, "db": decibels(made, truth)})
+        print(f"{name}: {rows[-2]['db']:.1f} dB gathered, {rows[-1]['db']:.1f} dB", flush=True)
+        save_png(options.out / f"outlines_{name.replace(' ', '_')}.png", np.concatenate(shown, axis=1))
+    return rows
+
+
+def gathered(view: PinholeView, camera: Camera, lens: AbstractLens, *, taps: int) -> Any:
+    return gather(view.image, view.disparity, camera, lens, taps=taps)
+
+
 def main() -> None:
     options = arguments()
     options.out.mkdir(parents=True, exist_ok=True)
@@ -155,7 +226,9 @@ def main() -> None:
     print(f"view: {seconds:.2f} s of CPU", flush=True)
     for name in options.only:
         rows: list[dict[str, Any]] = []
-        if name == "motion":
+        if name == "outlines":
+            rows = outlines(camera, scene, options)
+        elif name == "motion":
             truth, moving = motion(scene, camera)
             still = dataclasses.replace(view, velocity=None)
             found, seconds, wall = timed(
@@ -188,6 +261,8 @@ def main() -> None:
             said = [f"{row['cpu']:.3f} s of CPU"] if "cpu" in row else []
             said += [f"{row['db']:.1f} dB"] if "db" in row else []
             print(f"{name}, {row['way']}: {', '.join(said)}", flush=True)
+        if name == "outlines":
+            continue
         pictures = [np.asarray(found), truth, 0.5 + 4.0 * (np.asarray(found) - truth)]
         save_png(options.out / f"{name.replace(' ', '_')}.png", np.concatenate(pictures, axis=1))
     (options.out / "post.json").write_text(json.dumps(results, indent=2) + "\n")

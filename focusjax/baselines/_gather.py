@@ -6,13 +6,15 @@ in level l only pixels whose own blur reaches 2^l pixels or farther count: what 
 keeps out of its mean, and is read as it is where a tap meets it.
 """
 
+import functools
 import math
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from focusjax._counts import require_counts
 from focusjax.baselines._mipmaps import block_means
@@ -25,6 +27,8 @@ _STEPS = (0.7548776662466927, 0.5698402909980532)
 _NOISE = (0.06711056, 0.00583715, 52.9829189)
 _MOST_LEVELS = 5
 """Of mip maps, beyond the pixels themselves: blocks of 32 x 32."""
+_CHUNKS = 8
+_LEAST_CHUNK = 4096
 
 
 def gather(
@@ -35,13 +39,15 @@ def gather(
     *,
     taps: int = 64,
     levels: int | None = None,
+    wanted: Bool[Array | np.ndarray, "_ _"] | None = None,
 ) -> Float[Array, "h w 3"]:
     """One sharp view, filtered at each pixel over the circle of confusion that its depth has.
 
     The classic post-process (Potmesil and Chakravarty 1981 turned round; Scheuermann and Tatarchuk 2004): a
     pixel looks where its lens rays pass at its own disparity. What lies there in front of it counts only as
     far as its own blur reaches back, which keeps sharp foregrounds from leaking into a blurred background.
-    A blurred foreground still ends where its sharp view ends, and hides what the lens would see past it.
+    A blurred foreground still ends where its sharp view ends, and hides what the lens would see past it;
+    `focusjax.post.post_process` mends that.
 
     Beyond the frame the view goes on as at its edge.
 
@@ -53,6 +59,7 @@ def gather(
         taps: places to look at per pixel.
         levels: of mip maps, at most 5; as many as the widest circle needs if None. With a number of its own a
             lens that moves compiles nothing anew.
+        wanted: pixels to filter; the others stay sharp. All if None.
 
     Raises:
         ValueError: sizes that differ from the camera's, values that are not finite, negative disparity,
@@ -72,12 +79,49 @@ def gather(
     depths = jnp.asarray(depth, real)
     reaches = circle_radii(depths, camera, lens)
     if levels is None:
-        # How far apart the taps of the widest circle lie.
-        apart = float(reaches.max()) * math.sqrt(math.pi / taps)
-        levels = min(int(math.log2(max(apart, 1.0))), _MOST_LEVELS)
+        levels = most_levels(float(reaches.max()), taps)
     elif levels not in range(_MOST_LEVELS + 1):
         raise ValueError(f"levels is {levels!r}; expected a whole number from 0 to {_MOST_LEVELS}, or None")
-    return _gathered(jnp.asarray(picture, real), depths, reaches, camera, lens, jnp.asarray(taps), levels)
+    sharp = jnp.asarray(picture, real)
+    maps = _mip_maps(sharp, depths, reaches, levels)
+    through = functools.partial(_gathered, maps, depths, camera, lens, jnp.asarray(taps), levels)
+    return in_chunks(through, sharp, wanted)
+
+
+def most_levels(radius: float, taps: int) -> int:
+    """Levels of mip maps for a widest circle of confusion, by how far apart its taps lie.
+
+    Args:
+        radius: in pixels.
+        taps: places to look at per pixel.
+    """
+    apart = radius * math.sqrt(math.pi / taps)
+    return min(int(math.log2(max(apart, 1.0))), _MOST_LEVELS)
+
+
+def in_chunks(
+    seen: Callable[[Int[Array, "n"]], Float[Array, "n c"]],
+    image: Float[Array, "h w c"],
+    wanted: Bool[Array | np.ndarray, "h w"] | None,
+) -> Float[Array, "h w c"]:
+    """`image` with some pixels replaced, a fixed number of them at a time, so that one program does for all.
+
+    Args:
+        seen: colours of pixels by their numbers, row by row.
+        image: what the others stay.
+        wanted: pixels to replace; all at once if None.
+    """
+    flat = image.reshape(-1, image.shape[2])
+    if wanted is None:
+        return seen(jnp.arange(len(flat), dtype=jnp.int32)).reshape(image.shape)
+    chosen = np.flatnonzero(np.asarray(wanted))
+    if not chosen.size:
+        return image
+    size = min(len(flat), max(_LEAST_CHUNK, -(-len(flat) // _CHUNKS)))
+    # The last chunk is filled up with a pixel that it has.
+    numbers = np.pad(chosen, (0, -chosen.size % size), mode="edge").astype(np.int32)
+    found = jnp.concatenate([seen(jnp.asarray(chunk)) for chunk in numbers.reshape(-1, size)])
+    return flat.at[numbers].set(found).reshape(image.shape)
 
 
 @eqx.filter_jit
@@ -93,29 +137,50 @@ def _centres(disparity: Float[Array, "h w"]) -> Float[Array, "n 2"]:
     return jnp.stack([x, y], axis=1).astype(disparity.dtype) + 0.5
 
 
+def gradient_noise(film: Float[Array, "n 2"]) -> Float[Array, "n"]:
+    """A number from 0 to 1 for each pixel by which its taps are turned against its neighbours'."""
+    return jnp.mod(_NOISE[2] * jnp.mod(film @ jnp.asarray(_NOISE[:2], film.dtype), 1.0), 1.0)
+
+
+def tap_sample(number: Array, turn: Float[Array, ""]) -> Float[Array, "2"]:
+    """The point of the unit square that a tap of a pixel looks through."""
+    # A step of the turn in both coordinates makes the patterns of neighbours differ.
+    shift = turn * jnp.asarray([1.0, 7.0], turn.dtype)
+    return jnp.mod((number + 0.5) * jnp.asarray(_STEPS, turn.dtype) + shift, 1.0).astype(turn.dtype)
+
+
 @eqx.filter_jit
-def _gathered(
-    image: Float[Array, "h w 3"],
-    disparity: Float[Array, "h w"],
-    reaches: Float[Array, "h w"],
-    camera: Camera,
-    lens: AbstractLens,
-    taps: Array,
-    levels: int,
-) -> Float[Array, "h w 3"]:
-    height, width = disparity.shape
+def _mip_maps(
+    image: Float[Array, "h w 3"], disparity: Float[Array, "h w"], reaches: Float[Array, "h w"], levels: int
+) -> Float[Array, "m 5"]:
+    """Colour, disparity and reach of pixels and then of blocks, level by level."""
     fine = jnp.concatenate([jnp.moveaxis(image, 2, 0), disparity[None], reaches[None]])
     maps = [fine]
     for edge in (2**level for level in range(1, levels + 1)):
         maps.append(block_means(fine, (reaches >= edge).astype(fine.dtype), edge)[0])
-    planes = [jnp.concatenate([each[number].ravel() for each in maps]) for number in range(len(fine))]
-    depths, sharpness = disparity.ravel(), reaches.ravel()
-    film = _centres(disparity)
-    noise = jnp.mod(_NOISE[2] * jnp.mod(film @ jnp.asarray(_NOISE[:2], film.dtype), 1.0), 1.0)
-    apart = sharpness * jnp.sqrt(jnp.pi / taps).astype(sharpness.dtype)
+    return jnp.concatenate([each.reshape(len(fine), -1).T for each in maps])
+
+
+@eqx.filter_jit
+def _gathered(
+    maps: Float[Array, "m 5"],
+    disparity: Float[Array, "h w"],
+    camera: Camera,
+    lens: AbstractLens,
+    taps: Array,
+    levels: int,
+    pixels: Int[Array, "n"],
+) -> Float[Array, "n 3"]:
+    height, width = disparity.shape
+    sharpness = maps[: height * width, 4]
+    y, x = jnp.divmod(pixels, width)
+    film = jnp.stack([x, y], axis=1).astype(disparity.dtype) + 0.5
+    noise = gradient_noise(film)
+    apart = sharpness[pixels] * jnp.sqrt(jnp.pi / taps).astype(sharpness.dtype)
     own = jnp.clip(jnp.log2(jnp.maximum(apart, 1.0)), 0, levels).astype(jnp.int32)
-    starts = jnp.asarray(np.cumsum([0, *(each[0].size for each in maps[:-1])]), jnp.int32)
-    widths = jnp.asarray([each.shape[2] for each in maps], jnp.int32)
+    sizes = [(-(-height // edge), -(-width // edge)) for edge in (2**level for level in range(levels + 1))]
+    starts = jnp.asarray(np.cumsum([0, *(rows * columns for rows, columns in sizes[:-1])]), jnp.int32)
+    widths = jnp.asarray([columns for _, columns in sizes], jnp.int32)
 
     def read(column: Array, row: Array, level: Array) -> tuple[Array, Array, Array]:
         """Colour, disparity and reach of a pixel, or of the block of a level around it."""
@@ -123,13 +188,11 @@ def _gathered(
         if levels:
             block = starts[level] + (row >> level) * widths[level] + (column >> level)
             index = jnp.where(sharpness[index] >= (1 << level), block, index)
-        *colour, depth, reach = (plane[index] for plane in planes)
-        return jnp.stack(colour), depth, reach
+        found = maps[index]
+        return found[:3], found[3], found[4]
 
     def one(point: Array, w: Array, turn: Array, level: Array, number: Array) -> tuple[Array, Array]:
-        # A step of the turn in both coordinates makes the patterns of neighbours differ.
-        sample = jnp.mod((number + 0.5) * jnp.asarray(_STEPS, w.dtype) + turn * jnp.asarray([1.0, 7.0]), 1.0)
-        ray = lens.ray(camera, point, lens.pupil_point(sample.astype(w.dtype)))
+        ray = lens.ray(camera, point, lens.pupil_point(tap_sample(number, turn)))
         place = ray.a + ray.b * w
         column, row = jnp.floor(place).astype(jnp.int32)
         colour, depth, reach = read(jnp.clip(column, 0, width - 1), jnp.clip(row, 0, height - 1), level)
@@ -143,9 +206,10 @@ def _gathered(
         light, weight = over(film, depths, noise, own, number)
         return total[0] + light, total[1] + weight
 
-    start = (jnp.zeros((height * width, 3), image.dtype), jnp.zeros(height * width, image.dtype))
+    depths = disparity.ravel()[pixels]
+    start = (jnp.zeros((*pixels.shape, 3), film.dtype), jnp.zeros(pixels.shape, film.dtype))
     light, weight = jax.lax.fori_loop(0, taps, add, start)
     # All taps of a pixel can lie on sharp things in front of it; it then keeps its own colour.
     empty = weight <= 0.0
     mean = light / jnp.where(empty, 1.0, weight)[:, None]
-    return jnp.where(empty[:, None], image.reshape(-1, 3), mean).reshape(height, width, 3)
+    return jnp.where(empty[:, None], maps[pixels, :3], mean)

@@ -5,10 +5,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._counts import require_counts
-from focusjax.baselines import circle_radii, gather
+from focusjax.baselines import circle_radii
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, FocalSurfaceLens, ThinLens, TiltShiftLens, in_colour
 from focusjax.post._motion import motion_blur
+from focusjax.post._outlines import defocused
 from focusjax.post._scatter import WHITE, depths_of_light, scattered, small_lights
 from focusjax.post._straight import StraightenedLens
 from focusjax.post._view import PinholeView
@@ -30,16 +31,18 @@ def post_process(
     Passes, in their order, each left out where there is nothing for it to do:
 
     1. motion blur along the view's velocities (`motion_blur`);
-    2. defocus: every pixel averages the view where its lens rays pass at its own depth (`gather`), and what
-       small lights out of focus have beyond white is sent where the lens sends it (`_scatter`), both with the
-       shape of the opening, spherical aberration, coma, astigmatism and curvature of field; for each colour,
-       where the lens treats them differently;
+    2. defocus: every pixel averages the view where its lens rays pass at its own depth (`gather`), or, beside
+       blurred foregrounds, what its rays hit (`_outlines`), and what small lights out of focus have beyond
+       white is sent where the lens sends it (`_scatter`), all with the shape of the opening, spherical
+       aberration, coma, astigmatism and curvature of field; for each colour, where the lens treats them
+       differently;
     3. distortion and lateral colour, by resampling (`warped`);
     4. vignetting, as light that is lost from the corners (`light_map`).
 
-    `photograph` exposes and develops it like any other picture. What the view does not see is nowhere:
-    blurred foregrounds end where they are sharp and hide what is behind them, the frame's edge goes on
-    beyond it, and cat's eyes darken the corners without being seen.
+    `photograph` exposes and develops it like any other picture. What the view does not see is made up: what
+    shows through the outline of a blurred foreground continues what is beside it, as the frame's edge goes on
+    beyond it. Small lights end where a foreground in front of them is sharp, and cat's eyes darken the
+    corners without being seen.
 
     Args:
         view: what a pinhole sees.
@@ -75,7 +78,7 @@ def post_process(
         if opened:
             straight = one if ideal else StraightenedLens(one)
             found, lights = _without_lights(found, view.disparity, camera, straight)
-            found = gather(found, view.disparity, camera, straight, taps=taps, levels=levels)
+            found = defocused(found, view.disparity, camera, straight, taps=taps, levels=levels)
             if lights is not None:
                 excess, origin, radius = lights
                 depths = np.asarray(view.disparity)

@@ -65,7 +65,7 @@ def test_without_tilt_it_is_the_level_lens():
         for one, other in zip(
             *(jax.tree.leaves(rays_of(each, CAMERA, film)) for each in (straight, same)), strict=True
         ):
-            # Observed: 2e-13 pixels.
+            # Observed: 4e-14 pixels.
             np.testing.assert_allclose(one, other, atol=1e-9)
 
 
@@ -95,11 +95,11 @@ def test_rays_meet_in_the_plane(preset: str, film):
     a, b = (np.asarray(each) - np.average(each, axis=0, weights=rays.weight) for each in (rays.a, rays.b))
     light = np.asarray(rays.weight)[:, None]
     found = -(light * a * b).sum() / (light * b * b).sum()
-    # Observed: 0.004 and 0.02 dioptres, by the curvature of the field this far from the lens's axis.
-    assert found == pytest.approx(wanted, abs=0.05)
-    # And where the pinhole sees it. Observed: 0.02 px.
+    # Observed: 0.003 to 0.015 dioptres, by the curvature of the field this far from the lens's axis.
+    assert found == pytest.approx(wanted, abs=0.03)
+    # And where the pinhole sees it. Observed: 0.06 px.
     met = np.average(rays.a + rays.b * wanted, axis=0, weights=rays.weight)
-    np.testing.assert_allclose(met, film, atol=0.3)
+    np.testing.assert_allclose(met, film, atol=0.12)
 
 
 def test_the_film_gets_the_light_that_the_pupil_takes_in():
@@ -120,7 +120,7 @@ def test_the_film_gets_the_light_that_the_pupil_takes_in():
         away = float(jnp.sqrt(way @ way))
         cosine = float(lens.turn[:, 2] @ way) / away
         light = cosine / away**3 * float(lens.lens.film_scale) ** 2 / area
-        # Observed: 0.1 %.
+        # Observed: 0.2 %.
         assert float(rays_of(lens, NARROW, film, 20000).weight.mean()) == pytest.approx(light, rel=0.004)
 
 
@@ -132,12 +132,12 @@ def test_polygons_and_colours_and_new_focus():
     assert float(other.focus_distance()) == pytest.approx(1.25)
     np.testing.assert_allclose([float(each) for each in other.tilt_and_swing()], [TILT, SWING], atol=1e-12)
     np.testing.assert_allclose(quick.plane, other.plane, rtol=1e-12)
-    # Aims differ, and what is in focus does not.
+    # Aims differ, and what is in focus does not. Observed: 2e-4 px.
     middles = [
         np.average(rays.a + rays.b * 0.8, axis=0, weights=rays.weight)
         for rays in (rays_of(each, CAMERA, film, 2000) for each in (quick, other))
     ]
-    np.testing.assert_allclose(*middles, atol=0.02)
+    np.testing.assert_allclose(*middles, atol=1e-3)
     coloured = tilted_lens(spectral_lens(level(), CAMERA), CAMERA, tilt=TILT, swing=SWING)
     assert isinstance(coloured, SpectralLens)
     assert isinstance(coloured.lens, TiltedPrescriptionLens)
@@ -175,7 +175,7 @@ def test_wishes_are_solved_for_through_it():
     assert isinstance(found.glass, TiltedPrescriptionLens)
     for number in range(2):
         rays = float(spot(found.glass, points.xy[number], points.disparity[number]))
-        # Observed: 0.002 px.
+        # Observed: 0.0013 px.
         assert abs(float(found.blur[number])) == pytest.approx(rays, abs=0.02)
 
 

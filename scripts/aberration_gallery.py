@@ -78,7 +78,7 @@ def through_glass() -> AbstractLens:
     lens = prescription_lens(
         lens_preset("gauss_jp62087922_f1.8_1987"), camera(), focus_distance=FOCUS, f_number=2.0
     )
-    return spectral_lens(lens, camera())
+    return spectral_lens(lens)
 
 
 LENSES: dict[str, Callable[[], AbstractLens]] = {

@@ -149,7 +149,7 @@ def lenses_of(options: argparse.Namespace, camera) -> dict[str, tuple[AbstractLe
         "double Gauss, fitted": (fitted(double), second),
     }
     if options.spectral:
-        coloured = spectral_lens(double, camera)
+        coloured = spectral_lens(double)
         found["double Gauss, colours, exact"] = (coloured, second)
         found["double Gauss, colours, fitted"] = (fitted(coloured), second)
     return found

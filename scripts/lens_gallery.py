@@ -84,7 +84,7 @@ def camera(width: int, focal_length: float = FOCAL_LENGTH) -> Camera:
 def real(prescription: Prescription, view: Camera, f_number: float | None) -> AbstractLens:
     """In colours, by polynomials where they are near enough."""
     exact = prescription_lens(prescription, view, focus_distance=FOCUS, f_number=f_number)
-    coloured = spectral_lens(exact, view)
+    coloured = spectral_lens(exact)
     try:
         return fitted_lens(coloured, view, nearest=NEAREST)
     except PoorFitError as error:

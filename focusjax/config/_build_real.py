@@ -59,7 +59,7 @@ def build_real_lens(
             f_number=f_number,
             aperture=lens.aperture,
         )
-        coloured = spectral_lens(made, camera, bands=table.spectral_bands) if table.spectral else made
+        coloured = spectral_lens(made, bands=table.spectral_bands) if table.spectral else made
         if not isinstance(lens, TiltShiftLens):
             return coloured
         turned = lens.movements(camera)

@@ -85,20 +85,13 @@ class Config(Table):
 
     @model_validator(mode="after")
     def _real_lens_that_turns(self) -> "Config":
-        """Glass is turned in a still, and where it is the same all around its axis."""
+        """Glass is turned where it is the same all around its axis."""
         turned = [f"solve.free has {name!r}" for name in self.solve.free if name in ("tilt", "swing")]
         turned += [f"lens.{key} is given" for key in ("tilt_deg", "swing_deg") if getattr(self.lens, key)]
-        if self.lens.real is None or not turned:
-            return self
-        if self.lens.height_field is not None:
+        if self.lens.height_field is not None and turned:
             raise ValueError(
                 f"has lens.height_field, but {turned[0]}; a lens with a height field is not turned, so leave"
                 " one of them out"
-            )
-        if self.shot is not None:
-            raise ValueError(
-                f"has a [shot] with lens.{self.lens.real}, but {turned[0]}; a real lens is turned in a still"
-                " alone, so leave one of them out"
             )
         return self
 

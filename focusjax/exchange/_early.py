@@ -23,6 +23,23 @@ def refuse_a_shot(config: Config) -> None:
             )
 
 
+def refuse_tilted_glass(config: Config) -> None:
+    """Refuse a real lens that is turned.
+
+    Raises:
+        ExportError: it is, or may be by what is solved for.
+    """
+    turned = [f"lens.{key}" for key in ("tilt_deg", "swing_deg") if getattr(config.lens, key)]
+    if config.focus:
+        turned += [f"{name!r} in solve.free" for name in ("tilt", "swing") if name in config.solve.free]
+    if config.lens.real is not None and turned:
+        glass = f"lens.{config.lens.real}"
+        raise ExportError(
+            f"{config.source}: has {glass} and {turned[0]}, and no target has a real lens that is tilted;"
+            f" leave out {glass} for the ideal lens of these settings, or {turned[0]}"
+        )
+
+
 def early_features(config: Config, *, shot: bool) -> dict[str, str]:
     """Those `features` of a config's camera that a solve leaves as they are, as the config has them."""
     found: dict[str, str] = {}

@@ -203,13 +203,13 @@ def _array(value: Any) -> jax.Array:
 def _ideal(lens: AbstractLens) -> tuple[AbstractLens, tuple[str, ...]]:
     """The ideal lens inside of `lens`, and what is around it in words; a real lens as it is."""
     words: list[str] = []
-    if is_tilted(lens):
-        raise ArgumentError(
-            f"lens of {_USAGE} is a real lens that is tilted, which no target has; give the TiltShiftLens of"
-            " its settings, or the real lens level",
-            "lens",
-        )
     while not isinstance(lens, ThinLens | TiltShiftLens | FocalSurfaceLens) and _glass(lens) is None:
+        if is_tilted(lens):
+            raise ArgumentError(
+                f"lens of {_USAGE} is a real lens that is tilted, which no target has; give the TiltShiftLens"
+                " of its settings, or the real lens level",
+                "lens",
+            )
         if isinstance(lens, AberratedLens):
             words.append("aberrations")
         elif isinstance(lens, ChromaticLens):

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from focusjax.config import Config, build_look, refuse_close_focus
-from focusjax.exchange._early import refuse_a_shot, refuse_early
+from focusjax.exchange._early import refuse_a_shot, refuse_early, refuse_tilted_glass
 from focusjax.exchange._export import TARGETS, Exported, checked_target, write_record
 from focusjax.exchange._fitting import ExportError
 from focusjax.exchange._record import record_of
@@ -41,6 +41,7 @@ def export_config(
 
     target = checked_target(to, path)
     refuse_close_focus(config, "an exported camera")
+    refuse_tilted_glass(config)
     if shot:
         refuse_a_shot(config)
     if not approximate:

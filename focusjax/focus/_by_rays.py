@@ -82,7 +82,7 @@ def focus_by_rays(
         )
     if not isinstance(parallax := lens.parallax(camera), Tracer) and not float(parallax) > 0:
         raise ArgumentError("the lens is a pinhole, to which all is sharp; open it", "lens")
-    weight = sharp_weights(points)
+    weight = _sharp_weights(points)
     if not isinstance(weight, Tracer) and not bool(jnp.any(weight > 0)):
         raise ArgumentError("nothing is wished sharp; rays are focused on what is", "points")
     focus, sizes, steps, failed = _search(points.xy, points.disparity, weight, camera, lens, max_steps)
@@ -93,7 +93,7 @@ def focus_by_rays(
     return RayFocus(refocused(lens, camera, focus), focus, sizes, steps)
 
 
-def sharp_weights(points: ImagePoints) -> Float[Array, "n"]:
+def _sharp_weights(points: ImagePoints) -> Float[Array, "n"]:
     """The weights of the rows that wish for sharpness, and 0 for all others."""
     return jnp.where(wished_sharp(points), points.weight, 0.0)
 

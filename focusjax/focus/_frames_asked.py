@@ -126,7 +126,7 @@ def frames_asked(
         if key not in checked:
             checked[key] = prepared(points[stand_ins[t]], cameras[t], lenses[t], usage=USAGE, **options)
             if through is not None:
-                checked_glass(glasses[t], checked[key], usage="solve_frames(through=)", turned=False)
+                checked_glass(glasses[t], checked[key], usage="solve_frames(through=)")
         frames.append(checked[key])
     plan = frames[0].plan
     if plan.method != "optimistix":

@@ -117,7 +117,6 @@ class FramesSolution(eqx.Module):
             )
         camera, lens = self.at(frame)
         glass = jax.tree.map(lambda leaf: one_row(leaf, frame), self.glass)
-        assert isinstance(lens, ThinLens)
         return refocused(
             stopped(glass, lens.aperture_radius / pupil_radius(glass)), camera, lens.focus_disparity
         )

@@ -13,7 +13,6 @@ from focusjax.lens import (
     SpectralLens,
     ThinLens,
     TiltedPrescriptionLens,
-    is_tilted,
     nearest_focus,
     pupil_radius,
 )
@@ -22,26 +21,22 @@ _WIDER = 1e-3
 """Share by which an f-number may be wider than the glass, as engraved ones are rounded."""
 
 
-def checked_glass(
-    glass: object, asked: Asked, usage: str = "solve(through=)", *, turned: bool = True
-) -> AbstractLens:
-    """`glass`, when the problem can be solved through it; where it may be `turned`, tilted, too.
+def checked_glass(glass: object, asked: Asked, usage: str = "solve(through=)") -> AbstractLens:
+    """`glass`, when the problem can be solved through it.
 
     Raises:
         ArgumentError: another kind of lens, something free that glass does not have, a start wider than the
             glass, or a closest focus that it does not reach.
     """
     kinds = (PrescriptionLens, SpectralLens, FittedLens, TiltedPrescriptionLens)
-    remedy = "`prescription_lens` and `spectral_lens` make one"
+    remedy = "`prescription_lens`, `spectral_lens` and `tilted_lens` make one"
     require_kind(glass, kinds, usage, remedy, "through")
     assert isinstance(glass, AbstractLens)
-    if not turned and is_tilted(glass):
-        raise ArgumentError(f"through of {usage} is tilted; frames are solved through level glass", "through")
     others = [name for name in asked.plan.free if name not in ("focus", "f_number")]
     if others:
         raise ArgumentError(
             f"free has {others[0]!r}, which is not solved for through glass; solve for it without `through`"
-            " first, make the glass for the camera found, and leave it out",
+            " first, make the glass for the camera and turn it (`tilted_lens`) as found, and leave it out",
             "free",
         )
     if not isinstance(asked.lens, ThinLens):

@@ -40,13 +40,13 @@ from focusjax.focus._joint import Linearised
 from focusjax.focus._parameters import FOCUS, RADIUS, Start
 from focusjax.focus._priors import PriorRows
 from focusjax.focus._solution import PARTLY_OPEN
-from focusjax.lens import AbstractLens, ThinLens
+from focusjax.lens import AbstractLens, ThinLens, is_tilted
 
 ROUNDS, STEPS, REPORT, DONE = range(4)
 """What is done next: a thin lens's problem, a step through the glass, or a look at every row."""
 
 _ROUNDS = 5
-"""Of the thin lens's problem, at most; the first is that of the points themselves."""
+"""Of the thin lens's problem, at most; the first is that of the points themselves, but for a tilted lens."""
 _AGAIN = 2
 """Of these from a solution to that of other weights or without smoothness."""
 _STEPS = 24
@@ -125,8 +125,8 @@ def _seen_at(
     solution: FramesSolution, glass: AbstractLens
 ) -> tuple[Float[Array, "t n"], Float[Array, "t n"]]:
     """Blur and errors through glass that is set already."""
-    assert isinstance(solution.lens, ThinLens)
-    focus, points = solution.lens.focus_disparity, solution.points
+    lens, points = solution.lens, solution.points
+    focus = lens.focus_disparity if isinstance(lens, ThinLens) else lens.plane[:, 2]
     aimed = frames_glass(glass, solution.camera, focus)
     settings = jnp.stack([focus, aimed.widest], axis=1)
     every = with_references(points, jnp.ones(points.weight.shape, dtype=bool))
@@ -238,7 +238,9 @@ class _Search(eqx.Module):
         """The thin lens's problem with points that it blurs as the glass does."""
         asked = self.asked
         thin = jax.vmap(exchanged)(asked.points, asked.camera, self._settings(state.pixels), found)
-        thin = jax.tree.map(lambda a, b: jnp.where(state.number == 0, a, b), asked.points, thin)
+        assert asked.glass is not None
+        if not is_tilted(asked.glass):
+            thin = jax.tree.map(lambda a, b: jnp.where(state.number == 0, a, b), asked.points, thin)
         asked = dataclasses.replace(asked, points=thin)
         problem = frames_problem(asked)
         walked = thin_walk(problem, asked)

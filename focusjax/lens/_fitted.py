@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from focusjax._arguments import real_number
+from focusjax._arguments import real_number, require_kind
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aim import line_of
 from focusjax.lens._all_sides import is_round
@@ -144,6 +144,11 @@ def fitted_lens(
         >>> bool(fitted.error.largest() < 0.05)
         True
     """
+    remedy = "`prescription_lens` and `spectral_lens` make one; polynomials are of a level lens"
+    require_kind(lens, (PrescriptionLens, SpectralLens), "fitted_lens(lens, camera)", remedy, "lens")
+    if isinstance(lens, SpectralLens):
+        kinds = (PrescriptionLens, FittedLens)
+        require_kind(lens.lens, kinds, "fitted_lens(lens, camera)", remedy, "lens")
     wanted = real_number(error_px, "the error allowed in pixels", "a positive number such as 0.05")
     near, far = (
         real_number(value, f"the {end} distance in metres", "a positive one, such as 0.5")

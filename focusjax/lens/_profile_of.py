@@ -108,7 +108,7 @@ def profile_of(
 
     held: dict[str, Any] = _tables(places, own, pitch)
     if spectral:
-        bands = [terms(channel.lens)[:lit] for channel in spectral_lens(real, camera).channels()]
+        bands = [terms(channel.lens)[:lit] for channel in spectral_lens(real).channels()]
         held |= _colour_tables(places, own, bands, pitch)
     if vignetting:
         held["cats_eyes"] = _cats_eyes(real, camera, full, focus)

@@ -75,8 +75,8 @@ class SettableLens(eqx.Module):
         found = []
         for each in self.channels:
             assert isinstance(each, TiltedPrescriptionLens)
-            level = dataclasses.replace(each.lens, prescription=_opened(each.lens.prescription, opening))
-            found.append(dataclasses.replace(each, lens=level).focused_at(camera, focus_disparity))
+            glass = dataclasses.replace(each.lens, prescription=_opened(each.lens.prescription, opening))
+            found.append(dataclasses.replace(each, lens=glass).focused_at(camera, focus_disparity))
         return tuple(found)
 
 
@@ -167,6 +167,11 @@ def stopped(lens: AbstractLens, opening: Float[Array, ""]) -> AbstractLens:
 
 
 def nearest_focus(lens: AbstractLens) -> Float[Array, ""]:
-    """Metres from the entrance pupil to the front focal point, nearer than which nothing has a real image."""
+    """Metres along the film's normal from the entrance pupil to the front focal plane.
+
+    Nothing nearer has a real image.
+    """
     seen = first_order(level(lens).prescription)
-    return 1e-3 * (seen.entrance_pupil - seen.front_focal_distance)
+    middle = lens.lens if isinstance(lens, SpectralLens) else lens
+    lean = middle.turn[2, 2] if isinstance(middle, TiltedPrescriptionLens) else 1.0
+    return 1e-3 * (seen.entrance_pupil - seen.front_focal_distance) / lean

@@ -6,7 +6,7 @@ from typing import SupportsFloat
 import equinox as eqx
 import numpy as np
 
-from focusjax.geometry import Camera
+from focusjax._arguments import require_kind
 from focusjax.lens._base import AbstractLens, Channel
 from focusjax.lens._coloured import AbstractColouredLens, colour_bands
 from focusjax.lens._focused import at_wavelength
@@ -37,7 +37,6 @@ class SpectralLens(AbstractColouredLens):
 
 def spectral_lens(
     lens: PrescriptionLens,
-    camera: Camera,
     wavelengths: Sequence[SupportsFloat] = RGB_WAVELENGTHS,
     *,
     bands: int = 3,
@@ -45,8 +44,7 @@ def spectral_lens(
     """A real lens with its colour: axial, which tints what is out of focus, and lateral, towards the corners.
 
     Args:
-        lens: focused for one wavelength.
-        camera: whose frame it was made for.
+        lens: focused for one wavelength, and level: turn what this makes (`tilted_lens`).
         wavelengths: of red, green and blue in nm; those of Lee10 if not given.
         bands: wavelengths from red to blue, odd: 3, or more of them between, which count for the two colours
             that they lie between. Fringes are then smooth, and take as many times the rays.
@@ -57,9 +55,11 @@ def spectral_lens(
     Example:
         >>> camera = fj.look_at((0, 0, 2), (0, 0, 0), width=60, height=40, focal_length=0.05)
         >>> lens = fj.prescription_lens(fj.lens_preset("cooke_triplet_50mm_f4"), camera, focus_distance=2.0)
-        >>> len(fj.spectral_lens(lens, camera, bands=5).channels())
+        >>> len(fj.spectral_lens(lens, bands=5).channels())
         5
     """
+    remedy = "`prescription_lens` makes one; tilt it afterwards"
+    require_kind(lens, PrescriptionLens, "spectral_lens(lens)", remedy, "lens")
     numbers = [float(each) for each in wavelengths]
     if len(numbers) != 3:
         raise ValueError(f"wavelengths are {numbers} nm; expected three, of red, green and blue")

@@ -97,6 +97,9 @@ def tilted_lens(
         real_number(angle, f"{name} in radians", "an angle between -pi/2 and pi/2")
         for name, angle in (("tilt", tilt), ("swing", swing))
     ]
+    for name, angle in zip(("tilt", "swing"), angles, strict=True):
+        if not abs(angle) < math.pi / 2:
+            raise ValueError(f"{name} is {angle:g} radians; expected an angle between -pi/2 and pi/2")
     most = real_number(max_tilt, "the tilt limit in radians", "0 up to less than pi/2")
     axis = np.array(
         [

@@ -173,7 +173,8 @@ class TiltedPrescriptionLens(AbstractLens):
             x, y = aimed[0] - start[0], aimed[1] - start[1]
             square = x * x + y * y + place * place
             normal = self.turn[2]
-            cosines = (normal[0] * x + normal[1] * y + normal[2] * place) * place / square
+            # The film has one side.
+            cosines = jnp.maximum(normal[0] * x + normal[1] * y + normal[2] * place, 0.0) * place / square
             area = (place / (before * stretch)) ** 2
             share = area * before**2 * cosines / square
         return slope, crossing, jnp.where(flat, share, 0.0), found.clearance

@@ -2,10 +2,12 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -21,7 +23,7 @@ from focusjax.focus import (
 )
 from focusjax.geometry import Camera
 from focusjax.job import FIT_PX, left_to_quality, through_glass
-from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens
+from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens, refocused
 from focusjax.shot._lens_track import LensTrack
 
 _LIMITS = {"focus": ("min_focus_distance", "max_focus_distance"), "f_number": ("f_number_range",)}
@@ -48,7 +50,6 @@ class ShotGlass:
         Raises:
             ConfigError: as `build_real_lens`.
         """
-        assert isinstance(lens, ThinLens)
         config = self.track.config_at(frame)
         numbers = jax.tree.leaves((camera.focal_length, camera.sensor_width, camera.principal_point, lens))
         key = (
@@ -63,7 +64,13 @@ class ShotGlass:
         return self._known[key]
 
     def to_render(
-        self, frame: int, camera: Camera, lens: ThinLens, depths: Float[np.ndarray, "2"], *, fit: bool
+        self,
+        frame: int,
+        camera: Camera,
+        lens: ThinLens | TiltShiftLens,
+        depths: Float[np.ndarray, "2"],
+        *,
+        fit: bool,
     ) -> AbstractLens:
         """The lens that rays of a frame's picture are traced with.
 
@@ -104,7 +111,8 @@ def solve_through_glass(
 ) -> FramesSolution:
     """The wishes of all frames met through glass.
 
-    An ideal lens settles what frames the picture; focus and f-number are then found through the glass.
+    An ideal lens settles what frames the picture, and tilt and swing; focus and f-number are then found
+    through the glass.
 
     Args:
         glass: the lens.
@@ -124,8 +132,8 @@ def solve_through_glass(
     """
     weights = {"smoothness": smoothness, "steadiness": steadiness}
     free = [name for name in options["free"] if name in _LIMITS]
-    framed = None
-    if len(free) < len(options["free"]):
+    framed, turned = None, any(isinstance(lens, TiltShiftLens) for lens in lenses)
+    if turned or len(free) < len(options["free"]):
         framed = solve_frames(points, cameras, lenses, held=held, throw=throw, **weights, **options)
         cameras, lenses = zip(*(framed.at(t) for t in range(framed.count)), strict=True)
         points = [
@@ -142,18 +150,29 @@ def solve_through_glass(
         return frames_seen_through(framed, made)
     kept = {name: options[name] for each in free for name in _LIMITS[each] if name in options}
     priors = {name: prior for name, prior in options.get("priors", {}).items() if name in free}
-    return solve_frames(
+    starts = [ThinLens(lens.focus_disparity, lens.aperture_radius, lens.aperture) for lens in lenses]
+    solution = solve_frames(
         points,
         cameras,
-        lenses,
+        starts,
         through=made,
         free=free,
         held={name: column for name, column in held.items() if name in free},
         priors=priors,
+        method=options["method"],
         throw=throw,
         **weights,
         **kept,
     )
+    if not isinstance(lenses[0], TiltShiftLens):
+        return solution
+    # The glass is turned; what was solved for is its focus and opening.
+    thin = [solution.at(t)[1] for t in range(solution.count)]
+    found = [
+        refocused(replace(lens, aperture_radius=each.aperture_radius), camera, each.focus_disparity)
+        for lens, each, camera in zip(lenses, thin, cameras, strict=True)
+    ]
+    return replace(solution, lens=jax.tree.map(lambda *leaves: jnp.stack(leaves), *found))
 
 
 def _with_fit(config: Config) -> Config:

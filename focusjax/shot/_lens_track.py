@@ -77,7 +77,7 @@ def _refuse_contradictions(config: Config, keyed: dict[str, dict[float, Any]]) -
                     f"the lens has sharp_from_m, which gives focus and f-number, and keyframes of {key};"
                     " leave one of them out"
                 )
-    unmovable = {"lens.focal_surface": lens.focal_surface, f"lens.{lens.real}": lens.real}
+    unmovable = {"lens.focal_surface": lens.focal_surface, "lens.height_field": lens.height_field}
     for what, there in unmovable.items():
         for key in ("tilt_deg", "swing_deg", *(("focus_distance_m",) if "surface" in what else ())):
             if there is not None and key in keyed:

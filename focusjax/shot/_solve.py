@@ -126,7 +126,7 @@ class SolvedShot:
         if known is None:
             assert self.shot.glass is not None
             camera, lens = self.solution.at(number - 1)
-            assert isinstance(lens, ThinLens)
+            assert isinstance(lens, ThinLens | TiltShiftLens)
             known = self.shot.glass.to_render(number, camera, lens, self.depths[number - 1], fit=fit)
             self._known[number, fit] = known
         return known

@@ -134,10 +134,6 @@ def test_elements_of_a_prescription_have_glass_of_their_own(boxes):
         ([GAUSS, "lens.spectral=true", "lens.spectral_bands=4"], "lens has 4 spectral_bands; give an odd"),
         (["lens.spectral=true"], "lens has spectral, which is about a prescription, and none; name one"),
         ([GAUSS, "lens.power_profile=[0, 0.1]"], "lens has power_profile and a prescription"),
-        (
-            [GAUSS, "solve.free=['focus', 'tilt']", "shot.frames=3"],
-            "has a [shot] with lens.prescription, but solve.free has 'tilt'; a real lens is turned in",
-        ),
         ([GAUSS, "lens.fit_px=-1"], "lens.fit_px is -1; expected a number of at least 0"),
     ],
 )

@@ -185,7 +185,7 @@ def test_focusing_it_fits_it_anew(single):
 
 
 def test_every_colour_is_fitted(single):
-    coloured = fitted_lens(spectral_lens(single.exact, CAMERA), CAMERA)
+    coloured = fitted_lens(spectral_lens(single.exact), CAMERA)
     assert isinstance(coloured, SpectralLens)
     assert all(isinstance(channel.lens, FittedLens) for channel in coloured.channels())
     red, _, blue = (

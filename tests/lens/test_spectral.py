@@ -21,7 +21,7 @@ def single() -> PrescriptionLens:
 
 @pytest.fixture(scope="module")
 def coloured(single: PrescriptionLens) -> SpectralLens:
-    return spectral_lens(single, CAMERA)
+    return spectral_lens(single)
 
 
 def test_a_simple_lens_focuses_blue_nearer_to_itself(coloured: SpectralLens):
@@ -62,15 +62,15 @@ def test_bounds_hold_the_rays_of_all_colours(coloured: SpectralLens):
 )
 def test_wavelengths_are_three_of_light_that_glass_refracts(single: PrescriptionLens, wavelengths, message):
     with pytest.raises(ValueError, match=message):
-        spectral_lens(single, CAMERA, wavelengths)
+        spectral_lens(single, wavelengths)
 
 
 def test_more_bands_are_of_wavelengths_between(single: PrescriptionLens, coloured: SpectralLens):
-    smooth = spectral_lens(single, CAMERA, bands=5).channels()
+    smooth = spectral_lens(single, bands=5).channels()
     focus = [float(channel.lens.bounds.focus[0]) for channel in smooth]
     np.testing.assert_allclose(focus[::2], [float(c.lens.bounds.focus[0]) for c in coloured.channels()])
     assert (np.diff(focus) > 0).all()
     np.testing.assert_allclose(np.sum([channel.colour for channel in smooth], axis=0), 1.0)
     assert smooth[1].colour[0] > 0 < smooth[1].colour[1]
     with pytest.raises(ValueError, match="there are 4 bands; expected 3, 5, 7"):
-        spectral_lens(single, CAMERA, bands=4)
+        spectral_lens(single, bands=4)

@@ -8,7 +8,7 @@ from boxes_config import write_boxes
 
 from focusjax.config import ConfigError, load_config
 from focusjax.job import run
-from focusjax.lens import pupil_radius
+from focusjax.lens import TiltedPrescriptionLens, pupil_radius
 from focusjax.shot import build_shot, solve_shot
 from focusjax.shot._report import shot_summary
 
@@ -50,8 +50,34 @@ def test_every_frame_is_solved_as_a_still_is(boxes):
     }
 
 
-def test_glass_is_not_turned(boxes):
+@pytest.mark.slow
+def test_tilted_frames_are_solved_as_a_tilted_still_is(boxes):
+    """Both of two frames, in which the wishes count in full."""
+    timed = "shot={frames=2, fade_frames=0}"
+    turned = [*CHANGES, "lens.tilt_deg=2"]
+    solved = solve_shot(build_shot(load_config(boxes, [*turned, timed])))
+    still = run(load_config(boxes, turned), rendering=False).solution
+    np.testing.assert_allclose(solved.solution.settings()["tilt_deg"], [2, 2], rtol=1e-5)
+    # Observed: OBS px.
+    np.testing.assert_allclose(solved.solution.blur[:, :2], np.stack([still.blur] * 2), atol=1e-3)
+    made, found = solved.seen_with(2, fit=False)[1], solved.solution.glass_at(1)
+    assert isinstance(made, TiltedPrescriptionLens)
+    np.testing.assert_allclose(made.plane, found.plane, rtol=1e-5)
+
+
+def test_keyframes_turn_the_glass(boxes):
+    turned = "shot={frames=3, lens=[{frame=1, tilt_deg=0}, {frame=3, tilt_deg=2}]}"
+    shot = build_shot(load_config(boxes, [*CHANGES, turned]))
+    glass = shot.glass.as_made(3, shot.cameras[2], shot.lenses[2])
+    assert isinstance(glass, TiltedPrescriptionLens)
+    np.testing.assert_allclose(np.degrees(glass.tilt_and_swing()[0]), 2.0, rtol=1e-5)
+
+
+def test_height_fields_are_not_turned(boxes):
+    heights = (boxes.parent / "flat.npy").as_posix()
+    np.save(heights, np.zeros((9, 9)))
+    field = f"lens.height_field={{file='{heights}', width_mm=20, scale_mm=1, thickness_mm=5, glass={{n_d=1.5, v_d=60}}}}"
     turned = "shot={frames=2, lens=[{frame=1, tilt_deg=3}]}"
-    message = "keyframes of tilt_deg and a lens.prescription, which has no such setting; leave one out"
+    message = "keyframes of tilt_deg and a lens.height_field, which has no such setting; leave one out"
     with pytest.raises(ConfigError, match=re.escape(message)):
-        build_shot(load_config(boxes, [*CHANGES, turned]))
+        build_shot(load_config(boxes, [*CHANGES[1:], field, turned]))

@@ -16,10 +16,11 @@ from _special_scenes import CASES
 from rich.console import Console
 from rich.table import Table
 
-from focusjax.baselines import RayScene, _gather, gather, lens_picture, pinhole_view
+from focusjax.baselines import RayScene, lens_picture, pinhole_view
 from focusjax.bench import case_from_config
 from focusjax.config import load_config
 from focusjax.metrics import psnr
+from focusjax.post import _gather, gather
 
 LEVELS = (0, _gather._MOST_LEVELS)
 """Of mip maps: none, and as many as there are."""

@@ -27,7 +27,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from focusjax import job
-from focusjax.baselines import gather
 from focusjax.bench import baked, resized
 from focusjax.config import build_camera, build_look, build_scene, load_config
 from focusjax.geometry import Camera
@@ -46,7 +45,7 @@ from focusjax.lens import (
     thin_lens,
     vignetted_lens,
 )
-from focusjax.post import PinholeView, post_process, view_in_layers
+from focusjax.post import PinholeView, gather, post_process, view_in_layers
 from focusjax.scene import Scene, SceneObject, make_object, make_scene
 from focusjax.trace import render, render_pinhole
 

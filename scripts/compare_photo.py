@@ -28,12 +28,13 @@ from _photo_oracle import with_real_scene
 from rich.console import Console
 from rich.table import Table
 
-from focusjax.baselines import gather, multilayer
+from focusjax.baselines import multilayer
 from focusjax.config import build_camera, build_scene, load_config
 from focusjax.layers import disparity_map, peel
 from focusjax.lens import thin_lens
 from focusjax.metrics import psnr, ssim
 from focusjax.photo import GUESS, HOLES, Photo
+from focusjax.post import gather
 from focusjax.trace import render, render_pinhole
 
 CONFIGS = [Path("configs") / f"{name}.toml" for name in ("still_life", "town", "tilted_row", "bars")]

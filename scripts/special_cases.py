@@ -33,10 +33,11 @@ from _special_scenes import (
     SpecialCase,
 )
 
-from focusjax.baselines import RayScene, gather, lens_picture, multilayer, pinhole_view
+from focusjax.baselines import RayScene, lens_picture, multilayer, pinhole_view
 from focusjax.io import save_png
 from focusjax.layers import peel, umbra_saving
 from focusjax.metrics import psnr, ssim
+from focusjax.post import gather
 from focusjax.trace import render
 
 METHODS = ("ours", "multilayer", "gather")

@@ -53,8 +53,8 @@ ALLOWED = {
     "inverse": {"geometry", "lens", "layers", "trace", "_arguments", "_counts"},
     "metrics": set(),
     # Slow or simple twins share no code with what they are compared with.
-    "baselines": {"geometry", "lens", "scene", "_counts", "_parallel"},
-    "post": {"geometry", "lens", "scene", "layers", "trace", "baselines", "_counts"},
+    "baselines": {"geometry", "lens", "scene", "_checked_view", "_counts", "_parallel"},
+    "post": {"geometry", "lens", "scene", "layers", "trace", "_checked_view", "_counts"},
     "io": {"film", "_quiet_exr", "_whole_file"},
     "scene_files": {"scene", "_words"},
     "config": {
@@ -82,6 +82,7 @@ ALLOWED = {
     "_parallel": set(),
     "_zeros": set(),
     "_settings": set(),
+    "_checked_view": {"geometry"},
     "_stopwatch": set(),
     "job": {
         "geometry",

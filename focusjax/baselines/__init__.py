@@ -2,13 +2,6 @@
 
 from focusjax.baselines._accumulation import accumulate as accumulate
 from focusjax.baselines._denoise import denoised as denoised
-from focusjax.baselines._gather import circle_radii as circle_radii
-from focusjax.baselines._gather import gather as gather
-from focusjax.baselines._gather import gradient_noise as gradient_noise
-from focusjax.baselines._gather import in_chunks as in_chunks
-from focusjax.baselines._gather import most_levels as most_levels
-from focusjax.baselines._gather import tap_sample as tap_sample
-from focusjax.baselines._mipmaps import block_means as block_means
 from focusjax.baselines._mitsuba import SAMPLER as SAMPLER
 from focusjax.baselines._mitsuba import UnlitScene as UnlitScene
 from focusjax.baselines._mitsuba import counted_mitsuba_picture as counted_mitsuba_picture

@@ -5,8 +5,9 @@ import math
 import numpy as np
 from jaxtyping import Float
 
+from focusjax._checked_view import checked_view
 from focusjax.baselines._disk import Spreader, extended
-from focusjax.baselines._view import checked_view, signed_radius
+from focusjax.baselines._view import signed_radius
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 

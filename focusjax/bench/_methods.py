@@ -14,7 +14,6 @@ from focusjax.baselines import (
     RayScene,
     accumulate,
     denoised,
-    gather,
     lens_picture,
     load_unlit,
     mitsuba_picture,
@@ -25,7 +24,7 @@ from focusjax.baselines import (
 )
 from focusjax.bench._case import Case
 from focusjax.layers import peel
-from focusjax.post import PinholeView, closed_lens, post_process, view_in_layers
+from focusjax.post import PinholeView, closed_lens, gather, post_process, view_in_layers
 from focusjax.trace import render
 
 Setting = int | float | str

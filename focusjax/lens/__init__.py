@@ -78,7 +78,7 @@ from focusjax.lens._scheimpflug import movements_of as movements_of
 from focusjax.lens._scheimpflug import view_tangents as view_tangents
 from focusjax.lens._settable import SettableLens as SettableLens
 from focusjax.lens._settable import is_tilted as is_tilted
-from focusjax.lens._settable import level as level
+from focusjax.lens._settable import level_glass as level_glass
 from focusjax.lens._settable import nearest_focus as nearest_focus
 from focusjax.lens._settable import pupil_radius as pupil_radius
 from focusjax.lens._settable import settable as settable

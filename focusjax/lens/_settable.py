@@ -139,7 +139,7 @@ def _opened(prescription: Prescription, opening: Float[Array, ""]) -> Prescripti
 
 def pupil_radius(lens: AbstractLens) -> Float[Array, ""]:
     """Radius in metres of the entrance pupil of a real lens, as it is opened."""
-    return 1e-3 * first_order(level(lens).prescription).entrance_pupil_radius
+    return 1e-3 * first_order(level_glass(lens).prescription).entrance_pupil_radius
 
 
 def is_tilted(lens: AbstractLens) -> bool:
@@ -148,7 +148,7 @@ def is_tilted(lens: AbstractLens) -> bool:
     return isinstance(middle, TiltedPrescriptionLens)
 
 
-def level(lens: AbstractLens) -> PrescriptionLens:
+def level_glass(lens: AbstractLens) -> PrescriptionLens:
     """The glass of a real lens for the one wavelength that it is focused with, not tilted nor fitted."""
     middle = lens.lens if isinstance(lens, SpectralLens) else lens
     return middle.lens if isinstance(middle, TiltedPrescriptionLens) else unfitted(middle)
@@ -171,7 +171,7 @@ def nearest_focus(lens: AbstractLens) -> Float[Array, ""]:
 
     Nothing nearer has a real image.
     """
-    seen = first_order(level(lens).prescription)
+    seen = first_order(level_glass(lens).prescription)
     middle = lens.lens if isinstance(lens, SpectralLens) else lens
     lean = middle.turn[2, 2] if isinstance(middle, TiltedPrescriptionLens) else 1.0
     return 1e-3 * (seen.entrance_pupil - seen.front_focal_distance) / lean

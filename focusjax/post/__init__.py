@@ -1,5 +1,6 @@
 """Pictures by post-processing: one sharp view, filtered as cameras blur (Kyaw 2013 section 7)."""
 
+from focusjax.post._gather import gather as gather
 from focusjax.post._motion import motion_blur as motion_blur
 from focusjax.post._plan import PostPlan as PostPlan
 from focusjax.post._plan import plan_post as plan_post

@@ -18,9 +18,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
-from focusjax.baselines import block_means, gather, gradient_noise, in_chunks, most_levels, tap_sample
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
+from focusjax.post._gather import gather, gradient_noise, in_chunks, most_levels, tap_sample
+from focusjax.post._mipmaps import block_means
 
 _TILE = 4
 """Pixels along the side of the squares in which the nearest depth around is found."""

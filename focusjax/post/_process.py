@@ -5,9 +5,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._counts import require_counts
-from focusjax.baselines import circle_radii
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, FocalSurfaceLens, ThinLens, TiltShiftLens, in_colour
+from focusjax.post._gather import circle_radii
 from focusjax.post._motion import motion_blur
 from focusjax.post._outlines import defocused
 from focusjax.post._scatter import WHITE, depths_of_light, scattered, small_lights

@@ -4,7 +4,7 @@ from typing import Any
 
 from focusjax._settings import metres
 from focusjax.job import Outcome
-from focusjax.lens import level
+from focusjax.lens import level_glass
 
 
 def glass_facts(outcome: Outcome) -> dict[str, Any] | None:
@@ -12,7 +12,7 @@ def glass_facts(outcome: Outcome) -> dict[str, Any] | None:
     found = outcome.glass
     if found is None:
         return None
-    lens, glass = found.middle, level(found.middle)
+    lens, glass = found.middle, level_glass(found.middle)
     facts: dict[str, Any] = {
         "name": glass.prescription.name,
         "focus_distance_m": float(lens.focus_distance()),

@@ -39,6 +39,7 @@ _MOST = 0.25
 """Pixels by which no ray may be off, whatever the quality."""
 
 NO_TILTED_FIT = "polynomials are of a level lens, and this one is tilted"
+"""Why rays of a tilted lens are traced through its glass."""
 
 
 @dataclasses.dataclass(frozen=True)

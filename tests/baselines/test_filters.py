@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from small_scenes import front_camera, varied_scene, wide_lens
 
-from focusjax.baselines import RayScene, gather, lens_picture, multilayer, pinhole_view, scatter
+from focusjax.baselines import RayScene, lens_picture, multilayer, pinhole_view, scatter
 from focusjax.lens import ThinLens
 from focusjax.metrics import psnr
+from focusjax.post import gather
 
 CAMERA = front_camera(64, 48)
 LENS = wide_lens(CAMERA, pixels_per_dioptre=12.0, focus=0.5)

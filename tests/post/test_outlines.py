@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 from small_scenes import front_camera, patch
 
-from focusjax.baselines import gather
 from focusjax.geometry import Camera
 from focusjax.layers import peel
 from focusjax.lens import Disk, ThinLens, polygon
-from focusjax.post import PinholeView, post_process, view_in_layers
+from focusjax.post import PinholeView, gather, post_process, view_in_layers
 from focusjax.scene import make_scene
 from focusjax.trace import render
 

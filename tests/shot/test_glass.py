@@ -76,7 +76,8 @@ def test_keyframes_turn_the_glass(boxes):
 def test_height_fields_are_not_turned(boxes):
     heights = (boxes.parent / "flat.npy").as_posix()
     np.save(heights, np.zeros((9, 9)))
-    field = f"lens.height_field={{file='{heights}', width_mm=20, scale_mm=1, thickness_mm=5, glass={{n_d=1.5, v_d=60}}}}"
+    sizes = "width_mm=20, scale_mm=1, thickness_mm=5, glass={n_d=1.5, v_d=60}"
+    field = f"lens.height_field={{file='{heights}', {sizes}}}"
     turned = "shot={frames=2, lens=[{frame=1, tilt_deg=3}]}"
     message = "keyframes of tilt_deg and a lens.height_field, which has no such setting; leave one out"
     with pytest.raises(ConfigError, match=re.escape(message)):

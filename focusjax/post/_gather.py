@@ -16,11 +16,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._checked_view import checked_view
 from focusjax._counts import require_counts
-from focusjax.baselines._mipmaps import block_means
-from focusjax.baselines._view import checked_view
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
+from focusjax.post._mipmaps import block_means
 
 # Steps of Roberts' sequence in two dimensions, and of Jimenez' gradient noise between pixels.
 _STEPS = (0.7548776662466927, 0.5698402909980532)
@@ -66,7 +66,7 @@ def gather(
             fewer than one tap, or a number of levels that is none.
 
     Example:
-        >>> from focusjax.baselines import gather
+        >>> from focusjax.post import gather
         >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
         >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
         >>> picture, disparity = np.full((6, 8, 3), 0.5), np.full((6, 8), 0.25)

@@ -8,7 +8,7 @@ from focusjax.config import ConfigError, load_config
 from focusjax.exchange import ExportError, export_config
 from focusjax.job import run
 from focusjax.lens import SpectralLens, TiltedPrescriptionLens, TiltShiftLens
-from focusjax.report import summary
+from focusjax.report import glass_facts
 
 GLASS = [
     'lens.prescription="gauss_jp62087922_f1.8_1987"',
@@ -35,8 +35,8 @@ def test_tilt_is_solved_for_and_traced_through_the_glass(boxes):
     # Two wishes and two settings. Observed: OBSB px, which aberrations leave.
     assert np.abs(outcome.solution.blur).max() < 0.3
     assert np.isfinite(outcome.picture.image).all()
-    told = summary(outcome)
-    assert told["glass"]["poor_fit"] == "polynomials are of a level lens, and this one is tilted"
+    facts = glass_facts(outcome)
+    assert facts["poor_fit"] == "polynomials are of a level lens, and this one is tilted"
 
 
 @pytest.mark.slow

@@ -76,6 +76,6 @@ def refuse_early(config: Config, target: Target, targets: dict[str, Target], *, 
     Raises:
         ExportError: there is something.
     """
-    lacks = {key: words for key, words in early_features(config, shot=shot).items() if key not in target.has}
-    if lacks:
-        raise ExportError(f"{config.source}: {refusal(lacks, target, targets)}")
+    found = early_features(config, shot=shot)
+    if found.keys() - set(target.has):
+        raise ExportError(f"{config.source}: {refusal(found, target, targets)}")

@@ -125,12 +125,13 @@ def fitted_to(
     Raises:
         ExportError: the target cannot have it, and may not approximate.
     """
-    lacks = {key: words for key, words in features(record).items() if key not in target.has}
+    found = features(record)
+    lacks = frozenset(found) - frozenset(target.has)
     if not lacks:
         return Fitted(record, (), 0.0)
     if not approximate:
-        raise refusal(lacks, target, targets)
-    plain, remarks = _plainer(record, frozenset(lacks))
+        raise refusal(found, target, targets)
+    plain, remarks = _plainer(record, lacks)
     worst = 0.0
     for number, (frame, camera, lens) in enumerate(
         zip(plain.frames, record.cameras, record.lenses, strict=True)
@@ -143,16 +144,16 @@ def fitted_to(
     return Fitted(plain, tuple(remarks), worst)
 
 
-def refusal(lacks: Mapping[str, str], target: Target, targets: Mapping[str, Target]) -> ExportError:
-    """What is said of the first of those `features` that a target lacks.
+def refusal(found: Mapping[str, str], target: Target, targets: Mapping[str, Target]) -> ExportError:
+    """What is said of the first of some `features` that a target lacks, with the targets that have them all.
 
     Args:
-        lacks: the words for each, at least one.
+        found: the words for each feature; the target lacks one or more.
         target: for what the record is.
         targets: all there are, for what could be exported instead.
     """
-    key, words = next(iter(lacks.items()))
-    able = [each.name for each in targets.values() if key in each.has]
+    words = next(words for key, words in found.items() if key not in target.has)
+    able = [each.name for each in targets.values() if found.keys() <= set(each.has)]
     named = " or ".join([", ".join(able[:-1]), able[-1]] if len(able) > 1 else able)
     instead = f"export to {named}, which can, or " if able else ""
     return ExportError(

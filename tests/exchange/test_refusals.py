@@ -26,6 +26,10 @@ CASES = {
         "Mitsuba cannot express a lens turned against the sensor (tilt 5.73, swing -2.86 degrees); export to"
         " blender or gltf, which can, or add --approximate"
     ),
+    ("usd", "tilt and shift"): (
+        "USD cannot express a lens turned against the sensor (tilt 5.73, swing -2.86 degrees); export to"
+        " blender, which can, or add --approximate"
+    ),
     ("usd", "surface"): "USD cannot express a focal surface; export to blender, which can",
     ("gltf", "surface"): "glTF cannot express a focal surface; export to blender, which can",
     ("mitsuba", "blades"): (
@@ -39,9 +43,10 @@ CASES = {
 
 
 def pair(what):
-    camera = slid_camera() if what == "shift" else upright_camera()
+    camera = slid_camera() if "shift" in what else upright_camera()
     lens = {
         "tilt": turned_lens,
+        "tilt and shift": turned_lens,
         "surface": lambda: surface_lens(camera),
         "blades": bladed_lens,
         "shift": round_lens,

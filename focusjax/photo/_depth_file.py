@@ -154,7 +154,7 @@ def _read_exr(path: Path) -> Float[np.ndarray, "h w"]:
     found = depth_channel(channels)
     if found is None:
         raise PhotoError(
-            f"{path}: there is no one depth channel among {', '.join(channels)}; expected one named Z, so name"
-            " it that, or give the depth in a file of its own"
+            f"{path}: there is no one depth channel among {', '.join(channels)}; expected one named Z, so"
+            " name it that, or give the depth in a file of its own"
         )
     return channels[found].astype(np.float64)

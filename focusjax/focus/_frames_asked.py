@@ -90,8 +90,8 @@ def frames_asked(
     Raises:
         ArgumentError: as `solve_frames`.
     """
-    weights = [_smoothing(name, value) for name, value in
-               (("smoothness", smoothness), ("steadiness", steadiness))]  # fmt: skip
+    over_time = {"smoothness": smoothness, "steadiness": steadiness}
+    over_time = {name: _smoothing(name, value) for name, value in over_time.items()}
     _check_frames(points)
     count = len(points)
     if not isinstance(cameras, Sequence):
@@ -129,6 +129,27 @@ def frames_asked(
                 checked_glass(glasses[t], checked[key], usage="solve_frames(through=)")
         frames.append(checked[key])
     plan = frames[0].plan
+    _refuse_plan(plan)
+    rows = room_for(max(each.disparity.shape[0] for each in points))
+    alike = stacked([padded(each, rows) for each in points])
+    sided = not isinstance(alike.signed, Tracer) and bool(np.asarray(alike.signed).all())
+    return FramesAsked(
+        points=anonymous(alike),
+        camera=jax.tree.map(together, *cameras),
+        lens=jax.tree.map(together, *lenses),
+        limits=jax.tree.map(together, *(each.limits for each in frames)),
+        numbers=frames[0].numbers,
+        **over_time,
+        max_steps=jnp.asarray(max_steps),
+        held=_held(held, plan.free, count),
+        glass=None if through is None else stacked_glass(glasses),
+        names=points[0].names,
+        plan=dataclasses.replace(plan, exact=False, many=not sided),
+    )
+
+
+def _refuse_plan(plan: Plan) -> None:
+    """Refuses ways to solve that frames do not have."""
     if plan.method != "optimistix":
         raise ArgumentError(
             f"method is {plan.method!r}; frames are solved together by one method only", "method"
@@ -139,23 +160,6 @@ def frames_asked(
             " solve them one by one",
             "close_focus",
         )
-    rows = room_for(max(each.disparity.shape[0] for each in points))
-    alike = stacked([padded(each, rows) for each in points])
-    sided = not isinstance(alike.signed, Tracer) and bool(np.asarray(alike.signed).all())
-    return FramesAsked(
-        points=anonymous(alike),
-        camera=jax.tree.map(together, *cameras),
-        lens=jax.tree.map(together, *lenses),
-        limits=jax.tree.map(together, *(each.limits for each in frames)),
-        numbers=frames[0].numbers,
-        smoothness=weights[0],
-        steadiness=weights[1],
-        max_steps=jnp.asarray(max_steps),
-        held=_held(held, plan.free, count),
-        glass=None if through is None else stacked_glass(glasses),
-        names=points[0].names,
-        plan=dataclasses.replace(plan, exact=False, many=not sided),
-    )
 
 
 def _refuse_traced(arguments: Any) -> None:

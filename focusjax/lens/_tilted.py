@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from focusjax._arguments import real_number, require_kind
 from focusjax.geometry import Camera
+from focusjax.lens._aim import polar
 from focusjax.lens._all_sides import is_round
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._focused import FRAME_MARGIN, focused_lens, with_indices
@@ -161,11 +162,7 @@ def _rays_of(lens: TiltedPrescriptionLens, seen: Float[Array, "2"]) -> Rays:
     """Rays of the film point that looks along tangents, all over the opening."""
     film, place = lens.film_at(seen)
     level = lens.lens
-    radius = jnp.sqrt(film[0] ** 2 + film[1] ** 2)
-    along = (
-        jnp.where(radius > 0.0, film[0] / jnp.where(radius > 0.0, radius, 1.0), 1.0),
-        film[1] / jnp.where(radius > 0.0, radius, 1.0),
-    )
+    radius, along = polar(*film)
     pupils = level.pupils
     at = radius / level.film_step
     last = pupils.centre.shape[0] - 1

@@ -1,11 +1,9 @@
 """Frames through glass: as stills are, in the blur that the picture has, and smooth over time."""
 
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.stats import qmc
+from ray_spots import rms_diameter
 
 import focusjax as fj
 from focusjax.focus import ArgumentError, solve_frames
@@ -53,29 +51,6 @@ def solved(points, glass, **options):
     return solve_frames(points, CAMERA, start(), through=glass, free=FREE, **options)
 
 
-@eqx.filter_jit
-def rms_diameter(lens, seen, disparity):
-    """sqrt(8 x mean square distance) of where the light of a point lands, by rays of the lens as it is used.
-
-    A ray through each place of the opening starts where it meets the point, found by fixed-point steps.
-    """
-    square = jnp.asarray(qmc.Sobol(2, rng=np.random.default_rng(5)).random(1024))
-
-    def landed(sample):
-        v = lens.pupil_point(sample)
-
-        def step(_, place):
-            ray = lens.ray(CAMERA, place, v)
-            return place + seen - (ray.a + ray.b * disparity)
-
-        place = jax.lax.fori_loop(0, 6, step, seen)
-        return place, lens.ray(CAMERA, place, v).weight
-
-    place, weight = jax.vmap(landed)(square)
-    share = weight / jnp.sum(weight)
-    return jnp.sqrt(8.0 * (share @ jnp.sum((place - (share @ place)[None]) ** 2, axis=1)))
-
-
 @pytest.fixture(scope="module")
 def together(glass):
     return solved([wished(frame) for frame in range(FRAMES)], glass, smoothness=10.0)
@@ -102,7 +77,7 @@ def test_what_is_reported_is_what_rays_of_the_final_lens_have(together):
     points = wished(frame)
     for number, row in enumerate(together.table(frame)):
         # Observed: 0.002 px off.
-        found = float(rms_diameter(lens, points.xy[number], points.disparity[number]))
+        found = float(rms_diameter(lens, CAMERA, points.xy[number], points.disparity[number]))
         assert abs(row.got) == pytest.approx(found, abs=0.02)
 
 

@@ -123,6 +123,8 @@ def main() -> None:
         glass = fj.prescription_lens(fj.lens_preset(name), camera, focus_distance=2.0)
         setups[name] = camera, start, glass
     for number in track(range(options.problems), console=console):
+        # Kinds of wishes are compiled in: the programs of many problems would not fit in memory's map.
+        jax.clear_caches()
         name = LENSES[number % len(LENSES)][0]
         camera, start, glass = setups[name]
         points = wishes(rng, camera)

@@ -1,4 +1,4 @@
-"""The camera of a photograph, where a config has a `[scene.photo]` and says nothing else."""
+"""What a config with a `[scene.photo]` leaves to the photograph: its camera, and how finely it is sampled."""
 
 from typing import Any
 
@@ -16,6 +16,9 @@ _LENGTH = ("focal_length_mm", "field_of_view_deg")
 
 def with_camera_of_photo(data: dict[str, Any], reach: Reach) -> dict[str, Any]:
     """`data` with a `[camera]` that has what the photograph says, where it says nothing itself.
+
+    A picture that is smaller than the photograph has two samples along each side of a pixel unless
+    `render.supersampling` says otherwise: one would leave out every other pixel of the photograph.
 
     Raises:
         ConfigError: the photograph cannot be read, does not say its focal length, or half of another pose is
@@ -49,4 +52,18 @@ def with_camera_of_photo(data: dict[str, Any], reach: Reach) -> dict[str, Any]:
     if not any(key in camera for key in (*_LENGTH, "sensor_width_mm")):
         filled["focal_length_mm"] = 1000 * float(taken.focal_length)
         filled["sensor_width_mm"] = 1000 * float(taken.sensor_width)
-    return {**data, "camera": {**filled, **camera}}
+    told = {**data, "camera": {**filled, **camera}}
+    render = data.get("render", {})
+    if _smaller(camera.get("resolution"), (taken.width, taken.height)) and isinstance(render, dict):
+        told["render"] = {"supersampling": 2, **render}
+    return told
+
+
+def _smaller(resolution: Any, size: tuple[int, int]) -> bool:
+    """Whether a resolution, which may be no resolution, has fewer pixels along a side than `size`."""
+    if not isinstance(resolution, list | tuple) or len(resolution) != 2:
+        return False
+    return any(
+        isinstance(pixels, int | float) and pixels < most
+        for pixels, most in zip(resolution, size, strict=True)
+    )

@@ -28,6 +28,13 @@ def command(
     approximate: Annotated[
         bool, typer.Option("--approximate", help="Write the nearest camera that the target can have.")
     ] = False,
+    name: Annotated[
+        str | None, typer.Option("--name", help="What the target calls the camera; the config's title.")
+    ] = None,
+    metres_per_unit: Annotated[
+        float, typer.Option("--metres-per-unit", help="Of a USD stage; 0.01 for centimetres.")
+    ] = 1.0,
+    up_axis: Annotated[str, typer.Option("--up-axis", metavar="Y|Z", help="Of a USD stage.")] = "Y",
 ) -> None:
     r"""Solve, and write the camera for another program; without [\[focus]] wishes, as the config has it."""
     console, errors = Console(), Console(stderr=True)
@@ -37,7 +44,15 @@ def command(
         read = load_config(config, set_ or (), root=root)
         with progress(errors) as report, warnings_printed(errors):
             exported = export_config(
-                read, file, to=to, shot=with_shot, approximate=approximate, progress=report
+                read,
+                file,
+                to=to,
+                shot=with_shot,
+                approximate=approximate,
+                name=name,
+                metres_per_unit=metres_per_unit,
+                up_axis=up_axis,
+                progress=report,
             )
     except (ConfigError, ExportError, ArgumentError) as error:
         fail(errors, error, BAD_INPUT)

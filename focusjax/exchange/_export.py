@@ -111,16 +111,33 @@ def export_camera(
         ['camera.usda']
     """
     require_switches(approximate=approximate)
+    stage = checked_stage(to, metres_per_unit, up_axis)
+    record = record_of(camera, lens, name=name, fps=fps)
+    seen = _pairs(disparities, len(record.frames))
+    return write_record(record, Path(path), to, approximate=approximate, disparities=seen, stage=stage)
+
+
+def checked_stage(to: str, metres_per_unit: float, up_axis: str) -> Stage:
+    """The units and axes of a USD stage; other targets have their own.
+
+    Raises:
+        ArgumentError: what no stage has, or what the target leaves no choice of.
+    """
     if not 0 < metres_per_unit < math.inf:
         raise ArgumentError(
             f"metres_per_unit is {metres_per_unit}; expected a length above 0", "metres_per_unit"
         )
     if up_axis not in ("Y", "Z"):
         raise ArgumentError(f"up_axis is {up_axis!r}; expected 'Y' or 'Z'", "up_axis")
-    record = record_of(camera, lens, name=name, fps=fps)
-    seen = _pairs(disparities, len(record.frames))
-    stage = Stage(float(metres_per_unit), up_axis)
-    return write_record(record, Path(path), to, approximate=approximate, disparities=seen, stage=stage)
+    chosen = {"metres_per_unit": metres_per_unit != 1.0, "up_axis": up_axis != "Y"}
+    for argument, differs in chosen.items():
+        if differs and to != "usd":
+            raise ArgumentError(
+                f"{argument} is given for the target {to!r}, which has units and axes of its own; leave it"
+                " out, it is for 'usd' alone",
+                argument,
+            )
+    return Stage(float(metres_per_unit), up_axis)
 
 
 def write_record(

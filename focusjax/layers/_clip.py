@@ -5,6 +5,9 @@ import functools
 
 import numpy as np
 
+TOLERANCE = 1e-5
+"""Samples by which a triangle is fattened, so that rounding opens no crack between neighbours."""
+
 
 @dataclasses.dataclass(frozen=True)
 class ScreenTriangles:
@@ -48,11 +51,13 @@ class ScreenTriangles:
     def quarters(self) -> tuple[np.ndarray, np.ndarray]:
         """Grid x and y [v] in quarters of a sample, odd where they are neither whole nor half.
 
-        They decide on which side of a point centres and squares of samples lie.
+        They decide on which side of a point centres and squares of samples lie. What is within `TOLERANCE`
+        of whole or half counts as that: where two surfaces meet, a corner that they share may be rounded
+        to either side of a centre, which would be in the box of neither.
         """
-        far = 1 << 28
+        far, fat = 1 << 28, 2 * TOLERANCE
         doubled = (np.clip(2.0 * self.points[:, k], -far, far) for k in (0, 1))
-        x, y = ((np.floor(a) + np.ceil(a)).astype(np.int32) for a in doubled)
+        x, y = ((np.floor(a + fat) + np.ceil(a - fat)).astype(np.int32) for a in doubled)
         return x, y
 
     def around(

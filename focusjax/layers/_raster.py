@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from focusjax._parallel import in_parallel, parts
 from focusjax.layers._blocks import pad_rows
-from focusjax.layers._clip import ScreenTriangles
+from focusjax.layers._clip import TOLERANCE, ScreenTriangles
 from focusjax.layers._edges import Edges, edge_functions
 from focusjax.layers._grid import Grid
 from focusjax.layers._stamps import SIZES, Stamps
@@ -18,9 +18,6 @@ from focusjax.layers._stamps import SIZES, Stamps
 _SAMPLES_AT_ONCE = 1 << 18
 _STAMPS_AT_ONCE = 1 << 15
 """Of the samples and stamps tested by one call, so that compilation depends on the stamp size alone."""
-
-_TOLERANCE = 1e-5
-"""Samples by which a triangle is fattened, so that rounding opens no crack between neighbours."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,7 +67,7 @@ def _cover(
     w = jnp.zeros(inside.shape, dtype=w0.dtype)
     for across, down, offset, scale in sides:
         distance = across[:, None] * x + down[:, None] * y + offset[:, None]
-        inside &= distance >= -_TOLERANCE
+        inside &= distance >= -TOLERANCE
         w += distance * scale[:, None]
     # Fattening may step outside a sliver; its disparity must stay between those of its corners.
     least, most = (op(op(w0, w1), w2)[:, None] for op in (jnp.minimum, jnp.maximum))

@@ -71,6 +71,13 @@ def check_unit(unit: DepthUnit, source: str) -> None:
                     f"{source}: disparity in pixels needs the {name} of the stereo pair, which is {value};"
                     " give depth_focal_px in the depth map's pixels and baseline_m in metres"
                 )
+    pair = ("depth_focal_px", unit.focal_length_px), ("baseline_m", unit.baseline_m)
+    for name, value in (*pair, ("depth_offset_px", unit.offset_px or None)):
+        if unit.unit != "px" and value is not None:
+            raise PhotoError(
+                f"{source}: {name} is of a stereo pair, whose depth unit is 'px', and the unit is"
+                f" {unit.unit!r}; leave one out"
+            )
     if unit.unit == "relative" and len(unit.anchors) != 2:
         raise PhotoError(
             f"{source}: relative depth needs two anchors, and has {len(unit.anchors)}; give as anchors two"
@@ -205,12 +212,17 @@ def _warn_of_unlikely(disparity: Float[np.ndarray, "n"], unit: DepthUnit, source
     """Say so where a unit makes distances that no photograph has."""
     middle = float(np.median(disparity))
     distance = math.inf if middle == 0 else 1.0 / middle
-    eight_bit = unit.unit == "m" and unit.scale == 1.0 and distance > 20.0 and disparity.min() >= 1 / 255.5
+    far_greys = unit.unit == "m" and distance > 20.0
+    eight_bit = unit.scale == 1.0 and (
+        (far_greys and disparity.min() >= 1 / 255.5)
+        or (unit.unit == "mm" and disparity.min() >= 1000 / 255.5)
+    )
     if unit.unit in ("m", "mm", "1/m", "px") and (
         eight_bit or not _NEAREST_LIKELY <= distance <= _FARTHEST_LIKELY
     ):
-        side = "farther" if distance > _FARTHEST_LIKELY or eight_bit else "nearer"
-        values = "values of 0 to 255 look like 8-bit greys, not metres; " if eight_bit else ""
+        side = "farther" if distance > 1.0 else "nearer"
+        greys = f"values of 0 to 255 look like 8-bit greys, not {'metres' if far_greys else 'millimetres'}; "
+        values = greys if eight_bit else ""
         warnings.warn(
             f"{source}: in {unit.unit} half of the photograph is {side} than {distance:.3g} m, which is"
             f" unlikely; {values}check the depth unit and scale",

@@ -7,6 +7,7 @@ import struct
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -180,6 +181,7 @@ def _source(path: Path) -> tuple[str | io.BytesIO, list[str]]:
     broken = (ValueError, KeyError, IndexError, TypeError, AttributeError, struct.error)
     try:
         gltf_parents(content["nodes"])
+        _check_roots(content)
         for number in range(len(content["nodes"])):
             check_gltf_place(content["nodes"], number)
         names = gltf_node_names(content)
@@ -198,10 +200,19 @@ def _source(path: Path) -> tuple[str | io.BytesIO, list[str]]:
     return io.BytesIO(source), names
 
 
+def _check_roots(content: dict[str, Any]) -> None:
+    """Raise a `ValueError` where a scene is of nodes that the file does not have."""
+    count = len(content["nodes"])
+    for number, scene in enumerate(content.get("scenes", ())):
+        for root in scene.get("nodes", ()):
+            if not (isinstance(root, int) and 0 <= root < count):
+                raise ValueError(f"scene {number} has node {root!r}, and there are {count} nodes")
+
+
 def _refuse_outside(path: Path, assets: Assets) -> None:
     """A stranger's file that asks for files elsewhere may be up to something."""
     if assets.outside:
         raise ValueError(
             f"mesh file {path} refers to {assets.outside[0]}, outside the folders that may be read; move it"
-            " there, or allow more with --root DIR"
+            " there, or allow more with --root DIR, or within=[DIR] in Python"
         )

@@ -28,7 +28,7 @@ from focusjax.scene_files._stored_scene import StoredScene
 _LIGHTS = "KHR_lights_punctual"
 
 
-def gltf_scene(path: Path, within: Sequence[Path] | None) -> StoredScene:
+def gltf_scene(path: Path, within: Sequence[Path]) -> StoredScene:
     """The scene; see `read_scene`."""
     content = gltf_json(path)
     if not isinstance(content, dict):

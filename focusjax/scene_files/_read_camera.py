@@ -12,7 +12,7 @@ GLTF = (".gltf", ".glb")
 
 
 def read_camera(
-    path: str | Path, name: str | None = None, *, within: Sequence[Path] | None = None
+    path: str | Path, name: str | None = None, *, within: Sequence[str | Path] | None = None
 ) -> StoredCamera:
     """A camera of a USD stage (extra `usd`) or of a glTF file, as it is in the file's first frame.
 
@@ -22,7 +22,8 @@ def read_camera(
     Args:
         path: a .usd, .usda, .usdc, .usdz, .gltf or .glb file.
         name: of the camera; not needed where there is one.
-        within: folders from which files may be read that a stage names; from anywhere by default.
+        within: folders from which files may be read that a stage names; the file's own by default, and
+            ["/"] for anywhere.
 
     Raises:
         SceneFileError: (a `ValueError`) a file that cannot be read, of no such kind, or without that camera;
@@ -38,11 +39,11 @@ def read_camera(
     path = checked(path)
     if path.suffix.lower() in GLTF:
         return gltf_camera(path, name)
-    return usd_camera(path, name, within)
+    return usd_camera(path, name, folders_of(path, within))
 
 
 def read_camera_frames(
-    path: str | Path, name: str | None = None, *, within: Sequence[Path] | None = None
+    path: str | Path, name: str | None = None, *, within: Sequence[str | Path] | None = None
 ) -> CameraFrames:
     """A camera in all frames of its file; of glTF, whose animations are not read, in one.
 
@@ -51,7 +52,12 @@ def read_camera_frames(
     path = checked(path)
     if path.suffix.lower() in GLTF:
         return CameraFrames((gltf_camera(path, name),), 24.0)
-    return usd_camera_frames(path, name, within)
+    return usd_camera_frames(path, name, folders_of(path, within))
+
+
+def folders_of(path: Path, within: Sequence[str | Path] | None) -> list[Path]:
+    """The folders that files may be read from: those given, or the one that `path` is in."""
+    return [path.parent] if within is None else [Path(folder) for folder in within]
 
 
 def checked(path: str | Path) -> Path:

@@ -4,19 +4,20 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from focusjax.scene_files._gltf_scene import gltf_scene
-from focusjax.scene_files._read_camera import GLTF, checked
+from focusjax.scene_files._read_camera import GLTF, checked, folders_of
 from focusjax.scene_files._stored_scene import StoredScene
 from focusjax.scene_files._usd_scene import usd_scene
 
 
-def read_scene(path: str | Path, *, within: Sequence[Path] | None = None) -> StoredScene:
+def read_scene(path: str | Path, *, within: Sequence[str | Path] | None = None) -> StoredScene:
     """Meshes and lights of a USD stage (extra `usd`) or of a glTF file.
 
     Units and up axis of USD are converted to metres and +y up; lights become what a white surface shows.
 
     Args:
         path: a .usd, .usda, .usdc, .usdz, .gltf or .glb file.
-        within: folders from which files may be read that it names; from anywhere by default.
+        within: folders from which files may be read that it names; the file's own by default, and ["/"] for
+            anywhere.
 
     Raises:
         SceneFileError: (a `ValueError`) a file that cannot be read, has no meshes, or has instanced or
@@ -35,4 +36,5 @@ def read_scene(path: str | Path, *, within: Sequence[Path] | None = None) -> Sto
         12
     """
     path = checked(path)
-    return gltf_scene(path, within) if path.suffix.lower() in GLTF else usd_scene(path, within)
+    folders = folders_of(path, within)
+    return gltf_scene(path, folders) if path.suffix.lower() in GLTF else usd_scene(path, folders)

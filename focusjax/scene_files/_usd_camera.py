@@ -25,14 +25,14 @@ _FAR = 1e6
 """Metres from which on a focus distance is infinite; USD has no infinity, and `export_camera` writes this."""
 
 
-def usd_camera(path: Path, name: str | None, within: Sequence[Path] | None) -> StoredCamera:
+def usd_camera(path: Path, name: str | None, within: Sequence[Path]) -> StoredCamera:
     """The camera in the first frame; see `read_camera`."""
     stage = open_stage(path, within)
     prim, called = _chosen(stage, path, name)
     return _at(stage, prim, called, stage_frames(stage).codes[0], path)
 
 
-def usd_camera_frames(path: Path, name: str | None, within: Sequence[Path] | None) -> CameraFrames:
+def usd_camera_frames(path: Path, name: str | None, within: Sequence[Path]) -> CameraFrames:
     """The camera in every frame; see `read_camera_frames`."""
     stage = open_stage(path, within)
     prim, called = _chosen(stage, path, name)

@@ -25,7 +25,7 @@ from focusjax.scene_files._usd_stage import pxr, refuse_outside, world_of
 
 
 def usd_lights(
-    stage: Any, prims: Sequence[Any], code: float, path: Path, within: Sequence[Path] | None
+    stage: Any, prims: Sequence[Any], code: float, path: Path, within: Sequence[Path]
 ) -> tuple[tuple[AbstractLight, ...], Float[np.ndarray, "3"], Float[np.ndarray, "3"] | None]:
     """Lights, ambient light and the colour at infinity (None without a dome) of light prims.
 
@@ -74,9 +74,7 @@ def _radiance(light: Any, time: Any, UsdLux: Any) -> Float[np.ndarray, "3"]:
     return np.maximum(strength * colour, 0.0)
 
 
-def _even_colour(
-    prim: Any, time: Any, path: Path, within: Sequence[Path] | None
-) -> Float[np.ndarray, "3"] | None:
+def _even_colour(prim: Any, time: Any, path: Path, within: Sequence[Path]) -> Float[np.ndarray, "3"] | None:
     """What a dome's picture multiplies its light by, if it is of one colour; some programs write all so."""
     UsdLux, Ar = pxr(path, "UsdLux", "Ar")
     asset = UsdLux.DomeLight(prim).GetTextureFileAttr().Get(time)

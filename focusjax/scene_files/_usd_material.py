@@ -41,7 +41,7 @@ class Look:
 class Looks:
     """Reads each material of a stage once."""
 
-    def __init__(self, path: Path, within: Sequence[Path] | None, textures: TextureTable):
+    def __init__(self, path: Path, within: Sequence[Path], textures: TextureTable):
         self._path, self._within, self._textures = path, within, textures
         self._found: dict[str, Look | None] = {}
         self._images: dict[str, Any] = {}

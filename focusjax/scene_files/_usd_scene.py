@@ -21,7 +21,7 @@ _SAID = 4
 """Names that a warning lists."""
 
 
-def usd_scene(path: Path, within: Sequence[Path] | None) -> StoredScene:
+def usd_scene(path: Path, within: Sequence[Path]) -> StoredScene:
     """The scene; see `read_scene`."""
     Usd, UsdGeom, UsdLux = pxr(path, "Usd", "UsdGeom", "UsdLux")
     stage = open_stage(path, within)

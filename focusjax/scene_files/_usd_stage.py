@@ -35,7 +35,7 @@ def pxr(path: Path, *names: str) -> tuple[Any, ...]:
         ) from None
 
 
-def open_stage(path: Path, within: Sequence[Path] | None) -> Any:
+def open_stage(path: Path, within: Sequence[Path]) -> Any:
     """The stage in a file.
 
     Raises:
@@ -67,19 +67,17 @@ def open_stage(path: Path, within: Sequence[Path] | None) -> Any:
     return stage
 
 
-def refuse_outside(found: str, path: Path, within: Sequence[Path] | None) -> None:
+def refuse_outside(found: str, path: Path, within: Sequence[Path]) -> None:
     """A file, perhaps inside a package, that a stage refers to elsewhere.
 
     Raises:
         SceneFileError: it is not in one of the folders, nor in the stage's own file.
     """
-    if within is None:
-        return
     file = Path(found.partition("[")[0]).resolve()
     if file != path.resolve() and not any(file.is_relative_to(folder.resolve()) for folder in within):
         raise SceneFileError(
             f"{path}: refers to {file}, outside the folders that may be read; move it there, or allow more"
-            " with --root DIR"
+            " with --root DIR, or within=[DIR] in Python"
         )
 
 

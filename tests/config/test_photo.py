@@ -39,6 +39,15 @@ def test_the_camera_is_that_of_the_photograph(folder):
     np.testing.assert_allclose(2 * float(smaller.focal_px), float(camera.focal_px), rtol=1e-6)
 
 
+def test_a_smaller_picture_is_sampled_twice(folder):
+    assert config(folder).render.supersampling == 1
+    assert config(folder, CONFIG, "camera.resolution=[48,36]").render.supersampling == 1
+    smaller = config(folder, CONFIG, "camera.resolution=[24,18]", "render.rays=8").render
+    assert (smaller.supersampling, smaller.rays) == (2, 8)
+    asked = config(folder, CONFIG, "camera.resolution=[24,18]", "render.supersampling=1")
+    assert asked.render.supersampling == 1
+
+
 def test_it_is_prepared_for_the_widest_lens_that_may_come(folder):
     assert config(folder).widest_f_number == 1.4
     wider = config(folder, CONFIG, 'solve.free=["focus","f_number"]', "solve.f_number_min=0.9")

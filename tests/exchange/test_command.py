@@ -56,6 +56,17 @@ def test_a_shot_is_keyframed(tmp_path):
     assert text.count("float focusDistance") == 1
 
 
+def test_a_stage_has_the_units_axes_and_name_asked_for(tmp_path):
+    config, file = write_boxes(tmp_path), tmp_path / "stage.usda"
+    words = ["--metres-per-unit", 0.01, "--up-axis", "Z", "--name", "Second Unit"]
+    done = export(config, "--to", "usd", "--out", file, *words)
+    assert done.exit_code == 0, done.output
+    text = file.read_text()
+    assert "metersPerUnit = 0.01" in text
+    assert 'upAxis = "Z"' in text
+    assert 'def Camera "Second_Unit"' in text
+
+
 def test_approximations_are_reported(tmp_path):
     config, file = write_boxes(tmp_path), tmp_path / "c.xml"
     turned = ["--set", "lens.swing_deg=3"]
@@ -73,6 +84,9 @@ def test_approximations_are_reported(tmp_path):
     ("words", "message"),
     [
         (["--to", "maya"], "there is no target 'maya'; expected usd, blender, mitsuba, pbrt, gltf"),
+        (["--to", "usd", "--metres-per-unit", "0"], "metres_per_unit is 0.0; expected a length above 0"),
+        (["--to", "usd", "--up-axis", "X"], "up_axis is 'X'; expected 'Y' or 'Z'"),
+        (["--to", "blender", "--up-axis", "Z"], "up_axis is given for the target 'blender'"),
         (["--to", "usd", "--shot"], "there is no [shot] table"),
         (["--to", "usd", "--out", "c.usdc"], "c.usdc does not end in .usda"),
     ],

@@ -218,3 +218,17 @@ def test_a_corner_on_sample_centres_leaves_no_gap():
     times = np.bincount(drawn.fragments.sample, minlength=WIDTH * HEIGHT)
     assert times.min() >= 1
     assert times.max() <= 4
+
+
+@pytest.mark.parametrize("rounding", [1e-12, 1e-7])
+@pytest.mark.parametrize("size", [0.5, 1.0, 20.0])
+def test_surfaces_that_meet_on_a_sample_centre_leave_no_gap(size: float, rounding: float):
+    """Four surfaces, each with a corner of its own on the centre, which is rounded away from it."""
+    camera = front_camera(WIDTH, HEIGHT)
+    middle = np.array([20.5, 14.5])
+    apex = rounding * np.array([(0, -1), (1, 0), (0, 1), (-1, 0)])
+    rim = size * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    xy = middle + np.stack([[apex[i], rim[i], rim[(i + 1) % 4]] for i in range(4)])
+    x, y = np.moveaxis((xy - (20, 14)) / float(camera.focal_px), -1, 0)
+    drawn = draw(np.stack([x, -y, -np.ones_like(x)], axis=-1), camera, Grid(WIDTH, HEIGHT, 1, 0))
+    assert 14 * WIDTH + 20 in drawn.fragments.sample

@@ -112,6 +112,8 @@ def test_what_is_missing_or_contradicts_itself_is_refused_in_words(photo_file):
     said = refused(photo_file, depth_unit="relative", anchors=[(1, 1, 2.0), (50, 0.5)])
     assert "one anchor is a place [x, y, metres] and the other a value [value, metres]" in said
     assert "focal length of the stereo pair" in refused(photo_file, depth_unit="px")
+    said = refused(photo_file, depth_unit="m", baseline_m=0.1)
+    assert "baseline_m is of a stereo pair, whose depth unit is 'px', and the unit is 'm'; leave" in said
     assert "needs two anchors, and has 0" in refused(photo_file, depth_unit="relative")
     said = refused(photo_file, depth_unit="relative", anchors=[(1, 1, 2.0), (3, 1, 1.0)])
     assert "both anchors have the value 200" in said
@@ -217,11 +219,12 @@ def test_distances_that_no_photograph_has_get_a_warning(photo_file):
         assert "everything in this depth map is infinitely far, which leaves nothing to refocus" in said
 
 
-def test_greys_called_metres_get_a_warning(photo_file):
+@pytest.mark.parametrize(("unit", "called"), [("m", "metres"), ("mm", "millimetres")])
+def test_greys_called_metres_get_a_warning(photo_file, unit, called):
     grey = np.linspace(30, 255, WIDTH * HEIGHT).reshape(HEIGHT, WIDTH).astype(np.uint8)
     (photo_file.parent / "d.png").write_bytes(png(grey))
-    with pytest.warns(UserWarning, match=r"values of 0 to 255 look like 8-bit greys, not metres"):
-        load(photo_file, "d.png", depth_unit="m")
+    with pytest.warns(UserWarning, match=r"values of 0 to 255 look like 8-bit greys, not " + called + ";"):
+        load(photo_file, "d.png", depth_unit=unit)
 
 
 def test_the_photograph_itself_is_refused_in_words(tmp_path):

@@ -142,6 +142,15 @@ def test_what_cannot_be_read_is_refused(tmp_path, changes, said):
         read_scene(path)
 
 
+def test_gltf_nodes_that_are_not_there_are_refused(tmp_path):
+    content = {"asset": {"version": "2.0"}, "scenes": [{"nodes": [7]}], "nodes": [{}]}
+    (tmp_path / "a.gltf").write_text(json.dumps(content))
+    with pytest.raises(
+        SceneFileError, match=r"a\.gltf .*scene 0 has node 7, and there are 1 nodes\); export"
+    ):
+        read_scene(tmp_path / "a.gltf")
+
+
 def test_files_that_are_up_to_something(tmp_path):
     theirs = tmp_path / "theirs"
     theirs.mkdir()
@@ -149,8 +158,8 @@ def test_files_that_are_up_to_something(tmp_path):
     path.write_text(path.read_text().replace("@card.png@", "@../secret.png@"))
     (theirs / "card.png").rename(tmp_path / "secret.png")
     with pytest.raises(SceneFileError, match=r"shot\.usda: refers to .*secret\.png, outside the folders"):
-        read_scene(path, within=[theirs])
-    assert read_scene(path, within=[tmp_path]).objects[0].textures
+        read_scene(path)
+    assert read_scene(path, within=[str(tmp_path)]).objects[0].textures
     bomb = theirs / "bomb.usdz"
     with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as package:
         package.writestr("shot.usda", "#usda 1.0\n" + " " * 1_000_000)
@@ -164,7 +173,7 @@ def test_files_that_are_up_to_something(tmp_path):
     with pytest.warns(
         UserWarning, match=r"shot\.usda: Could not load sublayer @gone\.usda@.*check its paths"
     ):
-        read_scene(path)
+        read_scene(path, within=[tmp_path])
     empty = theirs / "empty.usda"
     empty.write_text('#usda 1.0\ndef Camera "hero" {}\n')
     with pytest.raises(SceneFileError, match=r"empty\.usda: has no meshes to be seen"):

@@ -123,9 +123,10 @@ def main() -> None:
         glass = fj.prescription_lens(fj.lens_preset(name), camera, focus_distance=2.0)
         setups[name] = camera, start, glass
     for number in track(range(options.problems), console=console):
-        # Kinds of wishes are compiled in: the programs of many problems would not fit in memory's map.
-        jax.clear_caches()
-        name = LENSES[number % len(LENSES)][0]
+        earlier, name = name, LENSES[number * len(LENSES) // options.problems][0]
+        if name != earlier:
+            # Each lens has programs of its own, and those of all would be too many for one process.
+            jax.clear_caches()
         camera, start, glass = setups[name]
         points = wishes(rng, camera)
         free = ("focus", "f_number") if rng.random() < 0.5 else ("focus",)
@@ -139,7 +140,7 @@ def main() -> None:
             place = points.xy[index], points.disparity[index]
             seen = measured(camera, solution.glass, *place, options.rays, abs(row.got))
             rows.append({"lens": name, "wish": row.name, "reported": row.got, "measured": seen})
-        if len(gradients) < options.gradients:
+        if len(gradients) * options.problems < options.gradients * (number + 1):
             gradients.append(slopes(points, camera, start, glass, free))
     off = [abs(abs(row["reported"]) - row["measured"]) for row in rows]
     console.print(

@@ -44,7 +44,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--size", nargs=2, type=int, default=[480, 360], help="of a picture, in pixels")
     parser.add_argument("--photo", type=Path, help="a photograph, for the picture `photo`")
     parser.add_argument("--depth", type=Path, help="its depth")
-    parser.add_argument("--sharp", help="X,Y of what is to be sharp in it")
+    parser.add_argument("--sharp", action="append", help="X,Y of what is to be sharp in it")
+    parser.add_argument("--name", default="photo", help="of the picture `photo`")
     parser.add_argument("--option", action="append", default=[], help="more of `focusjax refocus`")
     return parser.parse_args()
 
@@ -128,19 +129,22 @@ def film(options: argparse.Namespace) -> None:
 
 
 def photo(options: argparse.Namespace) -> None:
-    """A photograph beside itself refocused at f/1.4."""
+    """A photograph beside itself refocused; where several places are to be sharp in turn, these alone."""
     if not (options.photo and options.depth and options.sharp):
         raise SystemExit("photo needs --photo FILE, --depth FILE and --sharp X,Y")
-    with tempfile.TemporaryDirectory() as folder:
-        focusjax(
-            "refocus", options.photo, "--depth", options.depth, "--sharp", options.sharp, "--out", folder,
-            "--set", f"render.rays={options.rays}", *options.option,
-        )  # fmt: skip
-        after = iio.imread(Path(folder) / "image.png")
-        guessed = json.loads((Path(folder) / "report.json").read_text())["picture"]
-    before = Image.open(options.photo).convert("RGB").resize((after.shape[1], after.shape[0]))
-    save(options.out / "photo.jpg", beside(np.asarray(before), after))
-    print(guessed)
+    made = []
+    for place in options.sharp:
+        with tempfile.TemporaryDirectory() as folder:
+            focusjax(
+                "refocus", options.photo, "--depth", options.depth, "--sharp", place, "--out", folder,
+                "--set", f"render.rays={options.rays}", *options.option,
+            )  # fmt: skip
+            made.append(iio.imread(Path(folder) / "image.png"))
+            print(json.loads((Path(folder) / "report.json").read_text())["picture"])
+    if len(made) == 1:
+        size = made[0].shape[1], made[0].shape[0]
+        made.insert(0, np.asarray(Image.open(options.photo).convert("RGB").resize(size)))
+    save(options.out / f"{options.name}.jpg", beside(*made))
 
 
 def gradient(options: argparse.Namespace) -> None:

@@ -35,14 +35,18 @@ from focusjax.report import (
 )
 from focusjax.shot import SETTING_NAMES, SolvedShot
 
+_NOISE = 1e-5
+"""Change of a setting from frame to frame, in its unit, that is rounding and not worth a line."""
+
 
 def print_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     """What a photographer wants to know, in a few lines."""
     lens, camera = outcome.middle_lens, outcome.camera
     sharp = depth_of_field(camera, lens, outcome.config.lens.close_focus)
+    ideal = "" if outcome.glass is None else ", if the glass had no aberrations"
     console.print(
         f"[bold]Focus {metres(float(lens.focus_distance()))}, {f_number(float(outcome.settings.f_number))}[/]"
-        f"  sharp from {metres(sharp.near)} to {metres(sharp.far)}"
+        f"  sharp from {metres(sharp.near)} to {metres(sharp.far)}{ideal}"
     )
     if (close := close_focus_sentence(outcome)) is not None:
         say(console, close)
@@ -117,11 +121,11 @@ def print_shot(console: Console, solved: SolvedShot) -> None:
     console.print(
         f"[bold]{solution.count} frames, focus from {metres(float(focus[0]))} to"
         f" {metres(float(focus[-1]))}[/]"
-        f"  {_how_solved(solution)}",
+        f" {_how_solved(solution)}",
         highlight=False,
     )
     for name, change in solution.largest_changes().items():
-        if change.per_frame:
+        if change.per_frame > _NOISE:
             called, unit = SETTING_NAMES[name]
             say(
                 console,
@@ -137,7 +141,8 @@ def _how_solved(solution: FramesSolution | SurfaceFramesSolution) -> str:
         return "by keyframes"
     if isinstance(solution, SurfaceFramesSolution):
         return "in the middle of the picture, surfaces solved together"
-    return f"solved together in {int(solution.steps)} steps"
+    through = "" if solution.glass is None else " through the glass"
+    return f"solved together in {int(solution.steps)} steps{through}"
 
 
 def _wishes(solution: Solution | SurfaceSolution) -> Table:

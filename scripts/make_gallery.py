@@ -128,6 +128,27 @@ def film(options: argparse.Namespace) -> None:
     print(f"{path}: {path.stat().st_size // 1024} KiB")
 
 
+def three(options: argparse.Namespace, config: str, numbers: tuple[int, int, int], name: str) -> None:
+    """Three frames of a shot, which is solved whole."""
+    with tempfile.TemporaryDirectory() as folder:
+        focusjax(
+            "shot", CONFIGS / config, "--out", folder, "--frames", ",".join(map(str, numbers)),
+            *set_all(sized(options)),
+        )  # fmt: skip
+        frames = [iio.imread(Path(folder) / "frames" / f"frame_{number:04d}.png") for number in numbers]
+    save(options.out / f"{name}.jpg", beside(*frames))
+
+
+def glass(options: argparse.Namespace) -> None:
+    """A rack focus through a double Gauss."""
+    three(options, "rack_focus_glass.toml", (1, 28, 48), "glass_film")
+
+
+def actors(options: argparse.Namespace) -> None:
+    """A focal surface that follows two actors."""
+    three(options, "two_actors.toml", (1, 20, 40), "two_actors")
+
+
 def photo(options: argparse.Namespace) -> None:
     """A photograph beside itself refocused; where several places are to be sharp in turn, these alone."""
     if not (options.photo and options.depth and options.sharp):
@@ -172,7 +193,15 @@ def gradient(options: argparse.Namespace) -> None:
     save(options.out / "gradient.jpg", beside(shown, coloured.astype(np.uint8)))
 
 
-PICTURES = {"conflict": conflict, "surface": surface, "film": film, "photo": photo, "gradient": gradient}
+PICTURES = {
+    "conflict": conflict,
+    "surface": surface,
+    "film": film,
+    "glass": glass,
+    "actors": actors,
+    "photo": photo,
+    "gradient": gradient,
+}
 
 
 def main() -> None:

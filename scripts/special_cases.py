@@ -37,10 +37,10 @@ from focusjax.baselines import RayScene, lens_picture, multilayer, pinhole_view
 from focusjax.io import save_png
 from focusjax.layers import peel, umbra_saving
 from focusjax.metrics import psnr, ssim
-from focusjax.post import gather
+from focusjax.post import gather, post_process, view_in_layers
 from focusjax.trace import render
 
-METHODS = ("ours", "multilayer", "gather")
+METHODS = ("ours", "post", "multilayer", "gather")
 
 
 def arguments() -> argparse.Namespace:
@@ -69,10 +69,12 @@ def study(case: SpecialCase, options: argparse.Namespace) -> tuple[dict, dict[st
     )
     layers = peel(scene, camera, lens, supersampling=options.supersampling, max_layers=case.max_layers)
     sharp, disparity = pinhole_view(ready, camera)
+    view = view_in_layers(layers, scene)
     pictures = {
         "pinhole": sharp,
         "truth": truth,
         "ours": np.asarray(render(layers, lens, rays=options.rays), dtype=np.float64),
+        "post": np.asarray(post_process(view, camera, lens), dtype=np.float64),
         "multilayer": np.asarray(multilayer(sharp, disparity, camera, lens, layers=16)),
         "gather": np.asarray(gather(sharp, disparity, camera, lens, taps=256), dtype=np.float64),
     }
@@ -194,8 +196,8 @@ def sheet(pictures: dict[str, np.ndarray]) -> np.ndarray:
 def markdown(results: list[dict]) -> str:
     """The tables."""
     lines = [
-        "| Case | Size | Rays | Surfaces | Layers | Blur px | Ours | Multilayer | Gather |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+        "| Case | Size | Rays | Surfaces | Layers | Blur px | Ours | Post | Multilayer | Gather |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for row in results:
         low, high = sorted(abs(blur) for blur in row["blur px"])

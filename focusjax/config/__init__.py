@@ -12,6 +12,7 @@ from focusjax.config._build_exposure import build_zones as build_zones
 from focusjax.config._build_look import build_look as build_look
 from focusjax.config._build_photo import build_photo as build_photo
 from focusjax.config._build_real import build_real_lens as build_real_lens
+from focusjax.config._build_real import widest_real as widest_real
 from focusjax.config._build_surface import build_control_points as build_control_points
 from focusjax.config._build_surface import build_focal_surface as build_focal_surface
 from focusjax.config._build_wishes import build_focus_points as build_focus_points

@@ -70,6 +70,22 @@ def build_real_lens(
         raise located(error, config) from error
 
 
+def widest_real(config: Config) -> float | None:
+    """The f-number of the real lens of `[lens]` with its stop open; None of an ideal lens.
+
+    Raises:
+        ConfigError: as `build_real_lens`.
+    """
+    if config.lens.real is None:
+        return None
+    try:
+        return float(first_order(_whole(config)).f_number)
+    except LensFileError as error:
+        raise ConfigError(f"{config.source}: lens.prescription: {error}") from error
+    except ValueError as error:
+        raise located(error, config) from error
+
+
 def _whole(config: Config) -> Prescription:
     """The prescription, with the height field ahead of it; or the one that there is.
 

@@ -234,9 +234,12 @@ class LensTable(Look):
             return self
         others = ("aperture_radius_mm", "focal_surface")
         own = [key for key in others if getattr(self, key) != type(self).model_fields[key].default]
-        own += self.look
         if own:
-            raise ValueError(f"has {own[0]} and a {self.real}, which has a look of its own; leave one out")
+            raise ValueError(f"has {own[0]}, which is of an ideal lens, and a {self.real}; leave one out")
+        if self.look:
+            raise ValueError(
+                f"has {self.look[0]} and a {self.real}, which has a look of its own; leave one out"
+            )
         return self
 
     @model_validator(mode="after")

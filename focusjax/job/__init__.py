@@ -8,6 +8,7 @@ from focusjax.job._find import find_points as find_points
 from focusjax.job._glass import FIT_PX as FIT_PX
 from focusjax.job._glass import ThroughGlass as ThroughGlass
 from focusjax.job._glass import left_to_quality as left_to_quality
+from focusjax.job._glass import opened_as_glass as opened_as_glass
 from focusjax.job._glass import solved_through as solved_through
 from focusjax.job._glass import through_glass as through_glass
 from focusjax.job._guessed import Guessed as Guessed

@@ -8,8 +8,8 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from focusjax.config import Config, build_real_lens, refusals_located
-from focusjax.focus import ImagePoints, Solution, seen_through, solve
+from focusjax.config import Config, build_real_lens, refusals_located, widest_real
+from focusjax.focus import F_NUMBERS, ImagePoints, Solution, seen_through, solve
 from focusjax.geometry import Camera
 from focusjax.lens import (
     AbstractLens,
@@ -68,6 +68,18 @@ class ThroughGlass:
         lens = self.traced
         fitted = lens.bands if isinstance(lens, SpectralLens) else (lens,)
         return tuple(each.error for each in fitted if isinstance(each, FittedLens))
+
+
+def opened_as_glass(config: Config, options: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Options of `solve` for an ideal lens that opens no wider than the real one of a config.
+
+    Where even the largest f-number allowed is wider, they stay as they are: the glass then says so.
+    """
+    widest = widest_real(config)
+    low, high = options.get("f_number_range", F_NUMBERS)
+    if widest is None or "f_number" not in options["free"] or not low < widest < high:
+        return options
+    return {**options, "f_number_range": (widest, high)}
 
 
 def solved_through(

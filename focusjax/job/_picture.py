@@ -83,7 +83,8 @@ class Picture:
         way: how that was chosen, and what was expected, when a quality was asked for.
         decibels: PSNR of the picture then, estimated from a sample of the pixels.
         lens_plan: polynomials or the glass of a real lens, when the quality was to decide.
-        motion_px: farthest way of anything that moves while the shutter is open, in pixels; None without one.
+        motion_px: farthest way in pixels of anything that moves by itself, apart from the camera, while the
+            shutter is open; None without one.
         spans: parts of the shutter's time.
     """
 

@@ -23,7 +23,7 @@ from focusjax.focus import (
 from focusjax.geometry import Camera
 from focusjax.job._exposed import ExposedLens, ExposedSolution
 from focusjax.job._find import find_wishes
-from focusjax.job._glass import solved_through
+from focusjax.job._glass import opened_as_glass, solved_through
 from focusjax.job._weigh import weighed_solution
 from focusjax.layers import disparity_map
 from focusjax.lens import FocalSurface, FocalSurfaceLens, ThinLens, TiltShiftLens
@@ -117,11 +117,12 @@ class Settling:
         points, camera, lens, exposed = start.points, start.camera, start.lens, start.exposed
         assert points is not None
         assert isinstance(lens, ThinLens | TiltShiftLens)
+        options = opened_as_glass(self.config, self.options)
         with self.watch.stage(stage), refusals_located(self.config):
             if grey is None:
-                solution = solve(points, camera, lens, **self.options)
+                solution = solve(points, camera, lens, **options)
             else:
-                exposed = weighed_solution(self.config, self.options, points, camera, lens, grey)
+                exposed = weighed_solution(self.config, options, points, camera, lens, grey)
                 solution = exposed.solution
             jax.block_until_ready(eqx.filter(solution.lens, eqx.is_array))
         camera = solution.camera if self._reframes else camera

@@ -127,9 +127,12 @@ def in_terms_of(
         lens = focused_by_group(lens, *group, 1e-3 / distance)
     film, scale = film_distance(lens, lens.indices(line()), disparity * 1e-3)
     if not 0 < float(scale) < float("inf"):
+        seen = first_order(lens)
+        reach = 1e-3 * float(seen.entrance_pupil - seen.front_focal_distance)
         raise ValueError(
-            f"focus distance {shown(distance)} m is within the front focal point of {lens.name}, where it"
-            " forms no real image; focus farther away or use a shorter focal length"
+            f"focus distance {shown(distance)} m is within the front focal point of {lens.name},"
+            f" {reach:.3g} m from its entrance pupil, where it forms no real image; focus farther away or use"
+            " a shorter focal length"
         )
     if not float(film) > 0:
         raise ValueError(f"the film of {lens.name} would be {-float(film):.3g} mm inside the lens")

@@ -22,7 +22,7 @@ from focusjax.focus import (
     solve_frames,
 )
 from focusjax.geometry import Camera
-from focusjax.job import FIT_PX, left_to_quality, through_glass
+from focusjax.job import FIT_PX, left_to_quality, opened_as_glass, through_glass
 from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens, refocused
 from focusjax.shot._lens_track import LensTrack
 
@@ -134,7 +134,8 @@ def solve_through_glass(
     free = [name for name in options["free"] if name in _LIMITS]
     framed, turned = None, any(isinstance(lens, TiltShiftLens) for lens in lenses)
     if turned or len(free) < len(options["free"]):
-        framed = solve_frames(points, cameras, lenses, held=held, throw=throw, **weights, **options)
+        ideal = opened_as_glass(glass.track.config_at(1), options)
+        framed = solve_frames(points, cameras, lenses, held=held, throw=throw, **weights, **ideal)
         cameras, lenses = zip(*(framed.at(t) for t in range(framed.count)), strict=True)
         points = [
             named_like(jax.tree.map(lambda leaf, t=t: one_row(leaf, t), framed.points), points[t])

@@ -47,6 +47,17 @@ def test_colours_tilt_together(boxes):
     assert all(isinstance(band, TiltedPrescriptionLens) for band in glass.bands)
 
 
+@pytest.mark.slow
+def test_it_opens_no_wider_than_the_glass(boxes):
+    """The wish for blur would take f/0.6; the ideal lens that comes first is not to open wider, either."""
+    wish = "focus.1={name='low', point=[0, -0.5, -3], blur_px=12}"
+    free = "solve={free=['focus', 'f_number'], f_number_min=0.5}"
+    outcome = run(load_config(boxes, [*GLASS, wish, free, "lens.tilt_deg=2"]), rendering=False)
+    # Observed: f/1.84, as the preset has it.
+    assert float(outcome.settings.f_number) == pytest.approx(1.84, abs=0.01)
+    assert "f_number" in outcome.solution.active_bounds[0]
+
+
 def test_the_image_circle_is_the_limit(boxes):
     config = load_config(boxes, [*GLASS, "lens.tilt_deg=20"])
     with pytest.raises(ConfigError, match="whose image circle reaches"):

@@ -52,6 +52,7 @@ def slopes(values: dict[str, jax.Array], layers: Layers) -> jax.Array:
 @pytest.mark.parametrize(
     "name", [name if name == "distortion" else pytest.param(name, marks=pytest.mark.slow) for name in AT]
 )
+@pytest.mark.slow
 def test_derivatives_are_differences_of_converged_pictures(name):
     def at(step: float) -> float:
         values = {key: jnp.array(value + (step if key == name else 0.0)) for key, value in AT.items()}

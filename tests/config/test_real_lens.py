@@ -22,6 +22,7 @@ def boxes(tmp_path_factory):
     return write_boxes(tmp_path_factory.mktemp("boxes"))
 
 
+@pytest.mark.slow
 def test_a_picture_through_glass(boxes, tmp_path):
     options = ["--set", GAUSS, "--set", "solve.free=['focus']", "--out", str(tmp_path)]
     result = CliRunner().invoke(app, ["run", str(boxes), *options])

@@ -61,6 +61,7 @@ def made(tmp_path_factory):
         yield spec, folder / "one"
 
 
+@pytest.mark.slow
 def test_two_processes_make_the_same_bit_for_bit(made, tmp_path):
     spec, one = made
     result, _ = run(spec, tmp_path / "two", 5, "--jobs", "2")

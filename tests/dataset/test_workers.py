@@ -34,6 +34,7 @@ def at_work(folder):
     return {json.loads(text.splitlines()[-1])["process"] for text in texts if text}
 
 
+@pytest.mark.slow
 def test_a_data_set_whose_workers_and_scheduler_are_killed_is_gone_on_with(tmp_path, monkeypatch):
     monkeypatch.setattr(_run, "GROUP", 1)
     spec = spec_of(SMALL)

@@ -182,6 +182,7 @@ def test_solutions_are_differentiable(model):
 
 
 @pytest.mark.parametrize("model", MODELS)
+@pytest.mark.slow
 def test_the_f_number_is_differentiable_at_a_bound_and_inside(model):
     points = locate(ahead((0.2, Sharp()), (0.3, Blur(25)), (0.6, Blur(48))), CAMERA)
 

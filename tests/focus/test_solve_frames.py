@@ -214,6 +214,7 @@ def test_a_zoom_keeps_its_f_number(make_setup, make_frames):
     assert np.abs(solution.settings()["focal_length_mm"] - 1000 * lengths).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_a_long_gap_is_bridged_in_single_precision(make_setup, make_frames):
     """Wishes at the two ends only, a stiff bridge between them: the same answer in float32."""
     found = {}

@@ -41,6 +41,7 @@ def test_focus_is_where_the_region_is(box, disparity):
     assert float(found.aperture_radius) == float(START.aperture_radius)
 
 
+@pytest.mark.slow
 def test_a_mask_is_a_region():
     mask = np.zeros((24, 32), dtype=bool)
     mask[8:16, 2:14] = True

@@ -85,6 +85,7 @@ def test_all_parameters_are_found_from_a_picture_by_other_rays():
     assert fit.steps == sum(level.steps for level in fit.levels)
 
 
+@pytest.mark.slow
 def test_the_report_is_that_of_the_picture():
     fit = by_search()
     difference = np.asarray(fit.picture) - target()

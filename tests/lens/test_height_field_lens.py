@@ -119,6 +119,7 @@ def test_a_toric_lens_has_two_foci_which_are_those_of_its_curvatures(toric):
     assert focus([1.0, 0.0]) - focus([0.0, 1.0]) == pytest.approx(wanted, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_lens_that_is_not_round_is_fitted_within_what_it_says(toric):
     fitted = fitted_lens(toric, CAMERA, error_px=0.05, nearest=0.8)
     assert isinstance(fitted.transfer, UnevenTransfer)
@@ -135,6 +136,7 @@ def test_a_lens_that_is_not_round_is_fitted_within_what_it_says(toric):
     np.testing.assert_allclose(again.ray(CAMERA, film, pupil).a, fitted.ray(CAMERA, film, pupil).a, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_what_height_fields_cannot_have():
     rough = picture() + 2e-4 * np.random.default_rng(1).normal(size=(129, 129))
     plate = height_field_lens(

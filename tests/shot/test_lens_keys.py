@@ -131,5 +131,5 @@ def test_a_shot_by_keyframes_alone_is_rendered(config_file, tmp_path):
         app, ["shot", str(config_file), "--out", str(tmp_path), *options, "--frames", "1"]
     )
     assert result.exit_code == 0, result.output
-    assert "5 frames, focus from 1.00 m to 4.00 m  by keyframes" in " ".join(result.output.split("\n"))
+    assert "5 frames, focus from 1.00 m to 4.00 m by keyframes" in " ".join(result.output.split("\n"))
     assert "all settings by keyframes" in (tmp_path / "report.html").read_text()

@@ -41,6 +41,7 @@ def test_a_wish_is_what_its_keyframes_make_it():
     assert moving.at(3).weight == 0.5
 
 
+@pytest.mark.slow
 def test_a_point_visible_in_half_the_frames(screen_passes):
     """Something passes before it for good: its wish fades out before, and the focus goes without a jump."""
     solved = solve_shot(screen_passes)

@@ -53,6 +53,7 @@ def finishes(folder):
     return found
 
 
+@pytest.mark.slow
 def test_frames_of_workers_and_a_scheduler_that_are_killed_are_gone_on_with(config_file, tmp_path):
     solved, settings = solved_with(config_file)
     out, away, alone = tmp_path / "out", tmp_path / "away", tmp_path / "alone"

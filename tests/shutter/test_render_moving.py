@@ -81,6 +81,7 @@ def test_what_moves_out_of_focus_takes_few_rays(card):
 
 
 @pytest.mark.parametrize("radiance", [pytest.param(3.0, marks=pytest.mark.slow), 0.03])
+@pytest.mark.slow
 def test_highlights_beside_what_moves_leave_no_seam(radiance):
     """A blurred one lies across the border between pixels with times and those without."""
     lamp = patch("lamp", CAMERA, (14, 9, 18, 13), 0.1, (radiance,) * 3)

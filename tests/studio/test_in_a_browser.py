@@ -144,6 +144,7 @@ def test_keys_after_a_click_on_a_button_and_in_fields(tab, still_life):
     assert tab.complaints() == []
 
 
+@pytest.mark.slow
 def test_a_focal_surface_is_laid_through_the_wishes_and_control_points(tmp_path, browser):
     file = write_boxes(tmp_path)
     with server(file, programs=os.environ["FOCUSJAX_TESTS_PROGRAMS"]) as address:
@@ -169,6 +170,7 @@ def test_a_focal_surface_is_laid_through_the_wishes_and_control_points(tmp_path,
         browser.get("about:blank")
 
 
+@pytest.mark.slow
 def test_a_config_with_errors_opens_with_its_errors_beside_the_text(tmp_path, browser):
     file = write_boxes(tmp_path)
     good = file.read_text()
@@ -194,6 +196,7 @@ def test_a_config_with_errors_opens_with_its_errors_beside_the_text(tmp_path, br
         assert len(load_wishes(tab)) == 2
 
 
+@pytest.mark.slow
 def test_the_start_page_opens_a_config_and_unsaved_changes_outlive_the_command(tmp_path, browser):
     file = write_boxes(tmp_path)
     programs = os.environ["FOCUSJAX_TESTS_PROGRAMS"]

@@ -45,6 +45,7 @@ def test_the_refined_picture_is_that_of_a_run(session):
     assert np.abs(painted[-1].pixels - wanted).mean() < 0.8
 
 
+@pytest.mark.slow
 def test_the_draft_has_the_frame_and_exposure_of_the_refined_picture(session):
     painter, answer = Painter(), session.solve()
     draft = painter.draft(answer).pixels.astype(float)
@@ -100,6 +101,7 @@ def test_no_peel_and_no_compile_when_lens_and_wishes_change(session):
     assert painter.peels == 1
 
 
+@pytest.mark.slow
 def test_a_lens_that_reaches_farther_is_peeled_for(session):
     session.fix("f_number", 4.0)
     painter = Painter()

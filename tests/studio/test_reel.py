@@ -118,6 +118,7 @@ def test_a_wish_with_keyframes_of_its_weight_is_switched_off_and_on(path):
 
 
 @pytest.mark.parametrize("kind", ["sharp", "same_blur_as", "at_most"])
+@pytest.mark.slow
 def test_keyframes_of_a_blur_stay_where_they_mean_the_same(path, kind):
     session = Session(path)
     session.act(1, "from", 1)

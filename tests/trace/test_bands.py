@@ -67,6 +67,7 @@ def test_bands_make_the_picture_of_the_whole(small_bands, settings):
     np.testing.assert_array_equal(np.asarray(render_pinhole(layers)), sharp)
 
 
+@pytest.mark.slow
 def test_what_may_be_seen_through_is_the_same_in_bands(small_bands):
     camera = front_camera(48, 70)
     lens = wide_lens(camera, pixels_per_dioptre=LENS_PX)

@@ -42,6 +42,7 @@ np.savez(file, **{name: render(layers, lens, rays=16, devices=some) for name, so
 """
 
 
+@pytest.mark.slow
 def test_two_processes_of_two_devices_each_make_the_picture_of_one(tmp_path: Path):
     with socket.socket() as free:
         free.bind(("localhost", 0))

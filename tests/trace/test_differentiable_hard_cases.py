@@ -121,6 +121,7 @@ def test_a_closed_opening_changes_nothing():
     assert np.abs(jacobian[..., 1:]).max() < 0.02 * GLARE
 
 
+@pytest.mark.slow
 def test_what_is_in_focus_changes_nothing_by_the_opening():
     """Rays of a film point meet in one point whatever the opening, and as focus moves the edge only blurs."""
     _, jacobian = derivatives(*LENSES["in focus"])

@@ -95,6 +95,7 @@ def blocks(picture: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.slow
 def test_forward_and_reverse_agree(name: str):
     jacobian, gradient, weights = derivatives(name)
     assert np.isfinite(jacobian).all()

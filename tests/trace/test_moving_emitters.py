@@ -95,6 +95,7 @@ def test_rolling_shutters_see_lights_at_the_time_of_each_row():
         assert picture[row] @ columns / picture[row].sum() == pytest.approx(wanted, abs=0.1)
 
 
+@pytest.mark.slow
 def test_what_passes_before_lights_hides_them_at_its_time(monkeypatch):
     """A card that goes over a lamp while the camera moves, against many rays that meet the lamp by chance."""
     wall = patch("wall", CAMERA, (-60, -60, 120, 120), 0.1, (0.2, 0.3, 0.25))

@@ -30,6 +30,7 @@ def truth():
 @pytest.mark.parametrize(
     "wanted", [pytest.param(30.0, marks=pytest.mark.slow), pytest.param(35.0, marks=pytest.mark.slow), 40.0]
 )
+@pytest.mark.slow
 def test_planned_rays_reach_what_was_wanted(wanted: float):
     layers = larger()
     plan = plan_rays(layers, layers.lens, wanted)

@@ -36,6 +36,7 @@ def test_highlights_cost_their_outline():
     assert brightness == pytest.approx(4 / (36 * 48))
 
 
+@pytest.mark.slow
 def test_the_glass_is_taken_for_references_and_where_nothing_else_will_do():
     layers = varied_layers()
     glass = prescription_lens(biconvex(), layers.camera, focus_distance=2.0, f_number=8)

@@ -71,6 +71,7 @@ def test_series_by_the_lens_are_refused():
         jet.jet(mean, (jnp.asarray(0.4),), ((jnp.asarray(1.0), jnp.asarray(0.0)),))
 
 
+@pytest.mark.slow
 def test_what_the_gradient_is_multiplied_by_may_be_differentiated():
     def weighted(weight: jax.Array) -> jax.Array:
         return jax.grad(lambda focus: weight * picture(focus, jnp.asarray(1.0)).mean())(jnp.asarray(0.4))

@@ -1,5 +1,7 @@
 """From `lens.prescription` and `[lens.height_field]` to a real lens."""
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 
 from focusjax.config._build import located
@@ -45,7 +47,7 @@ def build_real_lens(
     table = config.lens
     if table.real is None:
         return None
-    try:
+    with _refusals(config):
         prescription = _whole(config)
         f_number = float(lens.f_number(camera))
         if wide_open:
@@ -64,10 +66,6 @@ def build_real_lens(
             return coloured
         turned = lens.movements(camera)
         return tilted_lens(coloured, camera, tilt=float(turned.tilt), swing=float(turned.swing))
-    except LensFileError as error:
-        raise ConfigError(f"{config.source}: lens.prescription: {error}") from error
-    except ValueError as error:
-        raise located(error, config) from error
 
 
 def widest_real(config: Config) -> float | None:
@@ -78,8 +76,15 @@ def widest_real(config: Config) -> float | None:
     """
     if config.lens.real is None:
         return None
-    try:
+    with _refusals(config):
         return float(first_order(_whole(config)).f_number)
+
+
+@contextlib.contextmanager
+def _refusals(config: Config) -> Iterator[None]:
+    """What a lens refuses, as errors of the config."""
+    try:
+        yield
     except LensFileError as error:
         raise ConfigError(f"{config.source}: lens.prescription: {error}") from error
     except ValueError as error:

@@ -52,11 +52,11 @@ def with_camera_of_photo(data: dict[str, Any], reach: Reach) -> dict[str, Any]:
     if not any(key in camera for key in (*_LENGTH, "sensor_width_mm")):
         filled["focal_length_mm"] = 1000 * float(taken.focal_length)
         filled["sensor_width_mm"] = 1000 * float(taken.sensor_width)
-    told = {**data, "camera": {**filled, **camera}}
+    whole = {**data, "camera": {**filled, **camera}}
     render = data.get("render", {})
     if _smaller(camera.get("resolution"), (taken.width, taken.height)) and isinstance(render, dict):
-        told["render"] = {"supersampling": 2, **render}
-    return told
+        whole["render"] = {"supersampling": 2, **render}
+    return whole
 
 
 def _smaller(resolution: Any, size: tuple[int, int]) -> bool:

@@ -75,9 +75,11 @@ def opened_as_glass(config: Config, options: Mapping[str, Any]) -> Mapping[str, 
 
     Where even the largest f-number allowed is wider, they stay as they are: the glass then says so.
     """
+    if "f_number" not in options["free"]:
+        return options
     widest = widest_real(config)
     low, high = options.get("f_number_range", F_NUMBERS)
-    if widest is None or "f_number" not in options["free"] or not low < widest < high:
+    if widest is None or not low < widest < high:
         return options
     return {**options, "f_number_range": (widest, high)}
 

@@ -161,7 +161,7 @@ def _profiled(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLen
 
 
 def _seidel(table: SeidelTable, camera: Camera, lens: AbstractLens) -> Seidel:
-    lengths = {name: 1e-6 * value for name, value in table.in_unit("um").items()}
+    lengths = table.wavefront()
     if not lengths:
         return seidel(lens, camera, **table.in_unit("px"))
     assert table.f_number is not None

@@ -96,18 +96,16 @@ class Config(Table):
         return self
 
     @model_validator(mode="after")
-    def _close_focus_of_a_still(self) -> "Config":
-        """A model of close focus is for one picture of a thin lens, whose f-number wishes alone say."""
+    def _close_focus_of_a_level_lens(self) -> "Config":
+        """A model of close focus is for a thin lens on its standard, whose f-number wishes alone say."""
         model = self.lens.close_focus
         if model == "ignored":
             return self
         breathes = model == "breathing"
         turned = [name for name in self.solve.free if name not in ("focus", "f_number")]
         reasons = {
-            "a [shot], whose frames are solved without it": self.shot is not None,
             "exposure.priority, which weighs f-numbers without it": self.exposure is not None
             and self.exposure.priority is not None,
-            "a [shutter], whose camera is framed by keyframes": breathes and self.shutter is not None,
             "scene.photo, which is framed already, as 'framing' leaves it": breathes
             and self.scene.photo is not None,
             f"{turned[0] if turned else ''!r} in solve.free, where only focus and f_number may be": bool(

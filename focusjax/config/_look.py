@@ -11,12 +11,15 @@ Profile = Annotated[tuple[Number, ...], Strict(False), Field(min_length=2)]
 OfColours = Annotated[tuple[Number, Number, Number], Strict(False)]
 SizeOfColours = Annotated[tuple[Positive, Positive, Positive], Strict(False)]
 
+_LINE_D_NM = 587.56
+"""The wavelength of n_d (the yellow line of helium)."""
+
 
 class SeidelTable(Table):
     """`[lens.seidel]`: third-order aberrations.
 
-    In pixels at the opening that the lens has in the picture, whatever it is; or as a wavefront in
-    micrometres at a stated f-number and height, from which they grow by the third-order laws.
+    In pixels at the opening that the lens has in the picture, whatever it is; or as a wavefront, in
+    micrometres or in waves, at a stated f-number and height, from which they grow by the third-order laws.
     """
 
     w040_px: Number = Field(default=0.0, description="spherical aberration, under-corrected above 0")
@@ -31,35 +34,52 @@ class SeidelTable(Table):
     w222_um: Number = Field(default=0.0, description="astigmatism of the wavefront in micrometres")
     w220_um: Number = Field(default=0.0, description="field curvature of the wavefront in micrometres")
     w311_um: Number = Field(default=0.0, description="distortion of the wavefront in micrometres")
+    w040_waves: Number = Field(default=0.0, description="spherical aberration of the wavefront in waves")
+    w131_waves: Number = Field(default=0.0, description="coma of the wavefront in waves")
+    w222_waves: Number = Field(default=0.0, description="astigmatism of the wavefront in waves")
+    w220_waves: Number = Field(default=0.0, description="field curvature of the wavefront in waves")
+    w311_waves: Number = Field(default=0.0, description="distortion of the wavefront in waves")
+    wavelength_nm: Positive | None = Field(
+        default=None, description="the wavelength of the waves in nanometres; 587.56 (d) if left out"
+    )
     f_number: Positive | None = Field(
-        default=None, description="the f-number for which the micrometres are, for example 2"
+        default=None, description="the f-number for which the wavefront is, for example 2"
     )
     height_mm: Positive | None = Field(
         default=None,
-        description="the height on the sensor for which the micrometres are; half its diagonal if left out",
+        description="the height on the sensor for which the wavefront is; half its diagonal if left out",
     )
 
     def in_unit(self, unit: str) -> dict[str, float]:
-        """The coefficients that are given in "px" or "um", by their names."""
+        """The coefficients that are given in "px", "um" or "waves", by their names."""
         return {
             key.removesuffix(f"_{unit}"): getattr(self, key)
             for key in type(self).model_fields
             if key.endswith(f"_{unit}") and key in self.model_fields_set
         }
 
+    def wavefront(self) -> dict[str, float]:
+        """The coefficients of the wavefront in metres, by their names; none where they are in pixels."""
+        wave = 1e-9 * (self.wavelength_nm or _LINE_D_NM)
+        lengths = {name: 1e-6 * value for name, value in self.in_unit("um").items()}
+        return lengths | {name: wave * value for name, value in self.in_unit("waves").items()}
+
     @model_validator(mode="after")
     def _one_unit(self) -> "SeidelTable":
-        pixels, lengths = self.in_unit("px"), self.in_unit("um")
-        if pixels and lengths:
+        given = [f"{min(names)}_{unit}" for unit in ("px", "um", "waves") if (names := self.in_unit(unit))]
+        if len(given) > 1:
             raise ValueError(
-                f"has {min(pixels)}_px and {min(lengths)}_um; give all coefficients in pixels or all in"
-                " micrometres"
+                f"has {given[0]} and {given[1]}; give all coefficients in pixels, in micrometres or in waves"
             )
-        if lengths and self.f_number is None:
-            raise ValueError(f"has {min(lengths)}_um without the f_number that it is for; give f_number, too")
+        if self.wavefront() and self.f_number is None:
+            raise ValueError(f"has {given[0]} without the f_number that it is for; give f_number, too")
+        if self.wavelength_nm is not None and not self.in_unit("waves"):
+            raise ValueError("has wavelength_nm, but no coefficient in waves; give one, or leave it out")
         idle = [key for key in ("f_number", "height_mm") if getattr(self, key) is not None]
-        if idle and not lengths:
-            raise ValueError(f"has {idle[0]}, but no coefficient in micrometres; give one, or leave it out")
+        if idle and not self.wavefront():
+            raise ValueError(
+                f"has {idle[0]}, but no coefficient in micrometres or waves; give one, or leave it out"
+            )
         return self
 
 

@@ -203,9 +203,9 @@ class LensTable(Look):
         stands = [key for key in why if getattr(self, key) != type(self).model_fields[key].default]
         if stands:
             raise ValueError(f"has close_focus = {self.close_focus!r} and {why[stands[0]]}; leave one out")
-        if self.seidel is not None and self.seidel.in_unit("um"):
+        if self.seidel is not None and self.seidel.wavefront():
             raise ValueError(
-                f"has close_focus = {self.close_focus!r} and Seidel coefficients in micrometres, which are"
+                f"has close_focus = {self.close_focus!r} and Seidel coefficients of a wavefront, which are"
                 " for a lens without it; give them in pixels"
             )
         if self.colour is not None and self.colour.glass is not None:

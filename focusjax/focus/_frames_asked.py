@@ -15,6 +15,7 @@ from focusjax._arguments import ArgumentError, require_kind
 from focusjax._words import kind_of
 from focusjax.focus._bounds import Limits
 from focusjax.focus._checks import require_number
+from focusjax.focus._close_focus import checked_close_focus, refuse_glass
 from focusjax.focus._glass_checks import checked_glass
 from focusjax.focus._image_points import ImagePoints, anonymous, padded, room_for, stacked, together
 from focusjax.focus._priors import Numbers
@@ -129,7 +130,17 @@ def frames_asked(
                 checked_glass(glasses[t], checked[key], usage="solve_frames(through=)")
         frames.append(checked[key])
     plan = frames[0].plan
-    _refuse_plan(plan)
+    if plan.method != "optimistix":
+        raise ArgumentError(
+            f"method is {plan.method!r}; frames are solved together by one method only", "method"
+        )
+    if plan.close_focus != "ignored":
+        if through is not None:
+            refuse_glass(plan.close_focus)
+        points = [
+            checked_close_focus(each, camera, lens, plan.free, (), plan.close_focus)
+            for each, camera, lens in zip(points, cameras, lenses, strict=True)
+        ]
     rows = room_for(max(each.disparity.shape[0] for each in points))
     alike = stacked([padded(each, rows) for each in points])
     sided = not isinstance(alike.signed, Tracer) and bool(np.asarray(alike.signed).all())
@@ -146,20 +157,6 @@ def frames_asked(
         names=points[0].names,
         plan=dataclasses.replace(plan, exact=False, many=not sided),
     )
-
-
-def _refuse_plan(plan: Plan) -> None:
-    """Refuses ways to solve that frames do not have."""
-    if plan.method != "optimistix":
-        raise ArgumentError(
-            f"method is {plan.method!r}; frames are solved together by one method only", "method"
-        )
-    if plan.close_focus != "ignored":
-        raise ArgumentError(
-            f"close_focus is {plan.close_focus!r}; frames are solved together without it, so leave it out, or"
-            " solve them one by one",
-            "close_focus",
-        )
 
 
 def _refuse_traced(arguments: Any) -> None:
@@ -238,7 +235,7 @@ def _with_weight(points: Sequence[ImagePoints]) -> list[int]:
     """For every frame the nearest one in which some wish counts; itself where that is not known yet."""
     if any(isinstance(each.weight, Tracer) for each in points):
         return list(range(len(points)))
-    own = np.flatnonzero([float(np.sum(each.weight)) > 0 for each in points])
+    own = np.flatnonzero([np.asarray(each.weight).sum() > 0 for each in points])
     if not own.size:
         raise ArgumentError(
             "no wish counts in any frame; give at least one a weight in one of them", "points"

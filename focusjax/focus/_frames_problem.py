@@ -50,8 +50,8 @@ def frames_problem(asked: FramesAsked) -> FramesProblem:
         limits: Limits,
         held: Bool[Array, "k"],
     ) -> tuple[Objective, Start, Float[Array, "k"], Box, Float[Array, "k"]]:
-        start = make_start(camera, lens, plan.free, keep_view=plan.keep_view)
-        box = limits.box(camera).columns(start.columns)
+        start = make_start(camera, lens, plan.free, keep_view=plan.keep_view, close_focus=plan.close_focus)
+        box = limits.box(camera, plan.close_focus).columns(start.columns)
         columns = jnp.array(start.columns)
         given = start.vector()[columns]
         box = Box(jnp.where(held, given, box.lower), jnp.where(held, given, box.upper))

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -16,9 +17,12 @@ from focusjax.focus._solution import Result, WishResult, html_of, one_row, text_
 from focusjax.geometry import Camera
 from focusjax.lens import (
     AbstractLens,
+    CloseFocus,
     ThinLens,
     TiltShiftLens,
     as_tilt_shift,
+    at_image_distance,
+    lens_settings,
     pupil_radius,
     refocused,
     stopped,
@@ -62,6 +66,7 @@ class FramesSolution(eqx.Module):
         at_upper: the same for upper bounds.
         open: for every free parameter, whether the wishes of all frames together leave it open.
         free: what was solved for, in the order of `PARAMETERS` (static).
+        close_focus: what stays as the focus moves (static).
         asked: the problem.
         glass: the real lenses, as wide as they open, of which `blur` and `error` are; None for ideal lenses.
             `glass_at` gives one frame's with its settings.
@@ -81,6 +86,7 @@ class FramesSolution(eqx.Module):
     at_upper: Bool[Array, "t k"]
     open: Bool[Array, "k"]
     free: tuple[str, ...] = eqx.field(static=True)
+    close_focus: CloseFocus = eqx.field(static=True, default="ignored")
     asked: FramesAsked | None = None
     glass: AbstractLens | None = None
 
@@ -132,12 +138,18 @@ class FramesSolution(eqx.Module):
         """Each setting of every frame in a photographer's units, by a name that ends in its unit.
 
         The focus is given in dioptres (1/m), which, unlike metres, are finite and change evenly with blur.
+        With a model of close focus there is an image distance beside the focal length.
         """
         lens, camera = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), (self.lens, self.camera))
         length = camera.focal_length
         with np.errstate(divide="ignore"):
             number = length / (2.0 * lens.aperture_radius)
         found = {"f_number": number, "focal_length_mm": 1000.0 * length}
+        if self.close_focus != "ignored":
+            of_frame = partial(lens_settings, close_focus=self.close_focus)
+            near = jax.tree.map(np.asarray, jax.vmap(of_frame)(self.camera, self.lens))
+            found = {"f_number": near.f_number, "focal_length_mm": 1000.0 * near.focal_length}
+            found["image_distance_mm"] = 1000.0 * near.image_distance
         if not isinstance(self.lens, TiltShiftLens):
             return {"focus_per_m": lens.focus_disparity} | found
         right, up = (lens.plane[:, :2] * length[:, None]).T
@@ -153,6 +165,7 @@ class FramesSolution(eqx.Module):
             "focal_length_mm": "focal_length",
             "tilt_deg": "tilt",
             "swing_deg": "swing",
+            "image_distance_mm": "image_distance",
         }
         pixels = np.asarray(self.pixels, dtype=float)
         found = {}
@@ -168,13 +181,22 @@ class FramesSolution(eqx.Module):
         return found
 
 
-def unsolved(cameras: Sequence[Camera], lenses: Sequence[ThinLens | TiltShiftLens]) -> FramesSolution:
+def unsolved(
+    cameras: Sequence[Camera],
+    lenses: Sequence[ThinLens | TiltShiftLens],
+    close_focus: CloseFocus = "ignored",
+) -> FramesSolution:
     """The lenses of a shot of which nothing is wished, in the form of a solution without wishes.
 
     Args:
-        cameras: one a frame.
+        cameras: one a frame, of the stated length.
         lenses: one a frame.
+        close_focus: what stays as the focus moves.
     """
+    cameras = [
+        at_image_distance(camera, lens.focus_disparity, close_focus) if isinstance(lens, ThinLens) else camera
+        for camera, lens in zip(cameras, lenses, strict=True)
+    ]
     if any(isinstance(lens, TiltShiftLens) for lens in lenses):
         lenses = [as_tilt_shift(lens) for lens in lenses]
     points = no_points(len(cameras))
@@ -194,6 +216,7 @@ def unsolved(cameras: Sequence[Camera], lenses: Sequence[ThinLens | TiltShiftLen
         at_upper=none > 0,
         open=jnp.zeros(0, dtype=bool),
         free=(),
+        close_focus=close_focus,
     )
 
 

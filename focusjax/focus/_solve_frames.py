@@ -174,4 +174,5 @@ def _solve(asked: FramesAsked) -> FramesSolution:
         at_upper=at_upper,
         open=is_open,
         free=plan.free,
+        close_focus=plan.close_focus,
     )

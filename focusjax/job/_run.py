@@ -141,8 +141,6 @@ def _run(
 ) -> Outcome:
     """As `run`; `scene` is let go where it is made here."""
     lens = build_lens(config, camera, solved=solving)
-    if config.lens.close_focus == "breathing" and not solving:
-        camera, disparity = at_image_distance(camera, lens.focus_disparity, "breathing"), None
     pixels = camera.width * camera.height
     with watch.stage("load"):
         scene = build_scene(config) if scene is None else scene
@@ -151,6 +149,8 @@ def _run(
         if moving is not None:
             # Wishes are about the instant of the picture.
             scene, camera, disparity = moving.world.at(moving.frame), moving.camera_at(moving.frame), None
+        if config.lens.close_focus == "breathing" and not solving:
+            camera, disparity = at_image_distance(camera, lens.focus_disparity, "breathing"), None
         wishes = build_focus_points(config, scene) if solving or config.focus else ()
         options = build_solve_options(config) if solving and config.lens.focal_surface is None else {}
     grey, exposed = None, None

@@ -67,7 +67,7 @@ def build_shot(config: Config, scene: MovingScene | None = None) -> Shot:
     solving = bool(config.focus)
     points = build_focus_points(config, still) if solving else ()
     of_lens = config.lens.focal_surface is None
-    options = build_solve_options(config) if solving and of_lens else {}
+    options = build_solve_options(config) if solving and of_lens else {"close_focus": config.lens.close_focus}
     _warn_of_keys_outside(config, table)
     try:
         if scene is None:

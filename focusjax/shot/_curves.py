@@ -16,6 +16,7 @@ _LABELS = {
     "focal_length_mm": "focal length, mm",
     "tilt_deg": "tilt, degrees",
     "swing_deg": "swing, degrees",
+    "image_distance_mm": "image distance, mm",
 }
 
 

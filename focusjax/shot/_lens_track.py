@@ -27,6 +27,7 @@ class LensTrack:
         self._config = config
         self.keyed = {key: values for key in SETTINGS if (values := values_of(table.lens, key))}
         _refuse_contradictions(config, self.keyed)
+        _refuse_beside_close_focus(config, table)
         self._numbers = {key: _setting(key, values, table.between) for key, values in self.keyed.items()}
         self._tables = {
             key: _Interpolated(key, values, table.between)
@@ -83,6 +84,29 @@ def _refuse_contradictions(config: Config, keyed: dict[str, dict[float, Any]]) -
             if there is not None and key in keyed:
                 raise ValueError(
                     f"there are keyframes of {key} and a {what}, which has no such setting; leave one out"
+                )
+
+
+def _refuse_beside_close_focus(config: Config, table: ShotTable) -> None:
+    """Refuse keyframes of what `[lens]` may not have with a model of close focus."""
+    model = config.lens.close_focus
+    if model == "ignored":
+        return
+    for key in table.lens:
+        turned = [name for name in ("tilt_deg", "swing_deg") if getattr(key, name) is not None]
+        reasons = {
+            f"of {turned[0] if turned else ''}, with which the image distance is another from place to"
+            " place": bool(turned),
+            "of Seidel coefficients of a wavefront, which are for a lens without it": key.seidel is not None
+            and bool(key.seidel.wavefront()),
+            "of colour.glass, which is for one focal length": key.colour is not None
+            and key.colour.glass is not None,
+        }
+        for reason, stands in reasons.items():
+            if stands:
+                raise ValueError(
+                    f"lens.close_focus is {model!r} and there is a keyframe at frame {key.frame:g} {reason};"
+                    " leave one of them out"
                 )
 
 

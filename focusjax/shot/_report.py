@@ -36,6 +36,7 @@ SETTING_NAMES = {
     "focal_length_mm": ("Focal length", "mm"),
     "tilt_deg": ("Tilt", "°"),
     "swing_deg": ("Swing", "°"),
+    "image_distance_mm": ("Image distance", "mm"),
 }
 """What people call the settings of a shot, and their units."""
 

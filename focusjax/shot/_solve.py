@@ -44,7 +44,7 @@ class Shot:
         steadiness: see `solve_frames`.
         fade_frames: see `find_wishes`.
         favour_near: see `find_wishes`.
-        options: what is free, bounds and priors, as for `solve`.
+        options: what is free, bounds, priors and `close_focus`, as for `solve`.
         held: by the names of free settings: frames in which these stay as `lenses` has them, one a frame.
         surface: the control points of a focal surface, of which the focus is solved for instead.
         glass: a real lens that makes the pictures instead of a thin one, and through which wishes are met.
@@ -222,7 +222,7 @@ def solve_shot(
         # Nothing is looked for, and what is seen decides how far layers reach.
         for _ in views():
             pass
-        solution = unsolved(shot.cameras, shot.lenses)
+        solution = unsolved(shot.cameras, shot.lenses, shot.options.get("close_focus", "ignored"))
     else:
         solution = unsolved_surfaces(shot.cameras, surfaces, thin)
     return SolvedShot(shot, solution, share, np.array(depths))

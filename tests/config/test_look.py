@@ -181,7 +181,7 @@ def test_a_lens_without_a_look_stays_as_it_is(path):
     assert build_look(load_config(path), camera, lens) is lens
 
 
-def test_a_wavefront_in_micrometres_grows_by_the_third_order_laws(path):
+def test_a_wavefront_grows_by_the_third_order_laws(path):
     """Kyaw eq. 6.3 to 6.7: spots as 1/N^3, h/N^2, h^2/N and h^2/N, distortion as h^3."""
     names = ("w040", "w131", "w222", "w220", "w311")
     waves = [f"lens.seidel.{name}_um=3" for name in names]
@@ -199,6 +199,13 @@ def test_a_wavefront_in_micrometres_grows_by_the_third_order_laws(path):
     camera, _ = lens_of(path)
     micrometres = 1e6 * float(camera.sensor_width) / camera.width
     assert wide[0] == pytest.approx(12.0 / micrometres)
+    in_waves = [f"lens.seidel.{name}_waves=6" for name in names]
+    waves = [*in_waves, "lens.seidel.wavelength_nm=500"]
+    np.testing.assert_allclose(pixels(2.0, 20.0), wide, rtol=1e-12)
+    waves = in_waves
+    wider = pixels(2.0, 20.0)
+    np.testing.assert_allclose(wider, wide * 587.56 / 500, rtol=1e-12)
+    wide = wider
     np.testing.assert_allclose(wide / pixels(8.0, 20.0), [64.0, 16.0, 4.0, 4.0, 1.0], rtol=1e-6)
     np.testing.assert_allclose(pixels(2.0, 10.0) / wide, [1.0, 2.0, 4.0, 4.0, 8.0], rtol=1e-6)
 
@@ -216,9 +223,14 @@ def test_a_wavefront_in_micrometres_grows_by_the_third_order_laws(path):
         ("lens.seidel.w041_px=1", "w041_px"),
         ("lens.seidel.w040_um=1", "lens.seidel has w040_um without the f_number that it is for"),
         ("lens.seidel={w040_um=1, w131_px=1, f_number=2}", "lens.seidel has w131_px and w040_um; give all"),
+        ("lens.seidel={w040_um=1, w131_waves=1, f_number=2}", "has w040_um and w131_waves; give all"),
+        (
+            "lens.seidel={w040_um=1, wavelength_nm=500, f_number=2}",
+            "wavelength_nm, but no coefficient in waves",
+        ),
         (
             "lens.seidel={w040_px=1, f_number=2}",
-            "lens.seidel has f_number, but no coefficient in micrometres",
+            "lens.seidel has f_number, but no coefficient in micrometres or waves",
         ),
         ("lens.profile={}", "lens.profile needs exactly one of name and file"),
         ('lens.profile={file = "db.xml"}', "lens.profile has a lensfun file and no lens"),

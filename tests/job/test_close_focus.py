@@ -123,8 +123,7 @@ def test_ignored_reports_what_it_did(boxes, tmp_path):
         (["lens.tilt_deg=3"], "tilt_deg, with which the image distance"),
         (["solve.free=[\"focus\", \"shift\"]"], "'shift' in solve.free, where only focus and f_number may"),
         (["solve.prior.focus={distance_m=2, sigma_per_m=1}"], "solve.prior.focus, which is in dioptres"),
-        (["shot.frames=2"], r"a \[shot\], whose frames are solved without it"),
-        (["lens.seidel={w040_um=1, f_number=2}"], "Seidel coefficients in micrometres"),
+        (["lens.seidel={w040_um=1, f_number=2}"], "Seidel coefficients of a wavefront"),
         (["lens.colour.glass={name=\"N-BK7\"}"], "colour.glass, which is for one focal length"),
         (
             ["exposure.light_ev=10", "exposure.priority=focus", "exposure.iso=100"],

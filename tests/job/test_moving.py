@@ -38,6 +38,33 @@ def test_a_still_with_an_open_shutter_is_the_mean_of_its_instants(config_file):
     assert np.sqrt(np.mean((middle - mean) ** 2)) > 2 * off
 
 
+def test_glass_with_an_open_shutter_is_the_mean_of_its_instants(config_file):
+    glass = [
+        "lens={prescription='cooke_triplet_50mm_f4', f_number=4, focus_distance_m=1.5}",
+        "render.rays=32",
+    ]
+    blurred = picture(config_file, *glass, MOVES)
+    shifts = 0.12 * (np.arange(8) + 0.5) / 8
+    moved = [[*glass, f"scene.objects.0.translate=[{shift}, 0, 0]"] for shift in shifts]
+    instants = [picture(config_file, *each) for each in moved]
+    off = np.sqrt(np.mean((blurred - np.mean(instants, axis=0)) ** 2))
+    # Observed: 0.0071; 0.052 between one instant and the mean.
+    assert off < 0.01
+
+
+@pytest.mark.parametrize("model", ["framing", "breathing"])
+def test_close_focus_with_an_open_shutter(config_file, model):
+    """The picture is framed as without the shutter, whether the focus is given or solved for."""
+    near = [f"lens={{close_focus='{model}', f_number=8, focus_distance_m=0.2}}", MOVES]
+    wish = "focus=[{name='near', point=[-0.2, 0, -1], sharp=true}]"
+    stays = MOVES.replace("0.12, 0, 0", "0, 0, 0")
+    for solving, change in ((False, "render.rays=8"), (True, wish)):
+        moving = run(load_config(config_file, [*STILL[1:], *near, stays, change]), solving=solving)
+        still = run(load_config(config_file, [*STILL[1:], near[0], change]), solving=solving)
+        assert float(moving.camera.focal_length) == pytest.approx(float(still.camera.focal_length), rel=1e-6)
+        np.testing.assert_array_equal(moving.picture.image, still.picture.image)
+
+
 def test_a_moving_camera_and_the_report(config_file, tmp_path):
     """The camera slides, and wishes are about the instant of the picture, in the middle of its time."""
     slides = "shutter={time=0.5, camera=[{at=0, position=[0, 0, 0]}, {at=1, position=[0.05, 0, 0.1]}]}"

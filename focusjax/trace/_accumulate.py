@@ -13,13 +13,11 @@ from focusjax._zeros import zeros_after
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 from focusjax.trace._coc_bins import CocBins
-from focusjax.trace._devices import summed_over
+from focusjax.trace._devices import rays_at_once, summed_over
 from focusjax.trace._groups import RayGroups, SomeGroups
 from focusjax.trace._radiances import Seen, TracedScene, seen_along
 from focusjax.trace._ranges import DisparityRanges
 from focusjax.trace._samples import RaySamples, Starts
-
-_RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
 
 
 class PixelSums(eqx.Module):
@@ -110,7 +108,7 @@ def summed(
     They are added `onto` others, if there are some; not where several devices share the groups.
     """
     kinds, channels = len(bins.least), lens.channels()
-    at_once = max(1, _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // groups.together)
+    at_once = max(1, rays_at_once() // groups.together)
     devices = 1 if mesh is None else mesh.size
     chunks = -(-groups.length // (at_once * devices)) * devices
     size = -(-groups.length // chunks)

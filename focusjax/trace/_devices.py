@@ -20,6 +20,12 @@ from focusjax._arguments import ArgumentError
 T = TypeVar("T")
 
 _AXIS = "devices"
+_RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
+
+
+def rays_at_once() -> int:
+    """How many rays of a picture are followed together where arrays are by default."""
+    return _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20)
 
 
 @runtime_checkable

@@ -28,6 +28,7 @@ from focusjax._zeros import zeros_after
 from focusjax.geometry import Camera, LensRay, film_offsets
 from focusjax.layers import Grid, interval
 from focusjax.lens import AbstractLens, in_colour
+from focusjax.trace._devices import rays_at_once
 from focusjax.trace._emitter_aim import aim_at
 from focusjax.trace._emitter_slots import SLOTS, Slots, within_outline
 from focusjax.trace._emitter_tiles import TILE
@@ -36,7 +37,6 @@ from focusjax.trace._samples import tile_edge
 from focusjax.trace._sobol import sobol_points, stirred
 from focusjax.trace._walk import Volume
 
-_RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
 _SHARE = 0.5
 """Of the picture's rays: at most so many more are drawn for emitters."""
 _STREAM = 1 << 21
@@ -106,7 +106,7 @@ def light_of_pairs(
     log_each = jnp.clip(jnp.floor(each).astype(jnp.int32), together.bit_length() - 1, log_most)
     parts = jnp.int32(1) << (log_each - (together.bit_length() - 1))
     used = jnp.minimum(emitters.pairs * parts, most)
-    size = max(1, min(_RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20) // together, most))
+    size = max(1, min(rays_at_once() // together, most))
     draw = Drawing(emitters.slots, stirred(seed, _STREAM), log_each, pixel_filter, 1 << log_most)
 
     def add(sums: Float[Array, "p 3"], chunk: Int[Array, ""]) -> tuple[Float[Array, "p 3"], None]:

@@ -23,6 +23,7 @@ from focusjax.trace._allocate import FEWEST, contrast
 from focusjax.trace._bands import Bands, Window, bands_of, picture_in_bands
 from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._denoise import denoised, taken_in
+from focusjax.trace._devices import rays_at_once
 from focusjax.trace._emitter_rays import emitter_light
 from focusjax.trace._emitters import Emitters, split_emitters
 from focusjax.trace._flux import Rays, Still, picture_flow
@@ -39,7 +40,6 @@ _T = TypeVar("_T")
 
 _DERIVATIVE = 1 << 20
 """Number of the seed's stream for rays of derivatives."""
-_RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
 _MOST_RAYS = 1 << 24
 """Of a pixel: their table is 16 times as long."""
 _MOST_GROUPS = 2_000_000_000
@@ -294,6 +294,5 @@ def _still(layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: 
     light, brought = sums.light(), sums.brought() + sums.over
     radiance = jnp.where(light > 0, brought / jnp.where(light > 0, light, 1.0), 0.0)
     film = jnp.stack(samples.place, axis=-1).reshape(-1, number, 2)
-    at_once = _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20)
     least, largest = ranges.of_pixels(camera.width, camera.height)
-    return Still(scene, lens, least, largest, radiance, film, Rays(number, seed, at_once))
+    return Still(scene, lens, least, largest, radiance, film, Rays(number, seed, rays_at_once()))

@@ -13,7 +13,7 @@ from focusjax.layers import Layers, peel
 from focusjax.layers import _rows as layers_rows
 from focusjax.layers import _slopes as layers_slopes
 from focusjax.scene import make_scene
-from focusjax.trace import _accumulate, _bands, _emitter_rays, render, render_pinhole
+from focusjax.trace import _bands, _devices, render, render_pinhole
 from focusjax.trace._bands import bands_of
 from focusjax.trace._picture import picture
 from focusjax.trace._render import render_settings
@@ -110,8 +110,7 @@ def test_bands_cover_a_picture_whatever_its_height():
 @pytest.mark.slow
 def test_sums_are_held_for_a_band_alone(small_bands, monkeypatch):
     layers = lit_layers(2000)
-    monkeypatch.setattr(_accumulate, "_RAYS_AT_ONCE", {"cpu": 1 << 10})
-    monkeypatch.setattr(_emitter_rays, "_RAYS_AT_ONCE", {"cpu": 1 << 10})
+    monkeypatch.setattr(_devices, "_RAYS_AT_ONCE", {"cpu": 1 << 10})
 
     def held() -> int:
         settings = render_settings(layers, layers.lens, rays=16)

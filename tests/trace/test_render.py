@@ -11,7 +11,7 @@ from small_scenes import HEIGHT, WIDTH, at_pixels, front_camera, patch, varied_l
 from focusjax.layers import peel
 from focusjax.lens import ThinLens
 from focusjax.scene import constant_background, make_object, make_scene
-from focusjax.trace import _accumulate, render, render_pinhole
+from focusjax.trace import _devices, render, render_pinhole
 from focusjax.trace._picture import picture
 
 
@@ -138,7 +138,7 @@ def test_colour_is_interpolated():
 def test_blocks_do_not_change_the_picture(pixels: int, monkeypatch: pytest.MonkeyPatch):
     """Not even when they do not divide the picture."""
     whole = varied_picture()
-    monkeypatch.setattr(_accumulate, "_RAYS_AT_ONCE", {jax.default_backend(): 4 * pixels})
+    monkeypatch.setattr(_devices, "_RAYS_AT_ONCE", {jax.default_backend(): 4 * pixels})
     picture._cached.clear_cache()
     # Observed: 2e-16.
     np.testing.assert_allclose(varied_picture(), whole, rtol=1e-12)

@@ -106,6 +106,9 @@ class Config(Table):
         reasons = {
             "exposure.priority, which weighs f-numbers without it": self.exposure is not None
             and self.exposure.priority is not None,
+            "shot.keep_size_of, whose size the focus would change": breathes
+            and self.shot is not None
+            and self.shot.keep_size_of is not None,
             "scene.photo, which is framed already, as 'framing' leaves it": breathes
             and self.scene.photo is not None,
             f"{turned[0] if turned else ''!r} in solve.free, where only focus and f_number may be": bool(

@@ -73,9 +73,10 @@ class Moving:
         """Units of time per second."""
         return 1.0 / self.shutter.open_time
 
-    def with_camera(self, camera: Camera) -> "Moving":
-        """The same with what was solved for of the camera."""
-        return dataclasses.replace(self, camera_at=solved_path(self.camera_at, self.frame, camera))
+    def with_camera(self, camera: Camera, *, breathes: bool = False) -> "Moving":
+        """The same with what was solved for of the camera; `breathes` is as for `solved_path`."""
+        path = solved_path(self.camera_at, self.frame, camera, breathes=breathes)
+        return dataclasses.replace(self, camera_at=path)
 
     def render(self, table: RenderTable, lens: AbstractLens, rays: int) -> MovingPicture:
         """The picture through a lens."""

@@ -234,7 +234,8 @@ def _make(
     scene, pixels = handed_over.pop(), camera.width * camera.height
     look = build_look(config, camera, lens) if glass is None else glass.traced
     choose = glass is not None and left_to_quality(config)
-    moving = None if moving is None else moving.with_camera(camera)
+    if moving is not None:
+        moving = moving.with_camera(camera, breathes=config.lens.close_focus == "breathing")
     peeled = peel_picture(config.render, scene, camera, look, like, watch, moving=moving)
     # Textures of a large photograph take more memory than its layers, and are of no more use.
     objects = scene.objects

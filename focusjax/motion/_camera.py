@@ -151,19 +151,24 @@ class _MovingCamera:
         return ahead
 
 
-def solved_path(path: Path, frame: float, camera: Camera) -> Path:
+def solved_path(path: Path, frame: float, camera: Camera, *, breathes: bool = False) -> Path:
     """`path` with what was solved for, such as a shift, as `camera` has it at a frame.
 
     Args:
         path: the camera over time before solving.
         frame: when `camera` is the camera.
         camera: solved.
+        breathes: whether its focal length is the image distance s of a lens of the path's focal length F that
+            is focused at 1/F - 1/s, and so it is while the lens zooms; otherwise the two stay in proportion.
     """
     first = path(frame)
 
     def at(time: float) -> Camera:
         then = path(time)
-        length = camera.focal_length * (then.focal_length / first.focal_length)
+        if breathes:
+            length = 1.0 / (1.0 / then.focal_length - 1.0 / first.focal_length + 1.0 / camera.focal_length)
+        else:
+            length = camera.focal_length * (then.focal_length / first.focal_length)
         return dataclasses.replace(camera, world_from_camera=then.world_from_camera, focal_length=length)
 
     return at

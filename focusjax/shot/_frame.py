@@ -192,7 +192,10 @@ def camera_while(solved: SolvedShot, number: int) -> Callable[[float], Camera]:
     """The camera of a frame as it moves on from there."""
     camera = solved.solution.at(number - 1)[0]
     path = solved.shot.camera_at
-    return (lambda _: camera) if path is None else solved_path(path, number, camera)
+    if path is None:
+        return lambda _: camera
+    breathes = solved.shot.options.get("close_focus") == "breathing"
+    return solved_path(path, number, camera, breathes=breathes)
 
 
 def save_frame(

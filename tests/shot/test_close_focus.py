@@ -55,6 +55,17 @@ def test_keyed_frames_are_as_stills(config_file, model):
         assert float(later.focal_length) == pytest.approx(float(camera.focal_length), rel=1e-6)
 
 
+def test_a_zoom_while_the_shutter_is_open_has_its_own_image_distances(config_file):
+    """1 / s = 1 / F - 1 / d, at every focal length, of what is in focus at the frame."""
+    zoom = "shot.lens=[{frame=1, focal_length_mm=40}, {frame=5, focal_length_mm=80}]"
+    sets = ["focus=[]", "lens.focus_distance_m=0.3", zoom, "shot.between='linear'"]
+    shot = solved_shot(config_file, "lens.close_focus=breathing", *sets)
+    for time in (2.0, 2.4, 2.8):
+        length = 0.04 + 0.01 * (time - 1.0)
+        image = float(camera_while(shot, 2)(time).focal_length)
+        assert image == pytest.approx(1 / (1 / length - 1 / 0.3), rel=1e-6)
+
+
 def test_wishes_over_time_are_met_where_the_picture_grows(config_file):
     """One card comes into focus after the other; what is nearer is larger, by s / F."""
     wishes = [
@@ -96,3 +107,10 @@ def test_keyframes_of_what_it_is_not_for_are_refused(config_file, keys, message)
     sets = ["lens.close_focus=framing", "focus=[]", "lens.focus_distance_m=1", f"shot.lens=[{keys}]"]
     with pytest.raises(ConfigError, match=re.escape(message)):
         build_shot(load_config(config_file, [*FIVE, *sets]))
+
+
+def test_a_size_that_is_kept_does_not_breathe(config_file):
+    back = ["shot.camera=[{frame=1, position=[0, 0, 0]}, {frame=5, position=[0, 0, 2]}]", "focus=[]"]
+    sets = [*FIVE[:2], *back, "lens.focus_distance_m=1", "shot.keep_size_of='near'"]
+    with pytest.raises(ConfigError, match=r"'breathing' and shot\.keep_size_of, whose size the focus would"):
+        load_config(config_file, [*sets, "lens.close_focus=breathing"])

@@ -109,6 +109,9 @@ class Config(Table):
             "shot.keep_size_of, whose size the focus would change": breathes
             and self.shot is not None
             and self.shot.keep_size_of is not None,
+            "shot.keep_field_of_view, which the focus would change": breathes
+            and self.shot is not None
+            and self.shot.keep_field_of_view,
             "scene.photo, which is framed already, as 'framing' leaves it": breathes
             and self.scene.photo is not None,
             f"{turned[0] if turned else ''!r} in solve.free, where only focus and f_number may be": bool(

@@ -86,7 +86,8 @@ def solve_frames(
         held: by names of free parameters: whether they stay as the frame's lens and camera have them, one a
             frame. Those of other frames change smoothly up to them.
         throw: raise an error, rather than report it in `FramesSolution.result`, when the solver fails.
-        options: bounds, priors and what is free, as for `solve`. They are the same for all frames.
+        options: bounds, priors, `close_focus` and what is free, as for `solve`. They are the same for all
+            frames. With a model of close focus the focus is measured in its own setting (`FocusScale`).
 
     Raises:
         ValueError: an argument out of range, frames that do not fit together, no point with weight, or traced

@@ -18,6 +18,8 @@ _LABELS = {
     "swing_deg": "swing, degrees",
     "image_distance_mm": "image distance, mm",
 }
+_ROUNDING = 1e-6
+"""The share of a setting by which it may differ from frame to frame without having changed."""
 
 
 def save_settings_curves(path: Path, solved: SolvedShot) -> None:
@@ -26,7 +28,7 @@ def save_settings_curves(path: Path, solved: SolvedShot) -> None:
     drawn = {
         name: values
         for name, values in settings.items()
-        if name == "focus_per_m" or not (values == values[0]).all()
+        if name == "focus_per_m" or not np.allclose(values, values[0], rtol=_ROUNDING, atol=0.0)
     }
     figure = Figure(figsize=(8.0, 0.4 + 2.0 * len(drawn)), layout="constrained")
     FigureCanvasAgg(figure)

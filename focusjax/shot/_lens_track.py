@@ -5,6 +5,7 @@ from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from focusjax.config import ABERRATIONS, SETTINGS, Config, ShotTable, Table, build_lens, values_of
 from focusjax.geometry import Camera
@@ -149,6 +150,11 @@ class _Interpolated:
         self._names = [name for name in shape if name not in self._fixed]
         rows = {frame: [numbers[name] for name in self._names] for frame, numbers in flat.items()}
         self._keys = keyframes(rows, between=between)
+        try:
+            self(next(iter(flat)))
+        except ValidationError as error:
+            reason = error.errors()[0]["msg"].removeprefix("Value error, ")
+            raise ValueError(f"the lens's keyframes of {key} together make a table that {reason}") from error
 
     def __call__(self, frame: float) -> Any:
         """The table at a frame."""

@@ -114,3 +114,6 @@ def test_a_size_that_is_kept_does_not_breathe(config_file):
     sets = [*FIVE[:2], *back, "lens.focus_distance_m=1", "shot.keep_size_of='near'"]
     with pytest.raises(ConfigError, match=r"'breathing' and shot\.keep_size_of, whose size the focus would"):
         load_config(config_file, [*sets, "lens.close_focus=breathing"])
+    zoom = [*sets[:-1], "shot.lens=[{frame=1, focal_length_mm=40}]", "shot.keep_field_of_view=true"]
+    with pytest.raises(ConfigError, match=r"'breathing' and shot\.keep_field_of_view, which the focus would"):
+        load_config(config_file, [*zoom, "lens.close_focus=breathing"])

@@ -116,6 +116,13 @@ KEY = "shot.lens=[{frame=2, focus_distance_m=3}]"
             ["shot.lens=[{frame=1, power_profile=[0, 1]}, {frame=2, power_profile=[0, 1, 2]}]"],
             "keyframe of power_profile at frame 2 has other rows than the first one",
         ),
+        (
+            [
+                "shot.lens=[{frame=1, seidel={w040_waves=0, f_number=2}},"
+                " {frame=2, seidel={w040_um=2, f_number=2}}]"
+            ],
+            "keyframes of seidel together make a table that has w040_um and w040_waves; give all",
+        ),
         (["shot.keep_size_of='nobody'"], "keep_size_of:"),
     ],
 )

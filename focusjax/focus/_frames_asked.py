@@ -130,13 +130,8 @@ def frames_asked(
                 checked_glass(glasses[t], checked[key], usage="solve_frames(through=)")
         frames.append(checked[key])
     plan = frames[0].plan
-    if plan.method != "optimistix":
-        raise ArgumentError(
-            f"method is {plan.method!r}; frames are solved together by one method only", "method"
-        )
+    _refuse_plan(plan, through)
     if plan.close_focus != "ignored":
-        if through is not None:
-            refuse_glass(plan.close_focus)
         points = [
             checked_close_focus(each, camera, lens, plan.free, (), plan.close_focus)
             for each, camera, lens in zip(points, cameras, lenses, strict=True)
@@ -157,6 +152,17 @@ def frames_asked(
         names=points[0].names,
         plan=dataclasses.replace(plan, exact=False, many=not sided),
     )
+
+
+def _refuse_plan(plan: Plan, through: Any) -> None:
+    """Refuses ways to solve that frames do not have."""
+    if plan.method != "optimistix":
+        raise ArgumentError(
+            f"method is {plan.method!r}; frames are solved together by one method only, so leave it out",
+            "method",
+        )
+    if through is not None:
+        refuse_glass(plan.close_focus)
 
 
 def _refuse_traced(arguments: Any) -> None:

@@ -166,7 +166,14 @@ def solved_path(path: Path, frame: float, camera: Camera, *, breathes: bool = Fa
     def at(time: float) -> Camera:
         then = path(time)
         if breathes:
-            length = 1.0 / (1.0 / then.focal_length - 1.0 / first.focal_length + 1.0 / camera.focal_length)
+            nearness = 1.0 / first.focal_length - 1.0 / camera.focal_length
+            if not nearness * then.focal_length < 1.0:
+                raise ValueError(
+                    f"at time {time:g} the focal length of {1000 * float(then.focal_length):.4g} mm reaches"
+                    f" the focus distance, {1000 / float(nearness):.4g} mm, where no lens forms a real image;"
+                    " zoom less, or focus farther away"
+                )
+            length = 1.0 / (1.0 / then.focal_length - nearness)
         else:
             length = camera.focal_length * (then.focal_length / first.focal_length)
         return dataclasses.replace(camera, world_from_camera=then.world_from_camera, focal_length=length)

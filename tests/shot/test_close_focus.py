@@ -1,5 +1,6 @@
 """Shots with a model of close focus: every frame has the lens and the framing of a still focused there."""
 
+import dataclasses
 import re
 
 import jax.numpy as jnp
@@ -9,6 +10,8 @@ from cards_config import CONFIG, write_cards
 
 from focusjax.config import ConfigError, load_config
 from focusjax.job import run
+from focusjax.lens import at_image_distance
+from focusjax.motion import solved_path
 from focusjax.shot import build_shot, solve_shot
 from focusjax.shot._frame import camera_while
 
@@ -64,6 +67,13 @@ def test_a_zoom_while_the_shutter_is_open_has_its_own_image_distances(config_fil
         length = 0.04 + 0.01 * (time - 1.0)
         image = float(camera_while(shot, 2)(time).focal_length)
         assert image == pytest.approx(1 / (1 / length - 1 / 0.3), rel=1e-6)
+    camera = shot.shot.cameras[0]
+    near = at_image_distance(camera, jnp.asarray(1 / 0.06), "breathing")
+    zooming = solved_path(
+        lambda t: dataclasses.replace(camera, focal_length=jnp.asarray(0.04 * t)), 1.0, near, breathes=True
+    )
+    with pytest.raises(ValueError, match=r"the focal length of 64 mm reaches the focus distance, 60 mm"):
+        zooming(1.6)
 
 
 def test_wishes_over_time_are_met_where_the_picture_grows(config_file):

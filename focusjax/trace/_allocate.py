@@ -36,6 +36,8 @@ _PASSING = 0.8
 _MOST_DARK = 4
 """Part of the mean that a pixel gets at most for being dark."""
 _ROUNDS = 24
+_ROUNDING = 1e-4
+"""Octaves by which float32 is off, and far more."""
 _TAKEN_IN = 0.5
 """Pixels along the edge of a denoiser's kernel, over the radius of what is blurred."""
 _NOTHING = 1e-12
@@ -58,19 +60,28 @@ def allocated(
     variance: Float[Array, " p"],
     rays: float | Array,
     most_rays: float | Array,
+    *,
     pixels: Int[Array, " p"] | None = None,
+    least: Int[Array, " p"] | None = None,
 ) -> Int[Array, " p"]:
-    """Rays for pixels of a given variance: `rays` of them a pixel on the average, which are four or more.
+    """Rays for pixels of a given variance: at most `rays` of them a pixel on the average, or four.
 
-    No pixel gets more than those of `counts_for(most_rays)`. `pixels` says how many pixels each
-    variance stands for; one if not given.
+    No pixel gets more than those of `counts_for(most_rays)`.
+
+    Args:
+        variance: by `contrast`.
+        rays: the mean.
+        most_rays: the mean of which the largest number is taken; known, where `rays` is traced.
+        pixels: how many pixels each variance stands for; one if not given.
+        least: rays that each gets however plain it is; four if not given.
     """
     most = most_doublings(most_rays)
     octave = _EXPONENT * jnp.log2(jnp.maximum(variance, _NOTHING))
     stands = jnp.ones_like(octave) if pixels is None else pixels.astype(octave.dtype)
 
     def counts_at(shift: Float[Array, ""]) -> Int[Array, " p"]:
-        return FEWEST << jnp.clip(jnp.round(octave + shift), 0, most).astype(jnp.int32)
+        count = FEWEST << jnp.clip(jnp.round(octave + shift), 0, most).astype(jnp.int32)
+        return count if least is None else jnp.maximum(count, least)
 
     def halve(_: Array, ends: tuple[Array, Array]) -> tuple[Array, Array]:
         low, high = ends
@@ -79,22 +90,21 @@ def allocated(
         return jnp.where(many, low, middle), jnp.where(many, middle, high)
 
     low, high = -octave.max() - 1.0, most - octave.min() + 1.0
-    return counts_at(jax.lax.fori_loop(0, _ROUNDS, halve, (low, high))[0])
+    low, _ = jax.lax.fori_loop(0, _ROUNDS, halve, (low, high))
+    # Out of the loop octaves may be rounded otherwise than in it, by which alike pixels would all get twice
+    # as many; and so they may wherever counts are asked for, were they worked out anew there.
+    return jax.lax.optimization_barrier(counts_at(low - _ROUNDING))
 
 
-def allocated_through(
-    variance: Float[Array, " p"], light: Float[Array, " p"], rays: float | Array
-) -> Int[Array, " p"]:
-    """As `allocated`, with so many for each pixel that some get through where `light` is a small share.
+def least_through(light: Float[Array, " p"], rays: float | Array) -> Int[Array, " p"]:
+    """So many rays for each pixel that some get through where `light` is a small share.
 
     However plain a pixel is, rays that are all cut off give no estimate of it. But where it is nearly dark
     little is missed, so that it gets a quarter of the mean at most for that.
     """
     most = jnp.maximum(most_doublings(rays / (_MOST_DARK * _MOST_TIMES_MEAN)), 0)
     octave = jnp.ceil(jnp.log2(_PASSING / jnp.maximum(light, 1e-9)))
-    least = jnp.where(light > 0, FEWEST << jnp.clip(octave, 0, most).astype(jnp.int32), FEWEST)
-    beyond = jnp.maximum(least - allocated(variance, rays, rays), 0).astype(variance.dtype).mean()
-    return jnp.maximum(allocated(variance, jnp.maximum(rays - beyond, FEWEST), rays), least)
+    return jnp.where(light > 0, FEWEST << jnp.clip(octave, 0, most).astype(jnp.int32), FEWEST)
 
 
 def contrast(

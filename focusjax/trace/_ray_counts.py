@@ -6,12 +6,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from focusjax.geometry import Camera
-from focusjax.trace._allocate import FEWEST, allocated, allocated_through, counts_for
+from focusjax.trace._allocate import FEWEST, allocated, counts_for, least_through
 from focusjax.trace._groups import RayGroups, groups_of
 from focusjax.trace._known_light import KnownLight
 from focusjax.trace._ranges import DisparityRanges
 
 _TOGETHER = 4
+_SLACK = 16
 
 
 class RayCounts(eqx.Module):
@@ -38,8 +39,9 @@ class RayCounts(eqx.Module):
             height: rows of the part.
         """
         pixels = len(self.of_pixel)
-        # As many as the picture may have, if all of them lie in the part.
-        most = min(self.mean * pixels, self.numbers[-1] * width * height)
+        # As many as the picture may have, if all of them lie in the part; sums of float32 are off by less.
+        all_rays = self.mean * pixels + (self.mean * pixels >> _SLACK)
+        most = min(all_rays, self.numbers[-1] * width * height)
         nested = 0 if len(self.numbers) == 1 else FEWEST
         return groups_of(count, width, height, self.together, most=-(-most // self.together), nested=nested)
 
@@ -67,7 +69,9 @@ def adaptive_counts(
     row, column = jnp.divmod(jnp.arange(camera.width * camera.height, dtype=jnp.int32), camera.width)
     square = ranges.square(column, row)
     if known is None:
-        count = allocated(variance, rays, rays, ranges.pixels(camera.width, camera.height))[square]
+        pixels = ranges.pixels(camera.width, camera.height)
+        count = allocated(variance, rays, rays, pixels=pixels)[square]
     else:
-        count = allocated_through(variance[square], known.share[:, 1], rays)
+        least = least_through(known.share[:, 1], rays)
+        count = allocated(variance[square], rays, rays, least=least)
     return RayCounts(count, counts_for(rays), rays, _TOGETHER)

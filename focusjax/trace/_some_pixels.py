@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int, UInt
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._accumulate import PixelSums, summed
-from focusjax.trace._allocate import FEWEST, allocated, allocated_through, contrast, counts_for
+from focusjax.trace._allocate import FEWEST, allocated, contrast, counts_for, least_through
 from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._emitters import Emitters, split_emitters
 from focusjax.trace._groups import SomeGroups, groups_of
@@ -174,6 +174,5 @@ def some_pixels(
 
 def _counts(ready: Prepared, rays: Int[Array, ""]) -> Int[Array, " p"]:
     """Rays of each pixel of the picture."""
-    if ready.known is None:
-        return allocated(ready.variance, rays, rays)
-    return allocated_through(ready.variance, ready.known.share[:, 1], rays)
+    least = None if ready.known is None else least_through(ready.known.share[:, 1], rays)
+    return allocated(ready.variance, rays, rays, least=least)

@@ -11,7 +11,7 @@ from small_scenes import front_camera, patch, wide_lens
 from focusjax.layers import peel
 from focusjax.scene import constant_background, make_scene
 from focusjax.trace import render
-from focusjax.trace._allocate import FEWEST, allocated, contrast, counts_for
+from focusjax.trace._allocate import FEWEST, allocated, contrast, counts_for, least_through
 from focusjax.trace._groups import even_groups, groups_of, tiled_pixels
 from focusjax.trace._prefix import compacted, prefix_sums, running_max
 from focusjax.trace._ranges import EDGE, disparity_ranges
@@ -36,6 +36,26 @@ def test_the_mean_is_what_was_asked_for(rays: int):
 def test_a_picture_without_contrast_takes_the_fewest_that_make_the_mean():
     assert (allot(np.zeros(100), 64) <= 64).all()
     assert (allot(np.ones(100), 64) == 64).all()
+
+
+def test_alike_pixels_have_all_as_many_rays_as_the_picture_holds():
+    """What is allotted fits the list of groups, however a program for few or many pixels rounds."""
+    camera = front_camera()
+    wall = patch("wall", camera, (-60, -60, 90, 90), 0.5, (0.8, 0.8, 0.8))
+    layers = peel(make_scene([wall], unlit=True), camera, wide_lens(camera))
+    for rays in (4, 8, 16, 64):
+        np.testing.assert_allclose(render(layers, layers.lens, rays=rays), 0.8, rtol=1e-5)
+
+
+@pytest.mark.parametrize("rays", [16, 64, 128])
+def test_what_dark_pixels_get_at_least_is_taken_from_the_others(rays: int):
+    random = np.random.default_rng(0)
+    variance, light = 10.0 ** random.uniform(-6, 0, 50_000), random.uniform(0, 1, 50_000) ** 3
+    least = np.asarray(least_through(jnp.asarray(light), rays))
+    counts = np.asarray(allocated(jnp.asarray(variance), rays, rays, least=jnp.asarray(least)))
+    assert (counts >= least).all()
+    # Observed: 0 to 0.003 % less.
+    assert 0.999 * rays <= counts.mean() <= rays
 
 
 def contrasts(layers):

@@ -1,0 +1,206 @@
+"""Pictures on a GPU: milliseconds, memory and agreement with the processor's.
+
+Layers are peeled by the processor and put onto JAX's default device. Each picture is made once to compile,
+then `--repeats` times; milliseconds are medians with the picture left on the device. It is compared with:
+
+    CPU       the same picture by this machine's processor: root mean square difference
+    PSNR      of linear radiance, against a reference that `--references` holds as NAME.npy
+    mitsuba   Mitsuba's cuda variant on the same scene, and its OptiX denoiser after it, where they run
+
+Every line is printed as JSON as soon as it is there, and written to `--json` with the device's name.
+
+    python scripts/bench_gpu.py --scenes scan-2 leaves-2 --json out/gpu.json
+"""
+
+import argparse
+import json
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from _compared_scenes import SCENES, Compared
+from bench_render import machine
+
+from focusjax.layers import Layers, peel
+from focusjax.lens import ThinLens
+from focusjax.metrics import psnr
+from focusjax.trace import render
+
+Row = dict[str, Any]
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--scenes", nargs="+", choices=list(SCENES), default=["scan-2", "leaves-2"])
+    parser.add_argument("--rays", nargs="+", type=int, default=[4, 16, 64, 100])
+    parser.add_argument(
+        "--samples", nargs="+", type=int, default=[16, 64, 100], help="of Mitsuba; 0 for none"
+    )
+    parser.add_argument("--max-layers", type=int, default=4)
+    parser.add_argument("--supersampling", type=int, default=1)
+    parser.add_argument("--lenses", type=int, default=32, help="one after the other, of 16 rays")
+    parser.add_argument("--repeats", type=int, default=10)
+    parser.add_argument("--references", type=Path, help="folder of the scenes' converged pictures")
+    parser.add_argument("--profile", type=int, default=0, help="how many of the costliest kernels to list")
+    parser.add_argument("--json", type=Path, help="file for the results")
+    return parser.parse_args()
+
+
+def timed(run: Callable[[], Any], repeats: int) -> tuple[Any, Row]:
+    """The result, seconds of the first call and milliseconds of the others."""
+    begun = time.perf_counter()
+    result = jax.block_until_ready(run())
+    first, others = time.perf_counter() - begun, []
+    for _ in range(repeats):
+        begun = time.perf_counter()
+        jax.block_until_ready(run())
+        others.append(1000 * (time.perf_counter() - begun))
+    found = {"first s": first, "ms": statistics.median(others), "best ms": min(others)} if others else {}
+    return result, found
+
+
+def on(device: Any, layers: Layers) -> Layers:
+    return jax.tree.map(lambda leaf: jax.device_put(leaf, device) if eqx.is_array(leaf) else leaf, layers)
+
+
+def pictures(compared: Compared, layers: Layers, name: str, options: argparse.Namespace) -> Iterator[Row]:
+    """Ours, of every number of rays."""
+    lens = compared[2]
+    gpu, cpu = jax.devices()[0], jax.devices("cpu")[0]
+    there, here = on(gpu, layers), on(cpu, layers)
+    path = None if options.references is None else options.references / f"{name}.npy"
+    reference = None if path is None else np.load(path).astype(np.float32)
+    for rays in options.rays:
+        found, row = timed(lambda n=rays: render(there, lens, rays=n), options.repeats)
+        shown = np.asarray(found)
+        if reference is not None:
+            row["psnr"] = psnr(shown, reference)
+        if gpu.platform != "cpu":
+            with jax.default_device(cpu):
+                begun = time.perf_counter()
+                other = np.asarray(render(here, lens, rays=rays))
+                row["processor's first s"] = time.perf_counter() - begun
+            row["rms from the processor's"] = float(np.sqrt(np.mean((shown - other) ** 2)))
+        yield {"what": "picture", "rays": rays, **row}
+    yield from derivatives(there, lens, options)
+    lenses = [
+        eqx.tree_at(
+            lambda a: a.aperture_radius, lens, lens.aperture_radius * (0.5 + 0.5 * n / options.lenses)
+        )
+        for n in range(options.lenses)
+    ]
+    _, row = timed(lambda: [render(there, each, rays=16) for each in lenses], 1)
+    yield {"what": f"{options.lenses} lenses, 16 rays", **row, "ms each": row["ms"] / options.lenses}
+    if options.profile:
+        yield from costs(lambda: render(there, lens, rays=options.rays[-1]), options.profile)
+
+
+def derivatives(layers: Layers, lens: ThinLens, options: argparse.Namespace) -> Iterator[Row]:
+    """A loss of the picture and its gradient by the lens."""
+
+    @eqx.filter_jit
+    def slope(layers: Layers, lens: ThinLens) -> Any:
+        def loss(lens: ThinLens) -> jax.Array:
+            return jnp.mean(render(layers, lens, rays=16) ** 2)
+
+        return eqx.filter_value_and_grad(loss)(lens)
+
+    (_, gradient), row = timed(lambda: slope(layers, lens), options.repeats)
+    yield {
+        "what": "value and gradient",
+        "rays": 16,
+        **row,
+        "by focus": float(gradient.focus_disparity),
+        "by aperture": float(gradient.aperture_radius),
+    }
+
+
+def costs(run: Callable[[], Any], most: int) -> Iterator[Row]:
+    """Which kernels of the device take longest."""
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        with jax.profiler.trace(folder):
+            jax.block_until_ready(run())
+        (path,) = Path(folder).rglob("*.xplane.pb")
+        data = jax.profiler.ProfileData.from_file(str(path))
+    total: dict[str, list[float]] = {}
+    for plane in data.planes:
+        if "GPU" not in plane.name:
+            continue
+        for line in plane.lines:
+            if not line.name.startswith("Stream"):
+                continue
+            for event in line.events:
+                total.setdefault(event.name, []).append(event.duration_ns / 1e6)
+    yield {"what": "kernels", "ms": sum(map(sum, total.values())), "launches": sum(map(len, total.values()))}
+    for name, spent in sorted(total.items(), key=lambda item: -sum(item[1]))[:most]:
+        yield {"what": f"kernel {name}", "ms": sum(spent), "launches": len(spent)}
+
+
+def path_traced(compared: Compared, name: str, options: argparse.Namespace) -> Iterator[Row]:
+    """Mitsuba's cuda variant, and what its OptiX denoiser makes of it."""
+    import mitsuba as mi
+
+    from focusjax.baselines import mitsuba_picture, unlit_scene
+
+    scene, camera, lens = compared
+    unlit = unlit_scene(scene)
+    reference = None if options.references is None else np.load(options.references / f"{name}.npy")
+    for samples in options.samples:
+        for denoise in (False, True):
+
+            def run(samples: int = samples, denoise: bool = denoise) -> np.ndarray:
+                noisy = mitsuba_picture(unlit, camera, lens, samples=samples, variant="cuda_ad_rgb")
+                if not denoise:
+                    return noisy
+                made = mi.OptixDenoiser(input_size=(camera.width, camera.height))
+                return np.array(made(mi.TensorXf(noisy.astype(np.float32))))
+
+            found, row = timed(run, options.repeats)
+            if reference is not None:
+                row["psnr"] = psnr(found, reference)
+            yield {"what": "mitsuba" + " + OptiX denoiser" * denoise, "samples": samples, **row}
+
+
+def measure(options: argparse.Namespace) -> Iterator[Row]:
+    """All lines, as they come."""
+    about = machine()
+    yield {"what": "device", **about}
+    for name in options.scenes:
+        compared = SCENES[name]()
+        with jax.default_device(jax.devices("cpu")[0]):
+            layers = peel(*compared, supersampling=options.supersampling, max_layers=options.max_layers)
+        held = {"layers": layers.filled, "complete": layers.complete}
+        for row in ({"what": "peeled", **held}, *pictures(compared, layers, name, options)):
+            yield {"scene": name, **row}
+        memory = (jax.devices()[0].memory_stats() or {}).get("peak_bytes_in_use", 0)
+        yield {"scene": name, "what": "memory", "peak MiB": memory / 2**20}
+        if any(options.samples):
+            try:
+                for row in path_traced(compared, name, options):
+                    yield {"scene": name, **row}
+            except (ImportError, ValueError, RuntimeError) as error:
+                yield {"scene": name, "what": "mitsuba", "error": " ".join(str(error).split())[:300]}
+
+
+def main() -> None:
+    options, rows = arguments(), []
+    for row in measure(options):
+        rows.append(row)
+        print(json.dumps(row), flush=True)
+        if options.json is not None:
+            options.json.parent.mkdir(parents=True, exist_ok=True)
+            options.json.write_text(json.dumps(rows, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

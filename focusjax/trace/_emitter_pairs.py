@@ -104,6 +104,8 @@ def light_of_pairs(
     log_most = (2 * rays).bit_length() - 1
     each = jnp.log2(_SHARE * rays * pixels / jnp.maximum(emitters.pairs, 1).astype(jnp.float32))
     log_each = jnp.clip(jnp.floor(each).astype(jnp.int32), together.bit_length() - 1, log_most)
+    # Worked out once, not anew wherever it is used, where it could be rounded otherwise.
+    log_each = jax.lax.optimization_barrier(log_each)
     parts = jnp.int32(1) << (log_each - (together.bit_length() - 1))
     used = jnp.minimum(emitters.pairs * parts, most)
     size = max(1, min(rays_at_once() // together, most))

@@ -198,7 +198,8 @@ def _rectangles(
         return pixels_that_see_in_motion(motion, lens, low, high, ends, wide)
 
     first, extent = jax.vmap(seen)(low, high, ends)
-    return first, jnp.where(some[:, None], extent, 0)
+    # Worked out once: wherever they were worked out anew, a border could be rounded to another pixel.
+    return jax.lax.optimization_barrier((first, jnp.where(some[:, None], extent, 0)))
 
 
 def _within_budget(

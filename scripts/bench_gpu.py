@@ -15,6 +15,7 @@ Every line is printed as JSON as soon as it is there, and written to `--json` wi
 import argparse
 import json
 import statistics
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -99,8 +100,9 @@ def pictures(compared: Compared, layers: Layers, name: str, options: argparse.Na
     ]
     _, row = timed(lambda: [render(there, each, rays=16) for each in lenses], 1)
     yield {"what": f"{options.lenses} lenses, 16 rays", **row, "ms each": row["ms"] / options.lenses}
-    if options.profile:
-        yield from costs(lambda: render(there, lens, rays=options.rays[-1]), options.profile)
+    for rays in options.rays if options.profile else ():
+        for row in costs(lambda n=rays: render(there, lens, rays=n), options.profile):
+            yield {"rays": rays, **row}
 
 
 def derivatives(layers: Layers, lens: ThinLens, options: argparse.Namespace) -> Iterator[Row]:
@@ -125,8 +127,6 @@ def derivatives(layers: Layers, lens: ThinLens, options: argparse.Namespace) -> 
 
 def costs(run: Callable[[], Any], most: int) -> Iterator[Row]:
     """Which kernels of the device take longest."""
-    import tempfile
-
     with tempfile.TemporaryDirectory() as folder:
         with jax.profiler.trace(folder):
             jax.block_until_ready(run())
@@ -140,7 +140,9 @@ def costs(run: Callable[[], Any], most: int) -> Iterator[Row]:
             if not line.name.startswith("Stream"):
                 continue
             for event in line.events:
-                total.setdefault(event.name, []).append(event.duration_ns / 1e6)
+                stats = dict(event.stats)
+                name = f"{stats.get('hlo_op', '')} {event.name[:60]}"
+                total.setdefault(name, []).append(event.duration_ns / 1e6)
     yield {"what": "kernels", "ms": sum(map(sum, total.values())), "launches": sum(map(len, total.values()))}
     for name, spent in sorted(total.items(), key=lambda item: -sum(item[1]))[:most]:
         yield {"what": f"kernel {name}", "ms": sum(spent), "launches": len(spent)}
@@ -162,8 +164,9 @@ def path_traced(compared: Compared, name: str, options: argparse.Namespace) -> I
                 noisy = mitsuba_picture(unlit, camera, lens, samples=samples, variant="cuda_ad_rgb")
                 if not denoise:
                     return noisy
-                made = mi.OptixDenoiser(input_size=(camera.width, camera.height))
-                return np.array(made(mi.TensorXf(noisy.astype(np.float32))))
+                # Stubs say otherwise of both arguments.
+                made = mi.OptixDenoiser(input_size=(camera.width, camera.height))  # pyright: ignore
+                return np.array(made(mi.TensorXf(noisy.astype(np.float32))))  # pyright: ignore
 
             found, row = timed(run, options.repeats)
             if reference is not None:

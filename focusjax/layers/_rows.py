@@ -7,11 +7,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt
 
+from focusjax._at_once import at_once
 from focusjax._zeros import zeros_after
 from focusjax.layers._layers import Layers
-
-_SAMPLES_AT_ONCE = 1 << 17
-"""Of a band, of each layer."""
 
 
 class RowsOfLayers(eqx.Module):
@@ -59,7 +57,8 @@ def by_rows(
 ) -> Float[Array, "h w c"]:
     """What `function` makes of the rows of `layers`, some of them at a time."""
     _, rows, columns = layers.cells.shape
-    count = min(max(1, _SAMPLES_AT_ONCE // columns), rows)
+    samples = at_once(cpu=1 << 17, gpu=1 << 22)
+    count = min(max(1, samples // columns), rows)
     if count == rows:
         return function(RowsOfLayers(layers, jnp.int32(0), rows))
     shape = jax.eval_shape(lambda: function(RowsOfLayers(layers, jnp.int32(0), count)))

@@ -8,14 +8,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._at_once import at_once
 from focusjax._zeros import zeros_after
 from focusjax.layers._joins import NEIGHBOURS, SAME_LAYER, UNJOINED
 from focusjax.layers._layers import Layers
 
 _OPPOSITE = ((0, 1), (2, 3))
 """Right and left, below and above among the neighbours."""
-_AT_ONCE = 1 << 16
-"""Samples."""
 _Colour: TypeAlias = tuple[Float[Array, "*n"], Float[Array, "*n"], Float[Array, "*n"]]
 
 
@@ -70,22 +69,22 @@ def _in_blocks(
 ) -> tuple[_Colour, _Colour]:
     """What is found of every row of `columns`, some at a time, to hold little at once."""
     count = len(radiance)
-    at_once = min(count, _AT_ONCE)
-    if at_once == count:
+    some = min(count, at_once(cpu=1 << 16, gpu=1 << 22))
+    if some == count:
         return jax.vmap(of_sample)(columns)
 
     def add(whole: tuple[_Colour, _Colour], number: Int[Array, ""]) -> tuple[tuple[_Colour, _Colour], None]:
         # The last block shares rows with the one before.
-        start = jnp.minimum(number * at_once, count - at_once)
-        some = jax.tree.map(lambda a: jax.lax.dynamic_slice_in_dim(a, start, at_once), columns)
-        found = jax.vmap(of_sample)(some)
+        start = jnp.minimum(number * some, count - some)
+        rows = jax.tree.map(lambda a: jax.lax.dynamic_slice_in_dim(a, start, some), columns)
+        found = jax.vmap(of_sample)(rows)
         return jax.tree.map(
             lambda all_, new: jax.lax.dynamic_update_slice_in_dim(all_, new, start, axis=0), whole, found
         ), None
 
     nothing = zeros_after(radiance, (count,), radiance.dtype)
     start = (nothing, nothing, nothing), (nothing, nothing, nothing)
-    return jax.lax.scan(add, start, jnp.arange(-(-count // at_once), dtype=jnp.int32))[0]
+    return jax.lax.scan(add, start, jnp.arange(-(-count // some), dtype=jnp.int32))[0]
 
 
 def _positive(own: Float[Array, ""], x: Float[Array, ""], y: Float[Array, ""]) -> Float[Array, ""]:

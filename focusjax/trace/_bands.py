@@ -20,13 +20,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._at_once import at_once
 from focusjax._zeros import zeros_after
 from focusjax.trace._accumulate import PixelSums
 
 _T = TypeVar("_T")
 
-_PIXELS_AT_ONCE = {"cpu": 1 << 18, "gpu": 1 << 22}
-"""Of a window. A picture of up to twice as many is held as a whole."""
 _LEAST_ROWS = 16
 """Rows of a band, however wide the picture."""
 
@@ -54,8 +53,11 @@ class Bands:
 
 
 def bands_of(width: int, height: int, apron: int) -> Bands | None:
-    """The bands of a picture; None where it is small enough to be held as a whole."""
-    pixels = _PIXELS_AT_ONCE.get(jax.default_backend(), 1 << 22)
+    """The bands of a picture; None where it is small enough to be held as a whole.
+
+    A window has so many pixels; a picture of up to twice as many is held.
+    """
+    pixels = at_once(cpu=1 << 18, gpu=1 << 22)
     rows = max(pixels // width - 2 * apron, _LEAST_ROWS)
     whole = width * height <= 2 * pixels or rows + 2 * apron >= height
     return None if whole else Bands(width, height, rows, apron)

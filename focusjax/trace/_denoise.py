@@ -37,6 +37,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from focusjax._at_once import one_by_one
 from focusjax.trace._accumulate import PixelSums
 
 _WIDTH, _FALL = 1.6, 0.3
@@ -208,5 +209,4 @@ def _smoothed(
         down = jax.lax.optimization_barrier(along(plane, 0))
         return jnp.maximum(along(down, 1), 0.0)
 
-    # One plane at a time, for the memory.
-    return jax.lax.map(both, planes)
+    return one_by_one(both, planes)

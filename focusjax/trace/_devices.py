@@ -16,16 +16,16 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array
 
 from focusjax._arguments import ArgumentError
+from focusjax._at_once import at_once
 
 T = TypeVar("T")
 
 _AXIS = "devices"
-_RAYS_AT_ONCE = {"cpu": 1 << 17, "gpu": 1 << 22}
 
 
 def rays_at_once() -> int:
     """How many rays of a picture are followed together where arrays are by default."""
-    return _RAYS_AT_ONCE.get(jax.default_backend(), 1 << 20)
+    return at_once(cpu=1 << 17, gpu=1 << 22)
 
 
 @runtime_checkable

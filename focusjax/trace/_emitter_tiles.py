@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._at_once import at_once
 from focusjax.layers import Layers
 from focusjax.trace._prefix import compacted
 
@@ -14,8 +15,6 @@ TILE = 16
 """Edge in samples of the squares whose samples make up a cluster."""
 _BLOCK = 4
 """Edge in samples of the squares in which bright samples are counted, of all layers together."""
-_PART = 1 << 14
-"""Bright samples that are summed at a time."""
 
 
 class TileSums(eqx.Module):
@@ -54,11 +53,12 @@ def tile_sums(layers: Layers, bright: Bool[Array, " n"], level: Float[Array, "3"
         (-(-grid.rows // _BLOCK), -(-grid.columns // _BLOCK)),
     )
     lanes, count = compacted(bright)
-    lanes = jnp.pad(lanes, (0, _PART))
+    some = at_once(cpu=1 << 14, gpu=1 << 20)
+    lanes = jnp.pad(lanes, (0, some))
 
     def part(k: Int[Array, ""], sums: list[Array]) -> list[Array]:
-        number = jax.lax.dynamic_slice(lanes, (k * _PART,), (_PART,))
-        there = k * _PART + jnp.arange(_PART, dtype=jnp.int32) < count
+        number = jax.lax.dynamic_slice(lanes, (k * some,), (some,))
+        there = k * some + jnp.arange(some, dtype=jnp.int32) < count
         layer, place = jnp.divmod(layers.samples.index.at[number].get(mode="clip"), grid.size)
         row, column = jnp.divmod(place, grid.columns)
         tile = jnp.where(there, (layer * down + row // TILE) * across + column // TILE, tiles)
@@ -68,7 +68,7 @@ def tile_sums(layers: Layers, bright: Bool[Array, " n"], level: Float[Array, "3"
             for c in range(3)
         ]
         disparity = layers.samples.disparity.at[number].get(mode="clip").astype(real)
-        one = jnp.ones(_PART, dtype=real)
+        one = jnp.ones(some, dtype=real)
         values = [one, column.astype(real) + 0.5, row.astype(real) + 0.5, disparity, *excess]
         peak = jnp.maximum(jnp.maximum(excess[0], excess[1]), excess[2])
         *totals, peaks, counts = sums
@@ -77,7 +77,7 @@ def tile_sums(layers: Layers, bright: Bool[Array, " n"], level: Float[Array, "3"
         return [*added, peaks, counts.at[block].add(peak, mode="drop")]
 
     start = [jnp.zeros(tiles, dtype=real)] * 8 + [jnp.zeros(rows * columns, dtype=real)]
-    *totals, peaks, counts = jax.lax.fori_loop(jnp.int32(0), (count + _PART - 1) // _PART, part, start)
+    *totals, peaks, counts = jax.lax.fori_loop(jnp.int32(0), (count + some - 1) // some, part, start)
     table = jnp.cumsum(jnp.cumsum(counts.reshape(rows, columns), axis=0), axis=1)
     count, x, y, disparity, *excess = totals
     return TileSums(count, x, y, disparity, tuple(excess), peaks, jnp.pad(table, ((1, 0), (1, 0))))

@@ -54,9 +54,8 @@ def focal_zone(lens: AbstractLens, camera: Camera) -> FocalZone:
     It is as much larger as splines through fewer of them are off.
     """
     nodes = frame_nodes(camera)
-    places = jnp.asarray(nodes.places(), dtype=jnp.zeros(()).dtype)
     colours = [channel.lens for channel in lens.channels()] or [lens]
-    found = jnp.stack([jax.lax.map(lambda film, of=of: _zone_at(of, camera, film), places) for of in colours])
+    found = jnp.stack([nodes.at_all(lambda film, of=of: _zone_at(of, camera, film)) for of in colours])
     near, far, parallax = found[..., 0].max(axis=0), found[..., 1].min(axis=0), found[..., 2].min(axis=0)
     values = jnp.stack([near, far, parallax], axis=1)
     off = nodes.in_pixels(nodes.off(values, 1), 1)

@@ -1,6 +1,6 @@
 """What changes smoothly over the frame, found at few places and known for all pixels."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import equinox as eqx
 import jax
@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._at_once import one_by_one
 from focusjax.geometry import Camera
 
 _NODES = 17, 25
@@ -39,6 +40,10 @@ class FrameNodes(eqx.Module):
             indexing="ij",
         )
         return np.stack([x.ravel(), y.ravel()], axis=1)
+
+    def at_all(self, function: Callable[[Float[Array, "2"]], Float[Array, "*c"]]) -> Float[Array, "n *c"]:
+        """What a function of a film point is at all nodes."""
+        return one_by_one(function, jnp.asarray(self.places(), dtype=jnp.zeros(()).dtype))
 
     def in_pixels(self, values: Float[Array, "n c"], degree: int) -> Float[Array, "p c"]:
         """Values at all pixel centres, row-major, by a spline through those of the nodes."""

@@ -71,14 +71,14 @@ def light_map(lens: AbstractLens, camera: Camera) -> KnownLight:
     """The same of any lens."""
     nodes = frame_nodes(camera)
     real = jnp.zeros(()).dtype
-    places = jnp.asarray(nodes.places(), dtype=real)
     pupil = jax.vmap(lens.pupil_point)(jnp.asarray(_square(), dtype=real))
 
     def seen(lens: AbstractLens) -> Float[Array, "n 3"]:
         def one(film: Float[Array, "2"]) -> Float[Array, ""]:
             return jnp.mean(jax.vmap(lambda point: lens.ray(camera, film, point).weight)(pupil))
 
-        return jnp.broadcast_to(jax.lax.map(one, places)[:, None], (len(places), 3))
+        light = nodes.at_all(one)
+        return jnp.broadcast_to(light[:, None], (len(light), 3))
 
     light = in_colour(seen, lens)
     doubt = jnp.clip(nodes.in_pixels(nodes.off(light, 3), 1) / _TRUSTED - 1.0, 0.0, 1.0)

@@ -10,18 +10,16 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from focusjax._at_once import at_once
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens import AbstractLens
 from focusjax.trace._samples import Starts
-
-_TOGETHER = {"cpu": 1 << 14, "gpu": 1 << 20}
-"""Rays made at a time."""
 
 
 def lens_rays(camera: Camera, lens: AbstractLens, starts: Starts) -> LensRay:
     """The rays [n] of film points through points of the aperture."""
     count = starts.x.shape[0]
-    parts = -(-count // _TOGETHER.get(jax.default_backend(), 1 << 17))
+    parts = -(-count // at_once(cpu=1 << 14, gpu=1 << 22))
     size = -(-count // parts)
 
     def in_parts(column: Float[Array, " n"]) -> Float[Array, "k m"]:

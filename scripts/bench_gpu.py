@@ -5,7 +5,7 @@ then `--repeats` times; milliseconds are medians with the picture left on the de
 
     CPU       the same picture by this machine's processor: root mean square difference
     PSNR      of linear radiance, against a reference that `--references` holds as NAME.npy
-    mitsuba   Mitsuba's cuda variant on the same scene, and its OptiX denoiser after it, where they run
+    mitsuba   Mitsuba's cuda variant on the same scene, where it runs
 
 Every line is printed as JSON as soon as it is there, and written to `--json` with the device's name.
 
@@ -14,6 +14,7 @@ Every line is printed as JSON as soon as it is there, and written to `--json` wi
 
 import argparse
 import json
+import math
 import statistics
 import tempfile
 import time
@@ -149,29 +150,42 @@ def costs(run: Callable[[], Any], most: int) -> Iterator[Row]:
 
 
 def path_traced(compared: Compared, name: str, options: argparse.Namespace) -> Iterator[Row]:
-    """Mitsuba's cuda variant, and what its OptiX denoiser makes of it."""
-    import mitsuba as mi
+    """Mitsuba's cuda variant, with scene and camera prepared and pictures left on the device."""
+    import drjit
+    import mitsuba
 
-    from focusjax.baselines import mitsuba_picture, unlit_scene
+    mitsuba.set_variant("cuda_ad_rgb")
+    from focusjax.baselines import load_unlit, thin_lens_sensor, unlit_scene
 
     scene, camera, lens = compared
     unlit = unlit_scene(scene)
+    begun = time.perf_counter()
+    loaded = load_unlit(unlit, "cuda_ad_rgb")
+    drjit.sync_thread()
+    yield {"what": "mitsuba's mesh and tree", "s": time.perf_counter() - begun}
+    sensor = thin_lens_sensor(
+        np.asarray(camera.world_from_camera),
+        camera.width,
+        camera.height,
+        2 * math.degrees(math.atan(camera.width / 2 / float(camera.focal_px))),
+        float(lens.aperture_radius),
+        float(lens.focus_distance()),
+        variant="cuda_ad_rgb",
+    )
     reference = None if options.references is None else np.load(options.references / f"{name}.npy")
     for samples in options.samples:
-        for denoise in (False, True):
 
-            def run(samples: int = samples, denoise: bool = denoise) -> np.ndarray:
-                noisy = mitsuba_picture(unlit, camera, lens, samples=samples, variant="cuda_ad_rgb")
-                if not denoise:
-                    return noisy
-                # Stubs say otherwise of both arguments.
-                made = mi.OptixDenoiser(input_size=(camera.width, camera.height))  # pyright: ignore
-                return np.array(made(mi.TensorXf(noisy.astype(np.float32))))  # pyright: ignore
+        def run(samples: int = samples) -> Any:
+            made = mitsuba.render(loaded, sensor=sensor, integrator=loaded.integrator(), spp=samples)
+            drjit.eval(made)
+            drjit.sync_thread()
+            return made
 
-            found, row = timed(run, options.repeats)
-            if reference is not None:
-                row["psnr"] = psnr(found, reference)
-            yield {"what": "mitsuba" + " + OptiX denoiser" * denoise, "samples": samples, **row}
+        found, row = timed(run, options.repeats)
+        if reference is not None:
+            shown = np.array(found)[..., -3:] + np.asarray(unlit.background)
+            row["psnr"] = psnr(shown, reference.astype(np.float32))
+        yield {"what": "mitsuba", "samples": samples, **row}
 
 
 def measure(options: argparse.Namespace) -> Iterator[Row]:

@@ -82,6 +82,7 @@ ALLOWED = {
     "_whole_file": set(),
     "_words": set(),
     "_parallel": set(),
+    "_at_once": set(),
     "_zeros": set(),
     "_settings": set(),
     "_checked_view": {"geometry"},

@@ -247,32 +247,16 @@ def render_thin_lens(
     """
     mi = mitsuba(variant)
     loaded = load_unlit(scene, variant)
-    pose = np.asarray(world_from_camera, dtype=np.float64)
-    eye, backward, up = pose[:3, 3], pose[:3, 2], pose[:3, 1]
-    sensor = mi.load_dict(
-        {
-            "type": "thinlens",
-            "fov": field_of_view,
-            "fov_axis": "x",
-            "near_clip": 1e-3,
-            "far_clip": 1e7,
-            "aperture_radius": aperture_radius,
-            "focus_distance": min(focus_distance, _FARTHEST),
-            "to_world": mi.ScalarTransform4f().look_at(
-                origin=eye.tolist(), target=(eye - backward).tolist(), up=up.tolist()
-            ),
-            "film": {
-                "type": "hdrfilm",
-                "width": width,
-                "height": height,
-                "pixel_format": "rgb",
-                "component_format": "float32",
-                "rfilter": {"type": pixel_filter},
-                # Wider filters need samples beyond the frame, as pixels at the border have neighbours there.
-                "sample_border": pixel_filter != "box",
-            },
-            "sampler": {"type": sampler},
-        }
+    sensor = thin_lens_sensor(
+        world_from_camera,
+        width,
+        height,
+        field_of_view,
+        aperture_radius,
+        focus_distance,
+        variant=variant,
+        pixel_filter=pixel_filter,
+        sampler=sampler,
     )
     total = np.zeros((height, width, 3))
     weight = np.zeros((height, width, 1))
@@ -293,6 +277,49 @@ def render_thin_lens(
         done += count
     mean = np.divide(total, weight, out=np.full_like(total, np.nan), where=weight > 0)
     return mean + np.asarray(scene.background), dropped
+
+
+def thin_lens_sensor(
+    world_from_camera: np.ndarray,
+    width: int,
+    height: int,
+    field_of_view: float,
+    aperture_radius: float,
+    focus_distance: float,
+    *,
+    variant: str = FASTEST,
+    pixel_filter: str = "box",
+    sampler: str = SAMPLER,
+) -> Any:
+    """Mitsuba's thin-lens camera; arguments and errors are those of `render_thin_lens`."""
+    mi = mitsuba(variant)
+    pose = np.asarray(world_from_camera, dtype=np.float64)
+    eye, backward, up = pose[:3, 3], pose[:3, 2], pose[:3, 1]
+    return mi.load_dict(
+        {
+            "type": "thinlens",
+            "fov_axis": "x",
+            "near_clip": 1e-3,
+            "far_clip": 1e7,
+            "fov": field_of_view,
+            "aperture_radius": aperture_radius,
+            "focus_distance": min(focus_distance, _FARTHEST),
+            "to_world": mi.ScalarTransform4f().look_at(
+                origin=eye.tolist(), target=(eye - backward).tolist(), up=up.tolist()
+            ),
+            "film": {
+                "type": "hdrfilm",
+                "width": width,
+                "height": height,
+                "pixel_format": "rgb",
+                "component_format": "float32",
+                "rfilter": {"type": pixel_filter},
+                # Wider filters need samples beyond the frame, as pixels at the border have neighbours there.
+                "sample_border": pixel_filter != "box",
+            },
+            "sampler": {"type": sampler},
+        }
+    )
 
 
 def without_gaps(picture: Float[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w 3"]:

@@ -25,7 +25,7 @@ _AXIS = "devices"
 
 def rays_at_once() -> int:
     """How many rays of a picture are followed together where arrays are by default."""
-    return at_once(cpu=1 << 17, gpu=1 << 22)
+    return at_once(cpu=1 << 17, gpu=1 << 24)
 
 
 @runtime_checkable

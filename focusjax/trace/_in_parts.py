@@ -18,7 +18,7 @@ def in_parts(
     in every step after what it returns; see `focusjax.trace._starts`.
     """
     count = columns[0].shape[0]
-    parts = -(-count // at_once(cpu=1 << 13, gpu=1 << 22))
+    parts = -(-count // at_once(cpu=1 << 13, gpu=1 << 24))
     size = -(-count // parts)
     rows = tuple(jnp.pad(a, (0, parts * size - count), mode="edge").reshape(parts, size) for a in columns)
     return tuple(a.reshape(-1)[:count] for a in jax.lax.map(function, rows))

@@ -42,37 +42,30 @@ def check_reach(layers: Layers, lens: AbstractLens, pixel_filter: str = "box") -
         ArgumentError: (a `ValueError`) there may be such rays, or a setting of the lens is not a number.
     """
     check_filter(layers, pixel_filter)
-    camera = layers.camera
-    moves, peeled = float(_parallax(lens, camera)), float(_parallax(layers.lens, camera))
-    leaves, margin = _strays(layers, lens), layers.grid.margin / layers.grid.supersampling
-    if np.isnan(moves) or np.isnan(leaves).any():
+    wanted, held = np.asarray(_measured(layers.lens, lens, layers.camera, *_held_for(layers)))
+    if np.isnan(wanted).any():
         what = not_numbers(lens) or "an angle or a distance of its rays is not a number"
         raise ArgumentError(f"{what}; expected a lens of finite settings, such as `thin_lens` makes", "lens")
+    (moves, *leaves), (peeled, *_) = wanted, held
     if not moves <= peeled * (1 + _ROUNDING):
         raise ArgumentError(
             f"the lens moves rays by {moves:.4g} pixels per dioptre but the layers were peeled for"
             f" {peeled:.4g}; peel again with this lens",
             "lens",
         )
-    if not np.all(leaves <= np.maximum(_strays(layers, layers.lens), margin) + _SLACK):
+    if not np.all(leaves <= held[1:] + _SLACK):
         raise ArgumentError(
-            f"rays of the lens leave the frame by up to {leaves.max():.4g} pixels but the layers, peeled for"
-            f" another focus, hold a margin of {margin:.4g}; peel again with this lens",
+            f"rays of the lens leave the frame by up to {max(leaves):.4g} pixels but the layers, peeled for"
+            f" another focus, hold a margin of {_held_for(layers)[1]:.4g}; peel again with this lens",
             "lens",
         )
 
 
 def out_of_reach(layers: Layers, lens: AbstractLens) -> Bool[Array, ""]:
     """Whether `check_reach` would refuse the lens, for compiled functions."""
-    camera = layers.camera
-    moves, peeled = lens.parallax(camera), layers.lens.parallax(camera)
-    least, largest = layers.ranges.overall
-    share = jnp.linspace(0.0, 1.0, _LOOKS).astype(least.dtype)
-    at = least + share * (largest - least)
-    margin = layers.grid.margin / layers.grid.supersampling
-    held = jnp.maximum(_strays_at(layers.lens, camera, at), margin) + _SLACK
-    strays = (largest > 0) & ~(_strays_at(lens, camera, at) <= held).all()
-    return ~(moves <= peeled * (1 + _ROUNDING)) | strays
+    wanted, held = _measures(layers.lens, lens, layers.camera, *_held_for(layers))
+    most = jnp.concatenate([held[:1] * (1 + _ROUNDING), held[1:] + _SLACK])
+    return ~(wanted <= most).all()
 
 
 def widest_opening(layers: Layers, lens: AbstractLens) -> Float[Array, ""]:
@@ -81,37 +74,36 @@ def widest_opening(layers: Layers, lens: AbstractLens) -> Float[Array, ""]:
     All else of the lens stays as it is. Rays stray in proportion to the opening, or less as it closes, so
     that every smaller share passes, too. Differentiable but where another limit takes over.
     """
-    camera = layers.camera
-    moves, peeled = lens.parallax(camera), layers.lens.parallax(camera)
-    least, largest = layers.ranges.overall
-    at = least + jnp.linspace(0.0, 1.0, _LOOKS).astype(least.dtype) * (largest - least)
-    margin = layers.grid.margin / layers.grid.supersampling
-    held = jnp.maximum(_strays_at(layers.lens, camera, at), margin)
-    strays = jnp.where(largest > 0, _strays_at(lens, camera, at), 0.0)
-    shares = jnp.append(_share(held, strays), _share(peeled, moves))
-    return jnp.minimum(jnp.min(shares), 1.0)
-
-
-def _share(held: Array, wanted: Array) -> Array:
-    """How much of `wanted` is held; 1 where nothing is wanted."""
+    wanted, held = _measures(layers.lens, lens, layers.camera, *_held_for(layers))
     safe = jnp.where(wanted > 0.0, wanted, 1.0)
-    return jnp.where(wanted > 0.0, held / safe, 1.0)
+    return jnp.minimum(jnp.where(wanted > 0.0, held / safe, 1.0).min(), 1.0)
 
 
-def _strays(layers: Layers, lens: AbstractLens) -> np.ndarray:
-    """How far in pixels rays stray from their film points, at disparities over the layers' range."""
-    least, largest = (float(w) for w in layers.ranges.overall)
-    if not largest > 0:
-        return np.zeros(1)
-    disparities = jnp.asarray(np.linspace(least, largest, _LOOKS).astype(layers.background.dtype))
-    return np.asarray(_strays_at(lens, layers.camera, disparities))
+def _held_for(layers: Layers) -> tuple[Float[Array, "2"], float]:
+    """Least and largest disparity of all that the layers hold, and their margin in pixels."""
+    return layers.ranges.overall, layers.grid.margin / layers.grid.supersampling
 
 
-@eqx.filter_jit
-def _parallax(lens: AbstractLens, camera: Camera) -> Float[Array, ""]:
-    return lens.parallax(camera)
+def _measures(
+    peeled: AbstractLens, lens: AbstractLens, camera: Camera, overall: Float[Array, "2"], margin: float
+) -> Float[Array, "2 n"]:
+    """How far rays go, of `lens` and as far as layers hold them that were `peeled` for another.
+
+    First pixels per dioptre; then how far in pixels rays stray from their film points at disparities over
+    the layers' range, 0 where the layers hold nothing.
+    """
+    least, largest = overall
+    at = least + jnp.linspace(0.0, 1.0, _LOOKS).astype(least.dtype) * (largest - least)
+
+    def strays(lens: AbstractLens) -> Float[Array, " n"]:
+        return jax.vmap(lambda disparity: lens.reach(camera, disparity))(at)
+
+    def of(lens: AbstractLens, strays: Float[Array, " n"]) -> Float[Array, " m"]:
+        strays = jnp.where(largest > 0, strays, 0.0)
+        return jnp.concatenate([lens.parallax(camera)[None], strays])
+
+    return jnp.stack([of(lens, strays(lens)), of(peeled, jnp.maximum(strays(peeled), margin))])
 
 
-@eqx.filter_jit
-def _strays_at(lens: AbstractLens, camera: Camera, disparities: Float[Array, " n"]) -> Float[Array, " n"]:
-    return jax.vmap(lambda w: lens.reach(camera, w))(disparities)
+# One program and one answer: a GPU takes longer to say each number than to work it out.
+_measured = eqx.filter_jit(_measures)

@@ -19,7 +19,7 @@ from focusjax.trace._samples import Starts
 def lens_rays(camera: Camera, lens: AbstractLens, starts: Starts) -> LensRay:
     """The rays [n] of film points through points of the aperture."""
     count = starts.x.shape[0]
-    parts = -(-count // at_once(cpu=1 << 14, gpu=1 << 22))
+    parts = -(-count // at_once(cpu=1 << 14, gpu=1 << 24))
     size = -(-count // parts)
 
     def in_parts(column: Float[Array, " n"]) -> Float[Array, "k m"]:

@@ -1,5 +1,7 @@
 """The first surface that one ray meets: a walk through the layers, at most a sample per step."""
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -90,7 +92,10 @@ class Passing(eqx.Module):
     chance: UInt[Array, "*n"]
 
 
-_Seen = tuple[UInt[Array, ""], Int[Array, ""], UInt[Array, ""], UInt[Array, ""]]
+Read = Callable[[Array, Array], Array]
+"""The words of a long array at some places, all within it."""
+
+_Seen = tuple[Array, Array, Array, Array]
 """The nearest word so far, where it is, the layers the ray is inside, and its chance."""
 
 
@@ -106,10 +111,15 @@ def path_of(ray: LensRay, least: Float[Array, ""], largest: Float[Array, ""]) ->
     return Path(a_x, a_y, b_x, b_y, start, stride, steps)
 
 
+def gathered(words: Array, at: Array) -> Array:
+    """As `Read`, by XLA."""
+    return words.at[at].get(mode="promise_in_bounds")
+
+
 def take_step(
-    volume: Volume, path: Path, step: Int[Array, ""], passing: Passing | None
-) -> tuple[Int[Array, ""], Passing | None]:
-    """What the ray meets in step number `step`, as `first_hit` has it, and what it then knows."""
+    volume: Volume, path: Path, step: Int[Array, ""], passing: Passing | None, read: Read = gathered
+) -> tuple[Int[Array, "*n"], Passing | None]:
+    """What rays meet in step number `step`, as `first_hit` has it, and what they then know."""
     near = path.start - step.astype(path.start.dtype) * path.stride
     middle = near - 0.5 * path.stride
     column = jnp.clip((path.a_x + path.b_x * middle).astype(jnp.int32), 0, volume.columns - 1)
@@ -125,7 +135,7 @@ def take_step(
 
     def look(layer: Int[Array, ""] | int, seen: _Seen) -> _Seen:
         best, hit, inside_now, chance = seen
-        word = volume.cells.at[sample * volume.layers + layer].get(mode="promise_in_bounds")
+        word = read(volume.cells, sample * volume.layers + layer)
         low, most = interval(word)
         at = jnp.clip(half_way, low, most).astype(offset_x.dtype)
         inside = covered(word, offset_x + per_step_x * at, offset_y + per_step_y * at)
@@ -133,8 +143,7 @@ def take_step(
         meets = (low <= nearest) & (most >= farthest) & (word > best) & inside
         if volume.opacity is not None and passing is not None:
             words = -(-volume.layers // _LAYERS_PER_WORD)
-            at_word = sample * words + layer // _LAYERS_PER_WORD
-            levels = volume.opacity.at[at_word].get(mode="promise_in_bounds")
+            levels = read(volume.opacity, sample * words + layer // _LAYERS_PER_WORD)
             byte = jnp.asarray(layer % _LAYERS_PER_WORD, dtype=jnp.uint32)
             level = levels >> (8 * byte) & _OPAQUE
             bit = jnp.uint32(1) << jnp.asarray(layer % 32, dtype=jnp.uint32)

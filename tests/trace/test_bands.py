@@ -26,8 +26,8 @@ def small_bands(monkeypatch):
     """Bands of so few rows that small pictures have several; compiled anew, as programs do not know of it."""
 
     def choose(pixels: int) -> None:
-        monkeypatch.setattr(_bands, "_PIXELS_AT_ONCE", {"cpu": pixels})
-        monkeypatch.setattr(layers_rows, "_SAMPLES_AT_ONCE", pixels)
+        monkeypatch.setattr(_bands, "at_once", lambda **_: pixels)
+        monkeypatch.setattr(layers_rows, "at_once", lambda **_: pixels)
         monkeypatch.setattr(layers_slopes, "_AT_ONCE", pixels)
         jax.clear_caches()
 
@@ -110,7 +110,7 @@ def test_bands_cover_a_picture_whatever_its_height():
 @pytest.mark.slow
 def test_sums_are_held_for_a_band_alone(small_bands, monkeypatch):
     layers = lit_layers(2000)
-    monkeypatch.setattr(_devices, "_RAYS_AT_ONCE", {"cpu": 1 << 10})
+    monkeypatch.setattr(_devices, "at_once", lambda **_: 1 << 10)
 
     def held() -> int:
         settings = render_settings(layers, layers.lens, rays=16)

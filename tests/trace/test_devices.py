@@ -27,11 +27,11 @@ from small_scenes import front_camera, patch, wide_lens
 
 from focusjax.layers import peel
 from focusjax.scene import make_scene
-from focusjax.trace import _accumulate, _devices, render
+from focusjax.trace import _devices, render
 
 assert len(jax.devices()) == 4 and len(jax.local_devices()) == 2
 # So few that there are several parts for all.
-_devices._RAYS_AT_ONCE, _accumulate._ROWS = {"cpu": 1024}, 256
+_devices.at_once = lambda **_: 1024
 camera = front_camera(32, 24)
 lens = wide_lens(camera, pixels_per_dioptre=14.0)
 lamp = patch("lamp", camera, (20, 9, 22, 11), 1.6, (60, 40, 20))

@@ -21,7 +21,8 @@ def all_ways(volume, rays, least, largest, chance):
     alone = jax.vmap(lambda *one: first_hit(volume, *one))(rays, least, largest, chance)
     passing = None if volume.opacity is None else Passing(jnp.zeros_like(chance), chance)
     lanes = _march._in_lanes(volume, paths, passing)
-    return alone, first_hits(volume, paths, chance), lanes
+    kernels = _march._in_kernels(volume, paths, passing, interpret=True)
+    return alone, first_hits(volume, paths, chance), lanes, kernels
 
 
 @pytest.mark.parametrize("translucent", [False, True])
@@ -43,10 +44,11 @@ def test_many_rays_hit_what_each_hits(together: int, translucent: bool, monkeypa
     largest = jnp.where(jnp.arange(COUNT) % 7 == 0, 0.0, largest)
     chance = jnp.asarray(random.integers(0, 1 << 32, COUNT, dtype=np.uint32))
     ways = all_ways(volume, rays, least, largest, chance)
-    alone, compacted, lanes = (np.asarray(a) for a in ways)
+    alone, compacted, lanes, kernels = (np.asarray(a) for a in ways)
     assert 0.2 < (alone < 0).mean() < 0.8
     np.testing.assert_array_equal(compacted, alone)
     np.testing.assert_array_equal(lanes, alone)
+    np.testing.assert_array_equal(kernels, alone)
 
 
 def test_layers_beyond_those_of_every_step_are_looked_at_as_well(monkeypatch: pytest.MonkeyPatch):

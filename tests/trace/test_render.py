@@ -138,7 +138,7 @@ def test_colour_is_interpolated():
 def test_blocks_do_not_change_the_picture(pixels: int, monkeypatch: pytest.MonkeyPatch):
     """Not even when they do not divide the picture."""
     whole = varied_picture()
-    monkeypatch.setattr(_devices, "_RAYS_AT_ONCE", {jax.default_backend(): 4 * pixels})
+    monkeypatch.setattr(_devices, "at_once", lambda **_: 4 * pixels)
     picture._cached.clear_cache()
     # Observed: 2e-16.
     np.testing.assert_allclose(varied_picture(), whole, rtol=1e-12)

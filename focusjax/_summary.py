@@ -35,9 +35,6 @@ from focusjax.report import (
 )
 from focusjax.shot import SETTING_NAMES, SolvedShot
 
-_NOISE = 1e-5
-"""Change of a setting from frame to frame, in its unit, that is rounding and not worth a line."""
-
 
 def print_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     """What a photographer wants to know, in a few lines."""
@@ -125,7 +122,7 @@ def print_shot(console: Console, solved: SolvedShot) -> None:
         highlight=False,
     )
     for name, change in solution.largest_changes().items():
-        if change.per_frame > _NOISE:
+        if change.seen:
             called, unit = SETTING_NAMES[name]
             say(
                 console,

@@ -40,7 +40,10 @@ class SeidelTable(Table):
     w220_waves: Number = Field(default=0.0, description="field curvature of the wavefront in waves")
     w311_waves: Number = Field(default=0.0, description="distortion of the wavefront in waves")
     wavelength_nm: Positive | None = Field(
-        default=None, description="the wavelength of the waves in nanometres; 587.56 (d) if left out"
+        default=None,
+        ge=100,
+        le=20_000,
+        description="the wavelength of the waves in nanometres; 587.56 (d) if left out",
     )
     f_number: Positive | None = Field(
         default=None, description="the f-number for which the wavefront is, for example 2"

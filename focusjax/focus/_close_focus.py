@@ -4,6 +4,7 @@ import dataclasses
 
 import jax.numpy as jnp
 from jax.core import Tracer
+from jaxtyping import Array, Bool
 
 from focusjax._arguments import ArgumentError
 from focusjax.focus._checks import require
@@ -72,6 +73,14 @@ def checked_close_focus(
     return _with_real_images(points, camera, lens)
 
 
+def _nearest_of(points: ImagePoints, counted: Bool[Array, "*p n"]) -> str:
+    """What to call the nearest focus point that counts."""
+    nearness = jnp.where(counted, points.disparity, 0.0)
+    if nearness.ndim > 1 or isinstance(nearness, Tracer) or not points.names:
+        return "a focus point"
+    return repr(points.names[int(points.wish[jnp.argmax(nearness)])])
+
+
 def _with_real_images(points: ImagePoints, camera: Camera, lens: ThinLens) -> ImagePoints:
     """The points, all of which are beyond the focal length where they count; so is what is in focus."""
     expected = "less than 1, since nearer than its focal length no lens forms a real image; move farther away"
@@ -87,7 +96,7 @@ def _with_real_images(points: ImagePoints, camera: Camera, lens: ThinLens) -> Im
     nearness = require(
         jnp.where(counted, points.disparity, 0.0) * length,
         lambda v: v < 1.0,
-        "the focal length over a focus point's distance",
+        f"the focal length over the distance of {_nearest_of(points, counted)}",
         expected,
         "points",
     )

@@ -28,6 +28,9 @@ from focusjax.lens import (
     stopped,
 )
 
+_ROUNDING = 1e-5
+"""Of any setting, in its unit, from frame to frame."""
+
 
 @dataclasses.dataclass(frozen=True)
 class LargestChange:
@@ -45,6 +48,11 @@ class LargestChange:
     per_frame2: float
     pixels_per_frame: float | None
     pixels_per_frame2: float | None
+
+    @property
+    def seen(self) -> bool:
+        """Whether the setting changes at all, which rounding does not count as."""
+        return self.per_frame > _ROUNDING
 
 
 class FramesSolution(eqx.Module):

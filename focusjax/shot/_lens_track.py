@@ -7,7 +7,16 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from focusjax.config import ABERRATIONS, SETTINGS, Config, ShotTable, Table, build_lens, values_of
+from focusjax.config import (
+    ABERRATIONS,
+    SETTINGS,
+    Config,
+    ConfigError,
+    ShotTable,
+    Table,
+    build_lens,
+    values_of,
+)
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens
 from focusjax.motion import Keyframes, keyframes
@@ -52,17 +61,26 @@ class LensTrack:
         return self._config.model_copy(update={"lens": self._config.lens.model_copy(update=changes)})
 
     def lenses(self, cameras: Sequence[Camera], *, solved: bool) -> tuple[ThinLens | TiltShiftLens, ...]:
-        """The lens of every frame before solving; zooming keeps its f-number and angles."""
+        """The lens of every frame before solving; zooming keeps its f-number and angles.
+
+        Raises:
+            ValueError: no lens has the settings of a frame, which is named: one with a keyframe, if any.
+        """
         known: dict[tuple[Any, ...], ThinLens | TiltShiftLens] = {}
-        found = []
-        for frame, camera in enumerate(cameras, start=1):
-            config = self.config_at(frame)
+        found: dict[int, ThinLens | TiltShiftLens] = {}
+        keys = {frame for values in self.keyed.values() for frame in values}
+        for frame in sorted(range(1, len(cameras) + 1), key=lambda frame: (frame not in keys, frame)):
+            camera, config = cameras[frame - 1], self.config_at(frame)
             # A lens that stays is one lens: what is known of one frame serves the others.
             key = (float(camera.focal_length), config.lens.model_dump_json())
-            if key not in known:
-                known[key] = build_lens(config, camera, solved=solved)
-            found.append(known[key])
-        return tuple(found)
+            try:
+                if key not in known:
+                    known[key] = build_lens(config, camera, solved=solved)
+            except ConfigError as error:
+                reason = str(error).removeprefix(f"{config.source}: ")
+                raise ValueError(f"frame {frame}: {reason}") from error
+            found[frame] = known[key]
+        return tuple(found[frame] for frame in sorted(found))
 
 
 def _refuse_contradictions(config: Config, keyed: dict[str, dict[float, Any]]) -> None:

@@ -74,7 +74,11 @@ def save_report(
     }
     title = config.title or config.source.stem.replace("_", " ").capitalize()
     text = template("focusjax.shot", "shot.html.j2").render(
-        title=title, facts=facts, pictures=embedded, names=SETTING_NAMES
+        title=title,
+        facts=facts,
+        pictures=embedded,
+        names=SETTING_NAMES,
+        changing=[name for name, change in solved.solution.largest_changes().items() if change.seen],
     )
     (folder / "report.html").write_text(text, encoding="utf-8")
     return facts

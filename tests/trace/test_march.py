@@ -64,3 +64,29 @@ def test_layers_beyond_those_of_every_step_are_looked_at_as_well(monkeypatch: py
     hits.append(jax.vmap(lambda ray: first_hit(volume, ray, least, largest))(rays))
     assert (np.asarray(hits[0]) >= layers.grid.size).any()
     np.testing.assert_array_equal(*hits)
+
+
+def rays_of(layers, count: int):
+    """Volume and paths of rays that cross it."""
+    volume = make_volume(layers.cells, layers.disparity_scale, None)
+    random, size = np.random.default_rng(5), np.array([layers.grid.columns, layers.grid.rows])
+    a, b = random.uniform(0, 1, (count, 2)) * size, random.uniform(-9, 9, (count, 2))
+    rays = LensRay(jnp.asarray(a), jnp.asarray(b), jnp.ones(count))
+    ends = (jnp.full(count, float(w)) for w in layers.ranges.overall)
+    return volume, jax.vmap(path_of)(rays, *ends)
+
+
+def test_kernels_are_mapped_over_volumes_and_rays():
+    volume, paths = rays_of(varied_layers(), 200)
+    given = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), (volume, paths))
+    hits = jax.vmap(lambda v, p: _march._in_kernels(v, p, None, interpret=True))(*given)
+    wanted = _march._in_lanes(volume, paths, None)
+    np.testing.assert_array_equal(hits, [wanted, wanted])
+
+
+@pytest.mark.skipif(
+    jax.__version_info__ >= (0, 11), reason="JAX 0.11 lowers kernels of Triton only where a GPU is"
+)
+def test_kernels_lower_for_cuda():
+    text = jax.jit(_march._in_kernels).trace(*rays_of(varied_layers(), 200), None)
+    assert "xla.gpu.triton" in text.lower(lowering_platforms=("cuda",)).as_text()

@@ -49,8 +49,9 @@ def build_focus_points(config: Config, scene: Scene) -> tuple[FocusPoint, ...]:
     if not config.focus:
         raise ConfigError(
             f"{config.source}: there are no focus points; add a [[focus]] table such as"
-            f" pixel = [{config.camera.resolution[0] // 2}, {config.camera.resolution[1] // 2}], sharp = true,"
-            " or take its settings as they are: `focusjax render` makes the picture without a solve"
+            f" pixel = [{config.camera.resolution[0] // 2}, {config.camera.resolution[1] // 2}],"
+            " sharp = true, or take its settings as they are: `focusjax render` makes the picture without"
+            " a solve"
         )
     try:
         return tuple(_focus_point(table, number, scene, config) for number, table in enumerate(config.focus))

@@ -232,6 +232,10 @@ def test_a_wavefront_grows_by_the_third_order_laws(path):
             "lens.seidel={w040_px=1, f_number=2}",
             "lens.seidel has f_number, but no coefficient in micrometres or waves",
         ),
+        (
+            "lens.seidel={w040_waves=1, wavelength_nm=0.55, f_number=2}",
+            "lens.seidel.wavelength_nm is 0.55; expected",
+        ),
         ("lens.profile={}", "lens.profile needs exactly one of name and file"),
         ('lens.profile={file = "db.xml"}', "lens.profile has a lensfun file and no lens"),
         ("render={method = 'post', quality = 'draft'}", "render has quality, which is about tracing"),

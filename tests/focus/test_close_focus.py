@@ -290,7 +290,7 @@ def test_what_it_is_not_for_is_refused():
     refused("the lens is a TiltShiftLens", lens=tilted)
     refused("the focus has a prior", priors={"focus": Prior(1.0, sigma=1.0)})
     refused("a wish is for the place where something is shown", wishes=ahead((0.2, InFrame(10))))
-    refused("the focal length over a focus point's distance is 1.25", wishes=ahead((0.04, Sharp())))
+    refused("the focal length over the distance of '0.04 m' is 1.25", wishes=ahead((0.04, Sharp())))
     within = thin_lens(focus_distance=0.04, aperture_radius=0.01)
     refused("the focal length over the starting focus distance is 1.25", lens=within)
     refused("the starting f-number is 4", free=("focus", "f_number"), f_number_range=(5, 8))

@@ -124,6 +124,10 @@ KEY = "shot.lens=[{frame=2, focus_distance_m=3}]"
             "keyframes of seidel together make a table that has w040_um and w040_waves; give all",
         ),
         (["shot.keep_size_of='nobody'"], "keep_size_of:"),
+        (
+            ["focus=[]", "shot.lens=[{frame=1, focus_distance_m=1}, {frame=4, focus_distance_m=0.01}]"],
+            ": shot: frame 4: focus distance 0.01 m is within the focal length",
+        ),
     ],
 )
 def test_keyframes_that_contradict_are_refused(config_file, overrides, message):

@@ -76,9 +76,9 @@ def checked_close_focus(
 def _nearest_of(points: ImagePoints, counted: Bool[Array, "*p n"]) -> str:
     """What to call the nearest focus point that counts."""
     nearness = jnp.where(counted, points.disparity, 0.0)
-    if nearness.ndim > 1 or isinstance(nearness, Tracer) or not points.names:
+    if isinstance(nearness, Tracer) or not points.names:
         return "a focus point"
-    return repr(points.names[int(points.wish[jnp.argmax(nearness)])])
+    return repr(points.names[int(points.wish.reshape(-1)[jnp.argmax(nearness)])])
 
 
 def _with_real_images(points: ImagePoints, camera: Camera, lens: ThinLens) -> ImagePoints:

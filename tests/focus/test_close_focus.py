@@ -381,7 +381,7 @@ def test_frames_refuse_what_a_picture_refuses():
     points = locate(ahead((0.2, Sharp())), CAMERA)
     near = dataclasses.replace(locate(ahead((0.04, Sharp())), CAMERA), names=points.names)
     start, glass = start_of("breathing"), fj.lens_preset("cooke_triplet_50mm_f4")
-    with pytest.raises(ValueError, match=r"the focal length over a focus point's distance is 1\.25"):
+    with pytest.raises(ValueError, match=r"the focal length over the distance of '0\.2 m' is 1\.25"):
         solve_frames([points, near], CAMERA, start, close_focus="breathing")
     through = fj.prescription_lens(glass, CAMERA, focus_distance=2.0)
     with pytest.raises(ValueError, match="`through` is a real lens, whose glass says"):

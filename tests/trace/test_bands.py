@@ -28,7 +28,7 @@ def small_bands(monkeypatch):
     def choose(pixels: int) -> None:
         monkeypatch.setattr(_bands, "at_once", lambda **_: pixels)
         monkeypatch.setattr(layers_rows, "at_once", lambda **_: pixels)
-        monkeypatch.setattr(layers_slopes, "_AT_ONCE", pixels)
+        monkeypatch.setattr(layers_slopes, "at_once", lambda **_: pixels)
         jax.clear_caches()
 
     yield choose

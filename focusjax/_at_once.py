@@ -12,9 +12,13 @@ import jax
 
 def at_once(*, cpu: int, gpu: int) -> int:
     """Rows of work that JAX's default backend does together: those for processors, or for all else."""
-    return cpu if jax.default_backend() == "cpu" else gpu
+    return cpu if _on_processor() else gpu
 
 
 def one_by_one(function: Callable[..., Any], rows: Any) -> Any:
     """`function` of each of few `rows`, for the memory or to compile quickly; all together on a GPU."""
-    return jax.lax.map(function, rows) if at_once(cpu=1, gpu=2) == 1 else jax.vmap(function)(rows)
+    return jax.lax.map(function, rows) if _on_processor() else jax.vmap(function)(rows)
+
+
+def _on_processor() -> bool:
+    return jax.default_backend() == "cpu"

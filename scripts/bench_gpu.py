@@ -4,17 +4,18 @@ Layers are peeled by the processor and put onto JAX's default device. Each pictu
 then `--repeats` times; milliseconds are medians with the picture left on the device. It is compared with:
 
     CPU       the same picture by this machine's processor: root mean square difference
-    PSNR      of linear radiance, against a reference that `--references` holds as NAME.npy
-    mitsuba   Mitsuba's cuda variant on the same scene, where it runs
+    PSNR      of linear radiance, against Mitsuba with 1024 samples; the folder `--cache` keeps what its
+              variant for processors made, be it on another machine
+    mitsuba   its cuda variant on the same scene, where it runs, and how many times as quick focusjax is to
+              the same error, between Mitsuba's numbers of samples by log seconds against dB
 
 Every line is printed as JSON as soon as it is there, and written to `--json` with the device's name.
 
-    python scripts/bench_gpu.py --scenes scan-2 leaves-2 --json out/gpu.json
+    python scripts/bench_gpu.py --scenes scan-2 leaves-2 --cache out/references --json out/gpu.json
 """
 
 import argparse
 import json
-import math
 import statistics
 import tempfile
 import time
@@ -29,6 +30,7 @@ import numpy as np
 from _compared_scenes import SCENES, Compared
 from bench_render import machine
 
+from focusjax.bench import Case, reference_picture, time_to_reach
 from focusjax.layers import Layers, peel
 from focusjax.lens import ThinLens
 from focusjax.metrics import psnr
@@ -42,15 +44,15 @@ def arguments() -> argparse.Namespace:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--scenes", nargs="+", choices=list(SCENES), default=["scan-2", "leaves-2"])
-    parser.add_argument("--rays", nargs="+", type=int, default=[4, 16, 64, 100])
+    parser.add_argument("--rays", nargs="+", type=int, default=[4, 16, 100])
     parser.add_argument(
-        "--samples", nargs="+", type=int, default=[16, 64, 100], help="of Mitsuba; 0 for none"
+        "--samples", nargs="+", type=int, default=[4, 16, 64, 100, 256], help="of Mitsuba; 0 for none"
     )
     parser.add_argument("--max-layers", type=int, default=4)
     parser.add_argument("--supersampling", type=int, default=1)
     parser.add_argument("--lenses", type=int, default=32, help="one after the other, of 16 rays")
     parser.add_argument("--repeats", type=int, default=10)
-    parser.add_argument("--references", type=Path, help="folder of the scenes' converged pictures")
+    parser.add_argument("--cache", type=Path, help="folder that keeps the references; no PSNR without")
     parser.add_argument("--profile", type=int, default=0, help="how many of the costliest kernels to list")
     parser.add_argument("--json", type=Path, help="file for the results")
     return parser.parse_args()
@@ -73,13 +75,13 @@ def on(device: Any, layers: Layers) -> Layers:
     return jax.tree.map(lambda leaf: jax.device_put(leaf, device) if eqx.is_array(leaf) else leaf, layers)
 
 
-def pictures(compared: Compared, layers: Layers, name: str, options: argparse.Namespace) -> Iterator[Row]:
+def pictures(
+    compared: Compared, layers: Layers, reference: np.ndarray | None, options: argparse.Namespace
+) -> Iterator[Row]:
     """Ours, of every number of rays."""
     lens = compared[2]
     gpu, cpu = jax.devices()[0], jax.devices("cpu")[0]
     there, here = on(gpu, layers), on(cpu, layers)
-    path = None if options.references is None else options.references / f"{name}.npy"
-    reference = None if path is None else np.load(path).astype(np.float32)
     for rays in options.rays:
         found, row = timed(lambda n=rays: render(there, lens, rays=n), options.repeats)
         shown = np.asarray(found)
@@ -149,13 +151,15 @@ def costs(run: Callable[[], Any], most: int) -> Iterator[Row]:
         yield {"what": f"kernel {name}", "ms": sum(spent), "launches": len(spent)}
 
 
-def path_traced(compared: Compared, name: str, options: argparse.Namespace) -> Iterator[Row]:
+def path_traced(
+    compared: Compared, reference: np.ndarray | None, options: argparse.Namespace
+) -> Iterator[Row]:
     """Mitsuba's cuda variant, with scene and camera prepared and pictures left on the device."""
     import drjit
     import mitsuba
 
     mitsuba.set_variant("cuda_ad_rgb")
-    from focusjax.baselines import load_unlit, thin_lens_sensor, unlit_scene
+    from focusjax.baselines import load_unlit, thin_lens_sensor, thin_lens_view, unlit_scene
 
     scene, camera, lens = compared
     unlit = unlit_scene(scene)
@@ -163,16 +167,7 @@ def path_traced(compared: Compared, name: str, options: argparse.Namespace) -> I
     loaded = load_unlit(unlit, "cuda_ad_rgb")
     drjit.sync_thread()
     yield {"what": "mitsuba's mesh and tree", "s": time.perf_counter() - begun}
-    sensor = thin_lens_sensor(
-        np.asarray(camera.world_from_camera),
-        camera.width,
-        camera.height,
-        2 * math.degrees(math.atan(camera.width / 2 / float(camera.focal_px))),
-        float(lens.aperture_radius),
-        float(lens.focus_distance()),
-        variant="cuda_ad_rgb",
-    )
-    reference = None if options.references is None else np.load(options.references / f"{name}.npy")
+    sensor = thin_lens_sensor(**thin_lens_view(camera, lens), variant="cuda_ad_rgb")
     for samples in options.samples:
 
         def run(samples: int = samples) -> Any:
@@ -184,8 +179,17 @@ def path_traced(compared: Compared, name: str, options: argparse.Namespace) -> I
         found, row = timed(run, options.repeats)
         if reference is not None:
             shown = np.array(found)[..., -3:] + np.asarray(unlit.background)
-            row["psnr"] = psnr(shown, reference.astype(np.float32))
+            row["psnr"] = psnr(shown, reference)
         yield {"what": "mitsuba", "samples": samples, **row}
+
+
+def times_as_quick(rows: list[Row]) -> Iterator[Row]:
+    """Of each number of rays, to its own error, by a scene's rows."""
+    theirs = [(row["ms"], row["psnr"]) for row in rows if row["what"] == "mitsuba" and "psnr" in row]
+    for row in rows:
+        if theirs and row["what"] == "picture":
+            reach = time_to_reach(theirs, row["psnr"])
+            yield {"what": "times as quick", "rays": row["rays"], "times": reach.seconds / row["ms"]}
 
 
 def measure(options: argparse.Namespace) -> Iterator[Row]:
@@ -196,17 +200,27 @@ def measure(options: argparse.Namespace) -> Iterator[Row]:
         compared = SCENES[name]()
         with jax.default_device(jax.devices("cpu")[0]):
             layers = peel(*compared, supersampling=options.supersampling, max_layers=options.max_layers)
-        held = {"layers": layers.filled, "complete": layers.complete}
-        for row in ({"what": "peeled", **held}, *pictures(compared, layers, name, options)):
+        reference = None
+        if options.cache is not None:
+            case = Case(name, name, *compared, 16)
+            made = reference_picture(case, maker="mitsuba", samples=1024, cache=options.cache)
+            reference = made.picture
+        yield {"scene": name, "what": "peeled", "layers": layers.filled, "complete": layers.complete}
+        rows = []
+        for row in pictures(compared, layers, reference, options):
+            rows.append(row)
             yield {"scene": name, **row}
         memory = (jax.devices()[0].memory_stats() or {}).get("peak_bytes_in_use", 0)
         yield {"scene": name, "what": "memory", "peak MiB": memory / 2**20}
         if any(options.samples):
             try:
-                for row in path_traced(compared, name, options):
+                for row in path_traced(compared, reference, options):
+                    rows.append(row)
                     yield {"scene": name, **row}
             except (ImportError, ValueError, RuntimeError) as error:
                 yield {"scene": name, "what": "mitsuba", "error": " ".join(str(error).split())[:300]}
+        for row in times_as_quick(rows):
+            yield {"scene": name, **row}
 
 
 def main() -> None:

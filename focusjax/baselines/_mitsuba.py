@@ -165,18 +165,25 @@ def counted_mitsuba_picture(
         )
     return render_thin_lens(
         scene,
-        np.asarray(camera.world_from_camera),
-        camera.width,
-        camera.height,
-        2 * math.degrees(math.atan(camera.width / 2 / float(camera.focal_px))),
-        float(lens.aperture_radius),
-        float(lens.focus_distance()),
-        samples,
-        seed,
+        **thin_lens_view(camera, lens),
+        samples=samples,
+        seed=seed,
         variant=variant,
         pixel_filter=pixel_filter,
         sampler=sampler,
     )
+
+
+def thin_lens_view(camera: Camera, lens: ThinLens) -> dict[str, Any]:
+    """What `render_thin_lens` and `thin_lens_sensor` take of a camera without shift, and of its lens."""
+    return {
+        "world_from_camera": np.asarray(camera.world_from_camera),
+        "width": camera.width,
+        "height": camera.height,
+        "field_of_view": 2 * math.degrees(math.atan(camera.width / 2 / float(camera.focal_px))),
+        "aperture_radius": float(lens.aperture_radius),
+        "focus_distance": float(lens.focus_distance()),
+    }
 
 
 @functools.lru_cache(maxsize=2)

@@ -2,6 +2,7 @@
 
 import concurrent.futures
 import os
+import threading
 from collections.abc import Callable, Iterable
 from typing import ParamSpec, TypeVar
 
@@ -13,6 +14,7 @@ R = TypeVar("R")
 
 CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 """Cores that this process may use."""
+_thread = threading.local()
 
 
 def use_cores(count: int) -> None:
@@ -22,12 +24,21 @@ def use_cores(count: int) -> None:
 
 
 def in_parallel(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
-    """`function` of every item, in the order of the items."""
+    """`function` of every item, in the order of the items.
+
+    Within a `function` that runs beside others, the cores are taken: what it does in parallel itself is done
+    by its own thread.
+    """
     work = list(items)
-    if CORES == 1 or len(work) <= 1:
+    if CORES == 1 or len(work) <= 1 or getattr(_thread, "beside_others", False):
         return [function(item) for item in work]
-    with concurrent.futures.ThreadPoolExecutor(CORES) as pool:
+    with concurrent.futures.ThreadPoolExecutor(CORES, initializer=_mark_thread) as pool:
         return list(pool.map(in_this_precision(function), work))
+
+
+def _mark_thread() -> None:
+    """This thread is one of several that share the cores."""
+    _thread.beside_others = True
 
 
 def in_this_precision(function: Callable[P, R]) -> Callable[P, R]:

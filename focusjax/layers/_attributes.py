@@ -1,11 +1,12 @@
 """What the surface is at a fragment: its face, barycentric weights, and the slope of its plane."""
 
 import dataclasses
+import functools
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from focusjax._parallel import in_parallel, parts
 from focusjax.layers._blocks import pad_rows
@@ -25,19 +26,23 @@ class SurfaceSamples:
         barycentric: weights [n, 3] of that face's corners, perspective-correct.
         slope_x: change of disparity [n] per sample to the right, along the surface's plane.
         slope_y: the same downwards.
+        inside: whether [n] the square of a sample's size around it lies inside the triangle.
     """
 
     face: np.ndarray
     barycentric: np.ndarray
     slope_x: np.ndarray
     slope_y: np.ndarray
+    inside: np.ndarray
 
 
 @jax.jit
 def _attributes(
     x: tuple[Float[Array, " n"], ...], y: tuple[Float[Array, " n"], ...], w: tuple[Float[Array, " n"], ...]
-) -> tuple[Float[Array, "n 3"], Float[Array, " n"], Float[Array, " n"]]:
-    """Weights in the clipped triangle, and slopes in x and y, at the place from which corners are counted.
+) -> tuple[Float[Array, "n 3"], Float[Array, " n"], Float[Array, " n"], Bool[Array, " n"]]:
+    """As `SurfaceSamples` has it from `barycentric` on, at the place from which corners are counted.
+
+    Weights are those in the clipped triangle.
 
     The share of corner i on screen is e_i / h_i; seen in perspective its weight is that times
     w_i / w, which is e_i (w_i / h_i) over the sum of the same.
@@ -46,7 +51,9 @@ def _attributes(
     share = [jnp.maximum(offset, 0.0) * scale for _, _, offset, scale in edges]
     slope_x, slope_y = (sum((edge[k] * edge[3] for edge in edges), jnp.zeros((), x[0].dtype)) for k in (0, 1))
     total = jnp.maximum(sum(share), jnp.finfo(x[0].dtype).tiny)
-    return jnp.stack([part / total for part in share], axis=1), slope_x, slope_y
+    reach = [offset - 0.5 * (jnp.abs(across) + jnp.abs(down)) for across, down, offset, _ in edges]
+    inside = functools.reduce(jnp.minimum, reach) >= 0
+    return jnp.stack([part / total for part in share], axis=1), slope_x, slope_y, inside
 
 
 def surface_samples(

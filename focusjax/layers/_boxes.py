@@ -43,6 +43,17 @@ class Boxes:
         columns = self.triangle, self.column, self.row, self.width, self.height
         return Boxes(*(a[index] for a in columns))
 
+    def within(self, rows: range) -> "Boxes":
+        """What of them is in some rows."""
+        under = self.row + self.height
+        index = np.flatnonzero((self.row < rows.stop) & (under > rows.start))
+        triangle, column, top, width, under = (
+            np.take(a, index) for a in (self.triangle, self.column, self.row, self.width, under)
+        )
+        np.maximum(top, np.int32(rows.start), out=top)
+        np.minimum(under, np.int32(rows.stop), out=under)
+        return Boxes(triangle, column, top, width, under - top)
+
     def portions(self, cost: Float[np.ndarray, " b"], most: float) -> Iterator["Boxes"]:
         """The same in turns that cost no more than `most`, or are of one box."""
         spent = np.cumsum(cost)
@@ -52,6 +63,13 @@ class Boxes:
             stop = max(start + 1, int(np.searchsorted(spent, before + most, side="right")))
             yield self.take(slice(start, stop))
             start = stop
+
+
+def joined(boxes: Sequence[Boxes]) -> Boxes:
+    """All boxes, one after the other."""
+    columns = ((each.triangle, each.column, each.row, each.width, each.height) for each in boxes)
+    empty = [np.zeros(0, dtype=np.int32)] * 5
+    return Boxes(*(np.concatenate(a) for a in zip(empty, *columns, strict=True)))
 
 
 def boxes_on(

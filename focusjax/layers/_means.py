@@ -12,16 +12,17 @@ import dataclasses
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt
+from jaxtyping import Bool, Float, Int
 
 from focusjax._parallel import in_parallel, parts
 from focusjax.geometry import Camera
 from focusjax.layers._attributes import SurfaceSamples
 from focusjax.layers._opacity import NEARER
-from focusjax.layers._parts import Squares, inside_one, square_parts
+from focusjax.layers._parts import Squares, square_parts
 from focusjax.layers._picture import Rasterised
 from focusjax.layers._shading import ShadedSamples, shaded
-from focusjax.scene import Scene, Shader
+from focusjax.layers._touching import Band, in_bands
+from focusjax.scene import Scene
 
 _AT_ONCE = 1 << 21
 """Samples shaded together."""
@@ -69,97 +70,54 @@ def mean_radiances(
     """
     number, count = len(surface.face), len(seen.cell)
     faces = scene.may_be_seen_through()
-    inside = inside_one(held.triangles, held.fragments, held.grid)
     several = np.ones(count, dtype=bool)
-    several[:number] = ~inside | _beside_another(held, seen.index[:number])
+    several[:number] = ~surface.inside | _beside_another(held, seen.index[:number])
     several = np.flatnonzero(several)
-    squares = _squares(held, surface, seen, inside, several, tolerance, faces)
-    asked = _Asked(held, surface, seen, several, squares, faces, gloss_apart=gloss_apart)
+    several = several[np.argsort(seen.cell[several], kind="stable")]
+    squares = _squares(held, surface, seen, several, tolerance, faces)
     per_sample = 1.0 / (float(camera.focal_px) * held.grid.supersampling)
     shader = scene.shader(camera.position)
     radiance = np.zeros((count, 3), dtype=jnp.zeros(()).dtype)
-    normals, lone = [], []
-    for part in parts(count, _AT_ONCE):
-        alone, normal = _shade_part(shader, per_sample, asked, part, radiance)
-        lone.append(alone)
-        normals.append(normal)
-    lone = np.concatenate([np.zeros(0, dtype=np.intp), *lone])
+    unseen = np.ones(count, dtype=bool)
+
+    def shade_parts(band: Band) -> None:
+        sample = several[band.squares]
+        pieces = square_parts(band, held.triangles, held.grid, squares.take(band.squares), faces)
+        width = per_sample * np.sqrt(pieces.share) / seen.disparity[sample[pieces.square]]
+        surface = pieces.surface
+        look = shaded(shader, surface.face, surface.barycentric, width, gloss_apart=gloss_apart)
+        total = np.bincount(pieces.square, pieces.share, len(sample))
+        there = np.flatnonzero(total)
+        unseen[sample[there]] = False
+        for channel in range(3):
+            light = np.bincount(pieces.square, pieces.share * look.radiance[:, channel], len(sample))
+            radiance[sample[there], channel] = light[there] / total[there]
+
+    in_bands(shade_parts, held.triangles, held.grid, squares.cell)
+    centres = np.arange(number) if gloss_apart else np.flatnonzero(unseen[:number])
+    normals = [np.zeros(0, dtype=np.uint32)]
+    for part in parts(len(centres), _AT_ONCE):
+        some = centres[part]
+        width = per_sample / seen.disparity[some]
+        look = shaded(shader, surface.face[some], surface.barycentric[some], width, gloss_apart=gloss_apart)
+        alone = unseen[some]
+        radiance[some[alone]] = look.radiance[alone]
+        if look.normal is not None:
+            normals.append(look.normal)
+    lone = number + np.flatnonzero(unseen[number:])
     radiance[lone] = radiance[seen.source[lone]]
     return ShadedSamples(radiance, np.concatenate(normals) if gloss_apart else None)
-
-
-@dataclasses.dataclass(frozen=True)
-class _Asked:
-    """Samples whose looks are asked for; what is not said here, `mean_radiances` says.
-
-    Attributes:
-        several: samples [k], increasing, whose squares may lie in several triangles.
-        squares: theirs.
-        faces: which of the scene's faces may be seen through; None if none may.
-    """
-
-    held: Rasterised
-    surface: SurfaceSamples
-    seen: Seen
-    several: Int[np.ndarray, " k"]
-    squares: Squares
-    faces: Bool[np.ndarray, " t"] | None
-    gloss_apart: bool
-
-
-def _shade_part(
-    shader: Shader, per_sample: float, asked: _Asked, part: slice, radiance: Float[np.ndarray, "n 3"]
-) -> tuple[Int[np.ndarray, " l"], UInt[np.ndarray, " h"]]:
-    """Writes the radiance of the samples `part`.
-
-    Some at a time, so that no more is held of the others than what they look like. `per_sample` is the width
-    of a sample at one metre.
-
-    Returns:
-        Samples of the fringe that no triangle covers, and packed normals of the samples held, if asked for.
-    """
-    surface, seen, held = asked.surface, asked.seen, asked.held
-    number, length = len(surface.face), part.stop - part.start
-    some = slice(*np.searchsorted(asked.several, (part.start, part.stop)))
-    chosen = asked.several[some]
-    pieces = square_parts(held.triangles, held.grid, asked.squares.take(some), asked.faces)
-    owner = chosen[pieces.square]
-    total = np.bincount(owner - part.start, pieces.share, length)
-    at_centre = max(number - part.start, 0)
-    if asked.gloss_apart:
-        centres = part.start + np.arange(min(at_centre, length))
-    else:
-        centres = part.start + np.flatnonzero(total[:at_centre] == 0)
-    width = per_sample / np.concatenate([seen.disparity[centres], seen.disparity[owner]])
-    width[len(centres) :] *= np.sqrt(pieces.share)
-    look = shaded(
-        shader,
-        np.concatenate([surface.face[centres], pieces.surface.face]),
-        np.concatenate([surface.barycentric[centres], pieces.surface.barycentric]),
-        width,
-        gloss_apart=asked.gloss_apart,
-    )
-    radiance[centres] = look.radiance[: len(centres)]
-    there = np.flatnonzero(total)
-    for channel in range(3):
-        light = pieces.share * look.radiance[len(centres) :, channel]
-        sums = np.bincount(owner - part.start, light, length)
-        radiance[part.start + there, channel] = sums[there] / total[there]
-    alone = part.start + at_centre + np.flatnonzero(total[at_centre:] == 0)
-    normal = np.zeros(0, dtype=np.uint32) if look.normal is None else look.normal[: len(centres)]
-    return alone, normal
 
 
 def _squares(
     held: Rasterised,
     surface: SurfaceSamples,
     seen: Seen,
-    inside: Bool[np.ndarray, " h"],
     several: Int[np.ndarray, " k"],
     tolerance: float,
     faces: Bool[np.ndarray, " t"] | None,
 ) -> Squares:
-    """Those of the samples `several`; `inside` says which of those held lie inside one triangle."""
+    """Those of the samples `several`, in their order."""
     low, high = (end[several] for end in _without_others(seen, tolerance))
     source = seen.source[several]
     if held.opacity is not None:
@@ -167,10 +125,11 @@ def _squares(
         low, high = low * put_back, high * put_back
     # Behind a triangle that covers all of a square nothing counts.
     behind = np.zeros_like(low)
-    number = int(np.searchsorted(several, len(surface.face)))
-    own = several[:number]
+    whole = np.flatnonzero(several < len(surface.face))
+    whole = whole[surface.inside[several[whole]]]
+    own = several[whole]
     steep = 0.5 * (np.abs(surface.slope_x[own]) + np.abs(surface.slope_y[own]))
-    behind[:number] = np.where(inside[own], (seen.disparity[own] - steep) * _HIDES, 0.0)
+    behind[whole] = (seen.disparity[own] - steep) * _HIDES
     clear = None if faces is None else faces[surface.face[source]]
     triangle = held.fragments.triangle[source]
     return Squares(seen.cell[several], np.maximum(low, behind), high, triangle, clear)

@@ -13,14 +13,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt
 
-from focusjax._parallel import in_parallel, parts
+from focusjax._parallel import in_parallel
 from focusjax.layers._attributes import SurfaceSamples, surface_samples
 from focusjax.layers._blocks import in_blocks, pad_rows, padded_length
 from focusjax.layers._clip import ScreenTriangles
-from focusjax.layers._edges import edge_functions
 from focusjax.layers._grid import Grid
-from focusjax.layers._raster import Fragments
-from focusjax.layers._touching import OFFSETS, POINTS, touching
+from focusjax.layers._touching import OFFSETS, POINTS, Band, touching
 
 _AT_ONCE = 1 << 16
 _PIECES_AT_ONCE, _MOST_IN_SQUARE = 1 << 14, 1 << 10
@@ -69,37 +67,25 @@ class Parts:
     surface: SurfaceSamples
 
 
-def inside_one(triangles: ScreenTriangles, fragments: Fragments, grid: Grid) -> Bool[np.ndarray, " f"]:
-    """Whether the square around each fragment lies inside its triangle."""
-
-    def block(part: slice) -> Bool[np.ndarray, " k"]:
-        row, column = np.divmod(fragments.sample[part], np.int32(grid.columns))
-        edges = edge_functions(*triangles.around(fragments.triangle[part], column, row), np)
-        inside = np.ones(len(row), dtype=bool)
-        for across, down, offset, _ in edges:
-            inside &= offset >= 0.5 * (np.abs(across) + np.abs(down))
-        return inside
-
-    found = in_parallel(block, parts(len(fragments.sample), _AT_ONCE))
-    return np.concatenate([np.zeros(0, dtype=bool), *found])
-
-
 def square_parts(
-    triangles: ScreenTriangles, grid: Grid, squares: Squares, clear: Bool[np.ndarray, " t"] | None
+    band: Band,
+    triangles: ScreenTriangles,
+    grid: Grid,
+    squares: Squares,
+    clear: Bool[np.ndarray, " t"] | None,
 ) -> Parts:
-    """The parts of `squares`. Those in which no triangle of their surface covers a point have none.
+    """The parts of the `squares` of a band, which are in the order of their cells.
 
-    `clear` says which of the scene's faces may be seen through; None if none may.
+    Those in which no triangle of their surface covers a point have none. `clear` says which of the scene's
+    faces may be seen through; None if none may.
     """
-    order = np.argsort(squares.cell, kind="stable")
-    found = touching(triangles, grid, squares.cell[order], squares.low[order], squares.high[order])
-    square, points = order[found.square], found.points
-    there = points > 0
+    found = touching(band, triangles, grid, squares.cell, squares.low, squares.high)
+    there = found.points > 0
     if clear is not None and squares.clear is not None:
-        there &= clear[triangles.source[found.triangle]] == squares.clear[square]
+        there &= clear[triangles.source[found.triangle]] == squares.clear[found.square]
     there = np.flatnonzero(there)
-    square, points, triangle = square[there], points[there], found.triangle[there]
-    overlapping = _overlapping(square, points, len(order))
+    square, points, triangle = (np.take(a, there) for a in (found.square, found.points, found.triangle))
+    overlapping = _overlapping(square, points, len(squares.cell))
     points[overlapping] = _where_nearest(
         points[overlapping],
         [values[there[overlapping]] for values in found.plane],

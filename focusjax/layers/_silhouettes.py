@@ -17,7 +17,7 @@ from focusjax.layers._cells import line_code
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._grid import Grid
 from focusjax.layers._joins import NEIGHBOURS, UNJOINED, Joins, Planes
-from focusjax.layers._touching import OFFSETS, POINTS, touching
+from focusjax.layers._touching import OFFSETS, POINTS, Band, in_bands, touching
 
 _SIDES = 4
 
@@ -126,11 +126,17 @@ def _covered_points(
 ) -> tuple[UInt[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
     """Points of each square that its surface covers, a bit each, and whether it covers the centre."""
     order = np.argsort(squares.cell, kind="stable")
-    low, high = squares.low[order] - tolerance, squares.high[order] + tolerance
-    found = touching(triangles, grid, squares.cell[order], low, high)
-    square = order[found.square]
+    cell, low, high = (a[order] for a in (squares.cell, squares.low - tolerance, squares.high + tolerance))
     together = np.zeros(len(order), dtype=np.uint32)
-    np.bitwise_or.at(together, square, found.points)
     at_centre = np.zeros(len(order), dtype=bool)
-    at_centre[square[found.centre]] = True
-    return together, at_centre
+
+    def look(band: Band) -> None:
+        mine = band.squares
+        found = touching(band, triangles, grid, cell[mine], low[mine], high[mine])
+        np.bitwise_or.at(together[mine], found.square, found.points)
+        at_centre[mine][found.square[found.centre]] = True
+
+    in_bands(look, triangles, grid, cell)
+    points, centre = np.empty_like(together), np.empty_like(at_centre)
+    points[order], centre[order] = together, at_centre
+    return points, centre

@@ -5,25 +5,32 @@ is then looked at in 32 points.
 """
 
 import dataclasses
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt
 
+from focusjax import _parallel
 from focusjax._parallel import in_parallel
 from focusjax.layers._blocks import in_blocks, pad_rows
-from focusjax.layers._boxes import Boxes, boxes_on
+from focusjax.layers._boxes import Boxes, boxes_on, joined
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._edges import Edges, edge_functions
 from focusjax.layers._grid import Grid
+
+T = TypeVar("T")
 
 POINTS = 32
 _SAMPLES_AT_ONCE = 1 << 20
 """In the boxes that one call looks at, of which one may be larger."""
 _BOXES_AT_ONCE, _PAIRS_AT_ONCE = 1 << 15, 1 << 15
-"""In one call of the compiled program; there are no more boxes in a part of `boxes_on`."""
+"""In one call of the compiled program."""
+_LEAST_AT_ONCE, _MOST_AT_ONCE = 1 << 14, 1 << 17
+"""Squares in a band, if its rows have no more."""
 _SLACK = 1e-5
 """Samples by which a triangle is fattened, so that rounding loses nothing."""
 _GRID_AT_ONCE = 1 << 22
@@ -40,6 +47,21 @@ def _points() -> Float[np.ndarray, "points 2"]:
 
 
 OFFSETS = _points()
+
+
+@dataclasses.dataclass(frozen=True)
+class Band:
+    """Squares in some rows of the grid.
+
+    Attributes:
+        squares: which of all squares.
+        rows: of the grid.
+        boxes: of all triangles that may touch one of them, and of others.
+    """
+
+    squares: slice
+    rows: range
+    boxes: Boxes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,7 +83,50 @@ class Touching:
     plane: tuple[np.ndarray, ...]
 
 
+def in_bands(
+    function: Callable[[Band], T], triangles: ScreenTriangles, grid: Grid, cell: Int[np.ndarray, " s"]
+) -> list[T]:
+    """What `function` makes of squares at the grid samples `cell`, some rows at a time, on all cores.
+
+    `cell` is in increasing order; several squares may be in one place.
+    """
+    rows = max(1, _GRID_AT_ONCE // grid.columns)
+    first = int(cell[0]) // grid.columns if len(cell) else grid.rows
+    made: list[T] = []
+    while first < grid.rows:
+        end = min(first + rows, grid.rows)
+        start, stop = (int(k) for k in np.searchsorted(cell, (first * grid.columns, end * grid.columns)))
+        if start < stop:
+            wanted = np.zeros((end - first, grid.columns), dtype=bool)
+            wanted.reshape(-1)[cell[start:stop] - first * grid.columns] = True
+            boxes = joined(boxes_on(grid, triangles, wanted=wanted, first_row=first))
+            made += in_parallel(function, _bands(boxes, range(first, end), grid, cell, start, stop))
+        # Nothing is looked at of rows without squares.
+        first = int(cell[stop]) // grid.columns if stop < len(cell) else grid.rows
+    return made
+
+
+def _bands(
+    boxes: Boxes, rows: range, grid: Grid, cell: Int[np.ndarray, " s"], start: int, stop: int
+) -> list[Band]:
+    """The squares from `start` to `stop`, which are those in `rows`, in bands of about as many."""
+    # As many for each core, so that none waits for long.
+    at_once = -(-(stop - start) // _parallel.CORES)
+    at_once = max(-(-at_once // -(-at_once // _MOST_AT_ONCE)), _LEAST_AT_ONCE)
+    ends = np.unique(cell[start + at_once : stop : at_once] // grid.columns)
+    ends = [rows.start, *(int(row) for row in ends if row > rows.start), rows.stop]
+    places = np.searchsorted(cell, np.multiply(ends, grid.columns))
+    return [
+        Band(slice(int(first), int(last)), range(top, under), boxes)
+        for (first, last), (top, under) in zip(
+            itertools.pairwise(places), itertools.pairwise(ends), strict=True
+        )
+        if first < last
+    ]
+
+
 def touching(
+    band: Band,
     triangles: ScreenTriangles,
     grid: Grid,
     cell: Int[np.ndarray, " s"],
@@ -71,41 +136,18 @@ def touching(
     """What triangles cover of squares at whose centres their disparity is between `low` and `high`.
 
     Args:
+        band: the squares' rows.
         triangles: on the grid.
         grid: theirs.
-        cell: the grid sample of each square, in increasing order. Several may be in one place.
+        cell: the grid sample of each square of the band, in increasing order. Several may be in one place.
         low: least disparity at each.
         high: largest disparity at each.
     """
-    rows = max(1, _GRID_AT_ONCE // grid.columns)
-    first = int(cell[0]) // grid.columns if len(cell) else grid.rows
-    pieces = [_nothing()]
-    while first < grid.rows:
-        band = range(first, min(first + rows, grid.rows))
-        mine = slice(*np.searchsorted(cell, (first * grid.columns, band.stop * grid.columns)))
-        if mine.start < mine.stop:
-            square, *others = _touching_in(band, triangles, grid, cell[mine], low[mine], high[mine])
-            pieces.append([square + np.int32(mine.start), *others])
-        # Nothing is looked at of rows without squares.
-        first = int(cell[mine.stop]) // grid.columns if mine.stop < len(cell) else grid.rows
-    square, triangle, points, centre, *plane = (np.concatenate(a) for a in zip(*pieces, strict=True))
-    return Touching(square, triangle, points, centre, tuple(plane))
-
-
-def _touching_in(
-    band: range,
-    triangles: ScreenTriangles,
-    grid: Grid,
-    cell: Int[np.ndarray, " s"],
-    low: Float[np.ndarray, " s"],
-    high: Float[np.ndarray, " s"],
-) -> list[np.ndarray]:
-    """The columns of what `touching` returns, for squares in the rows `band`."""
     low, high = low.astype(np.float32), high.astype(np.float32)
-    cell = (cell - band.start * grid.columns).astype(np.int32)
-    before = np.zeros(len(band) * grid.columns + 1, dtype=np.int32)
+    cell = (cell - band.rows.start * grid.columns).astype(np.int32)
+    shape = len(band.rows), grid.columns
+    before = np.zeros(shape[0] * shape[1] + 1, dtype=np.int32)
     np.cumsum(np.bincount(cell, minlength=len(before) - 1), out=before[1:])
-    wanted = (np.diff(before) > 0).reshape(len(band), grid.columns)
 
     def some(boxes: Boxes) -> tuple[np.ndarray, ...]:
         corners = triangles.around(boxes.triangle, boxes.column, boxes.row)
@@ -114,14 +156,22 @@ def _touching_in(
         down = np.arange(len(line), dtype=np.int32)
         down -= np.take(np.cumsum(boxes.height, dtype=np.int32) - boxes.height, line)
         first, end = _covered_lines(boxes, edges, line, down)
-        start = np.take(_first_of(boxes, band, grid), line)
+        start = np.take(_first_of(boxes, band.rows, grid), line)
         start += down * np.int32(grid.columns)
         # The squares in a line come one after the other.
         begin, times = np.take(before, start + first), np.take(before, start + end)
         times -= begin
         begin -= np.cumsum(times, dtype=np.int32) - times
-        pair = np.repeat(np.arange(len(line), dtype=np.int32), times)
-        square = np.arange(len(pair), dtype=np.int32) + np.take(begin, pair)
+        square = np.repeat(begin, times)
+        square += np.arange(len(square), dtype=np.int32)
+        # Most are of other surfaces.
+        nearest, farthest = np.take(high, square), np.take(low, square)
+        least, most = (np.take(end.astype(np.float32), line) for end in _extremes(corners[2]))
+        meant = np.repeat(least, times) <= nearest
+        meant &= np.repeat(most, times) >= farthest
+        meant = np.flatnonzero(meant)
+        square, nearest, farthest = (np.take(a, meant) for a in (square, nearest, farthest))
+        pair = np.take(np.repeat(np.arange(len(line), dtype=np.int32), times), meant)
         box, below = np.take(line, pair), np.take(down, pair)
         right = np.take(cell, square) - np.take(start, pair)
         table = _table(edges, corners[2])
@@ -129,19 +179,17 @@ def _touching_in(
         def program(*pairs: Array) -> tuple[Array, ...]:
             return _covered(table, *pairs)
 
-        pairs = box, right, below, np.take(low, square), np.take(high, square)
-        covered = in_blocks(program, pairs, _PAIRS_AT_ONCE)
+        covered = in_blocks(program, (box, right, below, farthest, nearest), _PAIRS_AT_ONCE)
         kept = np.flatnonzero((covered[0] > 0) | covered[1])
         triangle = np.take(boxes.triangle, np.take(box, kept))
         return np.take(square, kept), triangle, *(np.take(a, kept) for a in covered)
 
-    farthest = _least_disparities(wanted.shape, cell, low)
-    work = [
-        less
-        for part in boxes_on(grid, triangles, wanted=wanted, first_row=band.start)
-        for less in _not_behind(part, triangles, _first_of(part, band, grid), farthest)
-    ]
-    return [np.concatenate(a) for a in zip(_nothing(), *in_parallel(some, work), strict=True)]
+    least = _least_disparities(shape, cell, low)
+    boxes = band.boxes.within(band.rows)
+    work = _not_behind(boxes, triangles, _first_of(boxes, band.rows, grid), least)
+    pieces = [_nothing(), *in_parallel(some, work)]
+    square, triangle, points, centre, *plane = (np.concatenate(a) for a in zip(*pieces, strict=True))
+    return Touching(square, triangle, points, centre, tuple(plane))
 
 
 def _nothing() -> list[np.ndarray]:
@@ -150,9 +198,9 @@ def _nothing() -> list[np.ndarray]:
     return [np.zeros(0, dtype=each) for each in kinds]
 
 
-def _first_of(boxes: Boxes, band: range, grid: Grid) -> Int[np.ndarray, " b"]:
-    """The first sample of each box, counted from the first of the rows `band`."""
-    return (boxes.row - np.int32(band.start)) * np.int32(grid.columns) + boxes.column
+def _first_of(boxes: Boxes, rows: range, grid: Grid) -> Int[np.ndarray, " b"]:
+    """The first sample of each box, counted from the first of `rows`."""
+    return (boxes.row - np.int32(rows.start)) * np.int32(grid.columns) + boxes.column
 
 
 def _least_disparities(
@@ -188,7 +236,8 @@ def _not_behind(
         mine = np.flatnonzero((edge <= 2 << level) & (edge > (1 << level if level else 0)))
         kept[mine] = nearest[mine] >= np.take(least, place[mine])
     boxes = boxes.take(np.flatnonzero(kept))
-    return list(boxes.portions(boxes.samples, _SAMPLES_AT_ONCE))
+    cost = np.maximum(boxes.samples, _SAMPLES_AT_ONCE / _BOXES_AT_ONCE)
+    return list(boxes.portions(cost, _SAMPLES_AT_ONCE))
 
 
 def _table(edges: Edges, w: Sequence[np.ndarray]) -> Float[Array, "14 boxes"]:

@@ -131,13 +131,15 @@ def references(lens: Prescription) -> dict:
 
 
 def indices() -> dict[str, list[float]]:
-    """Of all glasses of the table, at the three wavelengths."""
+    """Of all glasses of the table that Optiland's catalogue has by maker and name, at the three wavelengths."""
     database = Path(optiland.__file__).parent / "database/data-nk/glass"
     found = {}
     for row in csv.DictReader(TABLE.read_text().splitlines()):
         # By file: two names of its index lead to other glasses.
-        glass = MaterialFile(str(database / row["maker"] / f"{row['glass']}.yml"))
-        found[row["glass"]] = [float(np.squeeze(glass.n(wavelength * 1e-3))) for wavelength in WAVELENGTHS]
+        file = database / row["maker"] / f"{row['glass']}.yml"
+        if file.exists():
+            glass = MaterialFile(str(file))
+            found[row["glass"]] = [float(np.squeeze(glass.n(wave * 1e-3))) for wave in WAVELENGTHS]
     return found
 
 

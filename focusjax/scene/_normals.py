@@ -1,18 +1,24 @@
 """Shading normals of meshes that have none: smooth across shallow edges, split at sharp ones."""
 
+import functools
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-_PAIRS_AT_ONCE = 2_000_000
+from focusjax._parallel import in_parallel, parts
+
+_PAIRS_AT_ONCE = 1 << 17
+_FACES_AT_ONCE = 1 << 14
+_ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
 
 
 def face_normals(corners: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray, "t 3"]:
     """Unit normals, counter-clockwise seen from outside; zero for triangles without area."""
-    edges = corners - corners[:, :1]
+    edges = corners[:, 1:] - corners[:, :1]
     # Scaling first keeps the products of tiny triangles from underflowing.
-    longest = np.abs(edges).max(axis=(1, 2))
-    edges = edges / np.where(longest == 0.0, 1.0, longest)[:, None, None]
-    return unit_rows(np.cross(edges[:, 1], edges[:, 2]))
+    longest = functools.reduce(np.maximum, np.abs(edges).reshape(-1, 6).T)
+    edges /= np.where(longest == 0.0, 1.0, longest)[:, None, None]
+    return unit_rows(np.cross(edges[:, 0], edges[:, 1]))
 
 
 def smooth_normals(
@@ -29,30 +35,46 @@ def smooth_normals(
         faces: vertex numbers.
         smooth_angle: degrees; 0 gives flat facets, 180 a wholly smooth surface.
     """
-    corners = vertices[faces]
-    normals = face_normals(corners)
+    chunks = parts(len(faces), _FACES_AT_ONCE)
+    flat = [slice(3 * chunk.start, 3 * chunk.stop) for chunk in chunks]
+
+    def weigh(chunk: slice) -> tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "c 3"]]:
+        corners = vertices[faces[chunk]]
+        normals = face_normals(corners)
+        return normals, (_corner_angles(corners)[..., None] * normals[:, None, :]).reshape(-1, 3)
+
+    normals, weighted = (np.concatenate(a) for a in zip(*in_parallel(weigh, chunks), strict=True))
     place = _places(vertices)[faces].ravel()
-    weighted = (_corner_angles(corners)[..., None] * normals[:, None, :]).reshape(-1, 3)
-    sums = np.stack([np.bincount(place, weighted[:, axis]) for axis in range(3)], axis=1)
+    sums = np.stack(in_parallel(lambda axis: np.bincount(place, weighted[:, axis]), range(3)), axis=1)
     mean = unit_rows(sums)
-    owner = np.repeat(np.arange(len(faces)), 3)
-    own = normals[owner]
-    result = mean[place]
 
     # Where all faces lie within half the angle of the mean, each pair is within the whole angle,
     # and the mean is the answer. Only the other places need a look at pairs of faces.
     limit = np.cos(np.deg2rad(smooth_angle))
-    real = directed(normals)[owner]
-    closeness = np.where(real, np.einsum("ij,ij->i", own, result), 1.0)
+    result = np.empty((len(place), 3))
     least = np.ones(len(sums))
-    np.minimum.at(least, place, closeness)
-    creased = np.flatnonzero((least < np.cos(np.deg2rad(smooth_angle / 2)))[place] & real)
-    result[creased] = _creased(place, weighted, own, creased, limit)
+    real = directed(normals)
+
+    def compare(chunk: slice) -> Float[np.ndarray, " c"]:
+        corners = slice(3 * chunk.start, 3 * chunk.stop)
+        result[corners] = mean[place[corners]]
+        closeness = np.einsum("ij,ij->i", np.repeat(normals[chunk], 3, axis=0), result[corners])
+        return np.where(np.repeat(real[chunk], 3), closeness, 1.0)
+
+    for corners, closeness in zip(flat, in_parallel(compare, chunks), strict=True):
+        np.minimum.at(least, place[corners], closeness)
+    sharp = least < np.cos(np.deg2rad(smooth_angle / 2))
+    # Those at one place with any that are looked at are among the candidates.
+    candidates = np.flatnonzero(sharp[place])
+    own = normals[candidates // 3]
+    wanted = np.flatnonzero(real[candidates // 3])
+    result[candidates[wanted]] = _creased(place[candidates], weighted[candidates], own, wanted, limit)
 
     missing = np.flatnonzero(~directed(result))
-    result[missing] = own[missing]
+    own = normals[missing // 3]
     # A triangle without area has no direction at all; up is as good as any and finite.
-    result[missing[~directed(own[missing])]] = (0.0, 1.0, 0.0)
+    own[~directed(own)] = (0.0, 1.0, 0.0)
+    result[missing] = own
     return result.reshape(-1, 3, 3)
 
 
@@ -74,8 +96,17 @@ def unit_rows(rows: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
 def _places(vertices: Float[np.ndarray, "v 3"]) -> Int[np.ndarray, "v"]:
     """A number for each vertex, the same for vertices at the same position."""
     # Adding zero turns -0.0 into 0.0, which are equal but have different bytes.
-    rows = np.ascontiguousarray(vertices + 0.0).view(np.dtype((np.void, 24))).ravel()
-    return np.unique(rows, return_inverse=True)[1].ravel()
+    rows = np.ascontiguousarray(vertices + 0.0)
+    # By a hash first, as whole numbers sort more quickly than rows; two may have the same by chance.
+    bits = rows.view(np.uint64)
+    # What is low in simple numbers is nothing but zeros.
+    mixed = (bits ^ (bits >> np.uint64(29))) * _ODD
+    hashed = mixed[:, 0] + mixed[:, 1] + mixed[:, 2]
+    _, first, number = np.unique(hashed, return_index=True, return_inverse=True)
+    number = number.ravel()
+    if (rows == rows[first[number]]).all():
+        return number
+    return np.unique(rows.view(np.dtype((np.void, 24))).ravel(), return_inverse=True)[1].ravel()
 
 
 def _corner_angles(corners: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray, "t 3"]:
@@ -97,21 +128,24 @@ def _creased(
     order = np.argsort(place, kind="stable")
     count = np.bincount(place)
     first = np.cumsum(count) - count
-    result = np.zeros((len(wanted), 3))
     partners = count[place[wanted]]
     ends = np.cumsum(partners)
-    start = 0
+
+    def some(part: slice) -> Float[np.ndarray, "k 3"]:
+        number = partners[part]
+        row = np.repeat(np.arange(len(number)), number)
+        within = np.arange(len(row)) - np.repeat(np.cumsum(number) - number, number)
+        other = order[first[place[wanted[part]]][row] + within]
+        # The rounding allowance keeps coplanar neighbours together at an angle of zero.
+        alike = np.einsum("ij,ij->i", own[wanted[part]][row], own[other]) >= limit - 1e-6
+        kept = weighted[other] * alike[:, None]
+        sums = [np.bincount(row, kept[:, axis], minlength=len(number)) for axis in range(3)]
+        return np.stack(sums, axis=1)
+
+    chunks, start = [], 0
     while start < len(wanted):
         done = ends[start - 1] if start else 0
         stop = max(start + 1, int(np.searchsorted(ends, done + _PAIRS_AT_ONCE)))
-        number = partners[start:stop]
-        row = np.repeat(np.arange(stop - start), number)
-        within = np.arange(len(row)) - np.repeat(np.cumsum(number) - number, number)
-        other = order[first[place[wanted[start:stop]]][row] + within]
-        # The rounding allowance keeps coplanar neighbours together at an angle of zero.
-        alike = np.einsum("ij,ij->i", own[wanted[start:stop]][row], own[other]) >= limit - 1e-6
-        kept = weighted[other] * alike[:, None]
-        for axis in range(3):
-            result[start:stop, axis] = np.bincount(row, kept[:, axis], minlength=stop - start)
+        chunks.append(slice(start, stop))
         start = stop
-    return unit_rows(result)
+    return unit_rows(np.concatenate([np.zeros((0, 3)), *in_parallel(some, chunks)]))

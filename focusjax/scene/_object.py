@@ -1,5 +1,6 @@
 """One placed object of a scene: triangles in world metres with all that shading needs."""
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -281,7 +282,7 @@ def _split(
     first = np.full(count, -1)
     first[flat[::-1]] = np.arange(len(flat))[::-1]
     # A corner that agrees with the first corner of its vertex shares it; others get their own.
-    shared = (np.abs(rows - rows[first[flat]]) < 1e-9).all(axis=1)
+    shared = functools.reduce(np.logical_and, (np.abs(rows - rows[first[flat]]) < 1e-9).T)
     used = np.flatnonzero(first >= 0)
     number = np.full(count, -1)
     number[used] = np.arange(len(used))

@@ -7,8 +7,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from focusjax._arguments import ArgumentError
+from focusjax._parallel import parts
 from focusjax.scene._material import Material
 
+_FACES_AT_ONCE = 1 << 14
 _FARTHEST = 1e12
 """Metres from the origin within which single precision still separates directions after squaring."""
 _SMALLEST = 1e-12
@@ -97,11 +99,16 @@ def check_placed(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "t 3
             f"{what} reaches {farthest:.3g} m from the origin; expected at most {_FARTHEST:g} m, so check its"
             " scale, or make it part of the background"
         )
-    first, second, third = (vertices[corner] for corner in faces.T)
-    doubled = np.linalg.norm(np.cross(second - first, third - first), axis=1)
-    longest = np.maximum(np.linalg.norm(second - first, axis=1), np.linalg.norm(third - first, axis=1))
-    if not (doubled > 1e-12 * longest**2).any():
+    if not any(_has_area(vertices[faces[some]]) for some in parts(len(faces), _FACES_AT_ONCE)):
         raise ValueError(
             f"{what} has no area: its triangles ({len(faces)}) are lines or points; repair the mesh, or"
             " its scale"
         )
+
+
+def _has_area(corners: Float[np.ndarray, "t 3 3"]) -> bool:
+    """Whether any of some triangles is more than a line or a point."""
+    first, second, third = corners.transpose(1, 0, 2)
+    doubled = np.linalg.norm(np.cross(second - first, third - first), axis=1)
+    longest = np.maximum(np.linalg.norm(second - first, axis=1), np.linalg.norm(third - first, axis=1))
+    return bool((doubled > 1e-12 * longest**2).any())

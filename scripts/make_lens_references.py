@@ -131,7 +131,7 @@ def references(lens: Prescription) -> dict:
 
 
 def indices() -> dict[str, list[float]]:
-    """Of all glasses of the table that Optiland's catalogue has by maker and name, at the three wavelengths."""
+    """Of the glasses of the table that Optiland has by maker and name, at the three wavelengths."""
     database = Path(optiland.__file__).parent / "database/data-nk/glass"
     found = {}
     for row in csv.DictReader(TABLE.read_text().splitlines()):

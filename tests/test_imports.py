@@ -21,7 +21,7 @@ ALLOWED = {
         "_whole_file",
         "_words",
     },
-    "scene": {"geometry", "_arguments", "_kept", "_quiet_exr", "_words"},
+    "scene": {"geometry", "_arguments", "_kept", "_parallel", "_quiet_exr", "_words"},
     "photo": {"geometry", "scene", "_arguments"},
     "focus": {"geometry", "lens", "_arguments", "_counts", "_settings", "_words"},
     "layers": {

@@ -131,14 +131,13 @@ def references(lens: Prescription) -> dict:
 
 
 def indices() -> dict[str, list[float]]:
-    """Of the glasses of the table that Optiland has by maker and name, at the three wavelengths."""
+    """Of the glasses of the table, but for crystals and plastics, at the three wavelengths."""
     database = Path(optiland.__file__).parent / "database/data-nk/glass"
     found = {}
     for row in csv.DictReader(TABLE.read_text().splitlines()):
-        # By file: two names of its index lead to other glasses.
-        file = database / row["maker"] / f"{row['glass']}.yml"
-        if file.exists():
-            glass = MaterialFile(str(file))
+        if row["maker"] != "other":
+            # By file: two names of its index lead to other glasses.
+            glass = MaterialFile(str(database / row["maker"] / f"{row['glass']}.yml"))
             found[row["glass"]] = [float(np.squeeze(glass.n(wave * 1e-3))) for wave in WAVELENGTHS]
     return found
 

@@ -58,15 +58,20 @@ def wide_lens(camera: Camera, *, pixels_per_dioptre: float = 12.0, focus: float 
     return ThinLens(jnp.array(focus), jnp.array(pixels_per_dioptre / float(camera.focal_px)))
 
 
-@cache
-def varied_scene() -> Scene:
-    """A ball in focus, one on the border, a bar close to the lens, a steep floor, a wall, a bright sky."""
+def varied_objects() -> list[SceneObject]:
+    """A ball in focus, one on the border, a bar close to the lens, a steep floor, a wall."""
     camera = front_camera()
     floor = patch("floor", camera, (-8, 14, 40, 30), (0.15, 0.15, 1.2, 1.2), (0.3, 0.5, 0.2))
     bar = patch("bar", camera, (8.3, -20, 10.6, 60), 1.0, (0.9, 0.4, 0.1))
     wall = patch("wall", camera, (12.2, -30, 60, 60), 0.12, (0.2, 0.2, 0.6))
     balls = [ball("ball", (0.25, 0.1, -2.0), 0.35, 0), ball("border", (-0.75, 0.25, -1.6), 0.3, 1)]
-    return make_scene([floor, bar, wall, *balls], background=constant_background(1.0), unlit=True)
+    return [floor, bar, wall, *balls]
+
+
+@cache
+def varied_scene() -> Scene:
+    """`varied_objects` before a bright sky, unlit."""
+    return make_scene(varied_objects(), background=constant_background(1.0), unlit=True)
 
 
 @cache

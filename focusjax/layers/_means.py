@@ -25,7 +25,7 @@ from focusjax.layers._touching import Band, in_bands
 from focusjax.scene import Scene
 
 _AT_ONCE = 1 << 21
-"""Samples shaded together."""
+"""Samples shaded at their centres together."""
 _HIDES = 1.0 - 1e-4
 """Of a surface's disparity: what is nearer than this may lie in the same place."""
 

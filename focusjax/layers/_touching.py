@@ -30,7 +30,9 @@ _SAMPLES_AT_ONCE = 1 << 20
 _BOXES_AT_ONCE, _PAIRS_AT_ONCE = 1 << 15, 1 << 15
 """In one call of the compiled program."""
 _LEAST_AT_ONCE, _MOST_AT_ONCE = 1 << 14, 1 << 17
-"""Squares in a band, if its rows have no more."""
+"""Squares in a band, as far as whole rows have so many."""
+_THREADS = 8
+"""At most: more wait longer for Python's lock than they help."""
 _SLACK = 1e-5
 """Samples by which a triangle is fattened, so that rounding loses nothing."""
 _GRID_AT_ONCE = 1 << 22
@@ -86,7 +88,7 @@ class Touching:
 def in_bands(
     function: Callable[[Band], T], triangles: ScreenTriangles, grid: Grid, cell: Int[np.ndarray, " s"]
 ) -> list[T]:
-    """What `function` makes of squares at the grid samples `cell`, some rows at a time, on all cores.
+    """What `function` makes of squares at the grid samples `cell`, some rows at a time, on several cores.
 
     `cell` is in increasing order; several squares may be in one place.
     """
@@ -100,7 +102,9 @@ def in_bands(
             wanted = np.zeros((end - first, grid.columns), dtype=bool)
             wanted.reshape(-1)[cell[start:stop] - first * grid.columns] = True
             boxes = joined(boxes_on(grid, triangles, wanted=wanted, first_row=first))
-            made += in_parallel(function, _bands(boxes, range(first, end), grid, cell, start, stop))
+            made += in_parallel(
+                function, _bands(boxes, range(first, end), grid, cell, start, stop), threads=_THREADS
+            )
         # Nothing is looked at of rows without squares.
         first = int(cell[stop]) // grid.columns if stop < len(cell) else grid.rows
     return made
@@ -110,9 +114,12 @@ def _bands(
     boxes: Boxes, rows: range, grid: Grid, cell: Int[np.ndarray, " s"], start: int, stop: int
 ) -> list[Band]:
     """The squares from `start` to `stop`, which are those in `rows`, in bands of about as many."""
-    # As many for each core, so that none waits for long.
-    at_once = -(-(stop - start) // _parallel.CORES)
-    at_once = max(-(-at_once // -(-at_once // _MOST_AT_ONCE)), _LEAST_AT_ONCE)
+    squares, threads = stop - start, min(_parallel.CORES, _THREADS)
+    count = max(squares // _LEAST_AT_ONCE, 1)
+    if count > threads:
+        # As many for each thread, so that none waits for long.
+        count = threads * -(-squares // (threads * _MOST_AT_ONCE))
+    at_once = -(-squares // count)
     ends = np.unique(cell[start + at_once : stop : at_once] // grid.columns)
     ends = [rows.start, *(int(row) for row in ends if row > rows.start), rows.stop]
     places = np.searchsorted(cell, np.multiply(ends, grid.columns))
@@ -136,7 +143,7 @@ def touching(
     """What triangles cover of squares at whose centres their disparity is between `low` and `high`.
 
     Args:
-        band: the squares' rows.
+        band: the squares' rows, and the boxes of triangles that may touch them.
         triangles: on the grid.
         grid: theirs.
         cell: the grid sample of each square of the band, in increasing order. Several may be in one place.

@@ -35,7 +35,7 @@ def smooth_normals(
         faces: vertex numbers.
         smooth_angle: degrees; 0 gives flat facets, 180 a wholly smooth surface.
     """
-    chunks = parts(len(faces), _FACES_AT_ONCE)
+    chunks = parts(len(faces), _FACES_AT_ONCE) or [slice(0, 0)]
     flat = [slice(3 * chunk.start, 3 * chunk.stop) for chunk in chunks]
 
     def weigh(chunk: slice) -> tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "c 3"]]:
@@ -45,7 +45,9 @@ def smooth_normals(
 
     normals, weighted = (np.concatenate(a) for a in zip(*in_parallel(weigh, chunks), strict=True))
     place = _places(vertices)[faces].ravel()
-    sums = np.stack(in_parallel(lambda axis: np.bincount(place, weighted[:, axis]), range(3)), axis=1)
+    # Threads take longer to start than a small mesh takes.
+    every = map if len(chunks) == 1 else in_parallel
+    sums = np.stack(list(every(lambda axis: np.bincount(place, weighted[:, axis]), range(3))), axis=1)
     mean = unit_rows(sums)
 
     # Where all faces lie within half the angle of the mean, each pair is within the whole angle,
@@ -99,7 +101,7 @@ def _places(vertices: Float[np.ndarray, "v 3"]) -> Int[np.ndarray, "v"]:
     rows = np.ascontiguousarray(vertices + 0.0)
     # By a hash first, as whole numbers sort more quickly than rows; two may have the same by chance.
     bits = rows.view(np.uint64)
-    # What is low in simple numbers is nothing but zeros.
+    # Simple numbers have zeros in their low bits, which a product would keep.
     mixed = (bits ^ (bits >> np.uint64(29))) * _ODD
     hashed = mixed[:, 0] + mixed[:, 1] + mixed[:, 2]
     _, first, number = np.unique(hashed, return_index=True, return_inverse=True)

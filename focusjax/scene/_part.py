@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from focusjax import _parallel
 from focusjax._arguments import ArgumentError
-from focusjax._parallel import parts
 from focusjax.scene._material import Material
 
 _FACES_AT_ONCE = 1 << 14
@@ -99,7 +99,7 @@ def check_placed(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "t 3
             f"{what} reaches {farthest:.3g} m from the origin; expected at most {_FARTHEST:g} m, so check its"
             " scale, or make it part of the background"
         )
-    if not any(_has_area(vertices[faces[some]]) for some in parts(len(faces), _FACES_AT_ONCE)):
+    if not any(_has_area(vertices[faces[some]]) for some in _parallel.parts(len(faces), _FACES_AT_ONCE)):
         raise ValueError(
             f"{what} has no area: its triangles ({len(faces)}) are lines or points; repair the mesh, or"
             " its scale"

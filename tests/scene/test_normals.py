@@ -71,3 +71,16 @@ def test_normals_that_cancel_out_fall_back_to_the_face():
     normals = smooth_normals(vertices, np.array([[0, 1, 2], [0, 2, 1]]), 180.0)
     np.testing.assert_allclose(normals[0], np.tile([0, 0, 1.0], (3, 1)), atol=1e-12)
     np.testing.assert_allclose(normals[1], np.tile([0, 0, -1.0], (3, 1)), atol=1e-12)
+
+
+def test_neither_chunks_nor_collisions_change_anything(monkeypatch):
+    random = np.random.default_rng(3)
+    # Places that are shared, as they are rounded, and both zeros.
+    vertices = random.normal(size=(300, 3)).round(1) * random.choice([-1.0, 1.0], (300, 3))
+    faces = random.integers(0, 300, (900, 3))
+    whole = smooth_normals(vertices, faces, 40.0)
+    monkeypatch.setattr("focusjax.scene._normals._FACES_AT_ONCE", 70)
+    np.testing.assert_array_equal(smooth_normals(vertices, faces, 40.0), whole)
+    # All hashes are 0.
+    monkeypatch.setattr("focusjax.scene._normals._ODD", np.zeros(3, dtype=np.uint64))
+    np.testing.assert_array_equal(smooth_normals(vertices, faces, 40.0), whole)

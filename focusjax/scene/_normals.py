@@ -36,7 +36,6 @@ def smooth_normals(
         smooth_angle: degrees; 0 gives flat facets, 180 a wholly smooth surface.
     """
     chunks = parts(len(faces), _FACES_AT_ONCE) or [slice(0, 0)]
-    flat = [slice(3 * chunk.start, 3 * chunk.stop) for chunk in chunks]
 
     def weigh(chunk: slice) -> tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "c 3"]]:
         corners = vertices[faces[chunk]]
@@ -57,13 +56,14 @@ def smooth_normals(
     least = np.ones(len(sums))
     real = directed(normals)
 
-    def compare(chunk: slice) -> Float[np.ndarray, " c"]:
-        corners = slice(3 * chunk.start, 3 * chunk.stop)
+    def compare(corners: slice) -> Float[np.ndarray, " c"]:
         result[corners] = mean[place[corners]]
-        closeness = np.einsum("ij,ij->i", np.repeat(normals[chunk], 3, axis=0), result[corners])
-        return np.where(np.repeat(real[chunk], 3), closeness, 1.0)
+        face = np.arange(corners.start, corners.stop) // 3
+        closeness = np.einsum("ij,ij->i", normals[face], result[corners])
+        return np.where(real[face], closeness, 1.0)
 
-    for corners, closeness in zip(flat, in_parallel(compare, chunks), strict=True):
+    of_corners = [slice(3 * chunk.start, 3 * chunk.stop) for chunk in chunks]
+    for corners, closeness in zip(of_corners, in_parallel(compare, of_corners), strict=True):
         np.minimum.at(least, place[corners], closeness)
     sharp = least < np.cos(np.deg2rad(smooth_angle / 2))
     # Those at one place with any that are looked at are among the candidates.

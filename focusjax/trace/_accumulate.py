@@ -14,6 +14,7 @@ from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._devices import rays_at_once, summed_over
+from focusjax.trace._few import sum_of_few
 from focusjax.trace._groups import RayGroups, SomeGroups
 from focusjax.trace._radiances import Seen, TracedScene, seen_along
 from focusjax.trace._ranges import DisparityRanges
@@ -35,11 +36,11 @@ class PixelSums(eqx.Module):
 
     def brought(self) -> Float[Array, "p 3"]:
         """Weight times radiance up to white, of all bins."""
-        return self.binned[..., :3].sum(axis=0)
+        return sum_of_few(self.binned[..., :3])
 
     def light(self) -> Float[Array, "p 3"]:
         """Weight of all bins."""
-        return jnp.broadcast_to(self.binned[..., 3:].sum(axis=0), self.over.shape)
+        return jnp.broadcast_to(sum_of_few(self.binned[..., 3:]), self.over.shape)
 
 
 def no_sums(kinds: int, pixels: int, lens: AbstractLens, groups: Array) -> PixelSums:
@@ -162,7 +163,7 @@ def _with(
     binned = binned.at[row].add(jnp.stack(values, axis=-1).reshape(len(row), -1), mode="drop")
 
     def bright(over: Float[Array, "p 3"]) -> Float[Array, "p 3"]:
-        excess = [(share * jnp.maximum(light - 1.0, 0.0)).sum(axis=0) for share, light in lights]
+        excess = [sum_of_few(share * jnp.maximum(light - 1.0, 0.0)) for share, light in lights]
         return over.at[some.pixel].add(jnp.stack(excess, axis=-1), mode="drop")
 
     # At white itself each of the two has half of the derivative; what is no number must not get lost.

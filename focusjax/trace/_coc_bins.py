@@ -4,6 +4,8 @@ Edges are octaves of the blur's radius in pixels, the same for every lens, so th
 other program. Rays of each bin are summed for themselves, as `focusjax.trace._denoise` asks for.
 """
 
+import functools
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -43,8 +45,8 @@ class CocBins(eqx.Module):
 
         def octave(depth: Float[Array, "s g"]) -> Int[Array, "s g"]:
             """0 within the zone, 1 from the least blur on, one more for each time that it doubles."""
-            times = parallax * depth / LEAST_BLUR
-            number = jnp.floor(jnp.log2(jnp.maximum(times, 0.25))).astype(jnp.int32) + 1
-            return jnp.clip(number, 0, _OCTAVES)
+            blur = parallax * depth
+            reached = [(blur >= LEAST_BLUR * 2.0**k).astype(jnp.int32) for k in range(_OCTAVES)]
+            return functools.reduce(jnp.add, reached)
 
         return _OCTAVES - octave(disparity - near) + octave(far - disparity)

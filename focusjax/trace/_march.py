@@ -52,7 +52,8 @@ def _compacting(volume: Volume, paths: Path, passing: Passing | None) -> Int[Arr
         path, known = jax.tree.map(lambda a: a.at[mine].get(mode="promise_in_bounds"), (paths, passing))
         there = number * _PART + jnp.arange(_PART, dtype=jnp.int32) < going
         path = dataclasses.replace(path, steps=jnp.where(there, path.steps, 0))
-        found, _ = _walked(volume, path, known, jnp.int32(_FIRST_STEPS), None)
+        # To the end of the longest: to look after each step who has ended takes longer than it saves.
+        found, _ = _walked(volume, path, known, jnp.int32(_FIRST_STEPS), path.steps.max())
         return hits.at[jnp.where(there, mine, count)].set(found, mode="drop")
 
     return jax.lax.fori_loop(jnp.int32(0), (going + _PART - 1) // _PART, part, hits)
@@ -104,7 +105,7 @@ def _walked(
     paths: Path,
     passing: Passing | None,
     begin: Int[Array, ""],
-    end: int | None,
+    end: Int[Array, ""] | int | None,
     read: Read = gathered,
 ) -> tuple[Int[Array, " n"], Passing | None]:
     """Where rays hit in steps from `begin` until `end`, or until all have ended, and what they then know."""
@@ -114,9 +115,7 @@ def _walked(
 
     def unfinished(state: _State) -> Array:
         step, hits, _ = state
-        # As a number: XLA for CPU writes out `any` of a long array ten times as long.
-        more = jnp.where(hits < 0, paths.steps, 0).max() > step
-        return more if end is None else more & (step < end)
+        return step < (jnp.where(hits < 0, paths.steps, 0).max() if end is None else end)
 
     def advance(state: _State) -> _State:
         step, hits, known = state

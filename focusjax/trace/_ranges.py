@@ -10,6 +10,7 @@ from jaxtyping import Array, Float, Int
 from focusjax.geometry import filter_radius
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
+from focusjax.trace._few import largest_of_few, least_of_few
 from focusjax.trace._in_parts import in_parts
 
 _ROUNDS = 4
@@ -106,7 +107,8 @@ def disparity_range(
         least, largest, _depth = state
         ends = jnp.stack([least, largest])
         bounds = jax.vmap(lambda w: jax.vmap(lambda step: bound(film_point + step, w))(offsets))(ends)
-        low, high = bounds[0].min(axis=(0, 1)) - slack, bounds[1].max(axis=(0, 1)) + slack
+        low = least_of_few(bounds[0].reshape(-1, 2)) - slack
+        high = largest_of_few(bounds[1].reshape(-1, 2)) + slack
         found_least, found_largest, depth = layers.ranges.query(low, high)
         # Where nothing is below, the range is empty: collapse it to infinity.
         empty = found_largest <= 0

@@ -4,7 +4,7 @@ For each scene and aperture two tables are made. The first compares layers of ea
 pictures against a converged one, the light they miss, and the seconds to build and to trace them (of the
 second call, so without compiling). The second counts what the umbra saves against plain peeling.
 
-The scenes are configs, with unlit baked colours as for compare_mitsuba.py, and copies of meshes as for
+The scenes are configs, with unlit baked colours as for `focusjax bench`, and copies of meshes as for
 bench_render.py. Apertures are multiples of the radius that the config's wishes are solved for.
 
     python scripts/layer_study.py configs/bars.toml configs/town.toml --references folder

@@ -12,29 +12,24 @@ import time
 
 import equinox as eqx
 import jax
-from _compared_scenes import leaves, scan
+from _compared_scenes import SCENES
 from rich.console import Console
 from rich.table import Table
 
 from focusjax import _parallel
 from focusjax.layers import peel
 
-SCENES = {"scan": scan, "leaves": leaves}
-
 
 def main() -> None:
     """Measure, and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cores", type=int, nargs="+", default=[1, _parallel.CORES])
-    parser.add_argument(
-        "--scenes", nargs="+", default=["scan-2", "leaves-2"], help="scan or leaves, -1 or -2"
-    )
+    parser.add_argument("--scenes", nargs="+", choices=list(SCENES), default=["scan-2", "leaves-2"])
     parser.add_argument("--repeats", type=int, default=5)
     options = parser.parse_args()
     table = Table("scene", "cores", "seconds", "first")
     for name in options.scenes:
-        kind, variant = name.split("-")
-        scene, camera, lens = SCENES[kind](int(variant))
+        scene, camera, lens = SCENES[name]()
         for cores in options.cores:
             _parallel.use_cores(cores)
             seconds = []

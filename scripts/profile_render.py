@@ -19,14 +19,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import jax
-from _compared_scenes import leaves, scan
+from _compared_scenes import SCENES
 from rich.console import Console
 from rich.table import Table
 
 from focusjax.layers import peel
 from focusjax.trace import render
-
-_SCENES = {"scan": scan, "leaves": leaves}
 
 
 def main() -> None:
@@ -34,18 +32,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--scene", default="scan-1", help="scan or leaves, -1 or -2")
-    parser.add_argument("--size", type=int, nargs=2, default=(800, 600), metavar=("WIDTH", "HEIGHT"))
+    parser.add_argument("--scene", choices=list(SCENES), default="scan-1")
     parser.add_argument("--rays", type=int, default=16)
     parser.add_argument("--rows", type=int, default=30, help="of the table")
     parser.add_argument("--ops", action="store_true", help="one row for each operation of XLA's")
     options = parser.parse_args()
-    kind, variant = options.scene.split("-")
     with tempfile.TemporaryDirectory() as folder:
         # Read when the first program is compiled.
         dump = f"--xla_dump_to={folder}/programs --xla_dump_hlo_as_text --xla_dump_hlo_module_re=.*picture.*"
         os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {dump}"
-        scene, camera, lens = _SCENES[kind](int(variant), tuple(options.size))
+        scene, camera, lens = SCENES[options.scene]()
         layers = peel(scene, camera, lens)
         jax.block_until_ready(render(layers, lens, rays=options.rays))
         settings = jax.profiler.ProfileOptions()

@@ -147,8 +147,6 @@ def _with(
         a.reshape(together, -1) for a in (found.weight, found.disparity, *found.radiance)
     )
     weight = weight * some.share[None]
-    # So that XLA for CPU works out what rays have seen once, and not for each number of a row.
-    weight, *radiance = jax.lax.optimization_barrier((weight, *radiance))
     none = jnp.zeros_like(weight)
     shares = (1.0,) if colour is None else colour
     weights = [weight * share if share else none for share in shares]

@@ -43,7 +43,7 @@ def _compacting(volume: Volume, paths: Path, passing: Passing | None) -> Int[Arr
     """The first steps together, the others in parts."""
     count = paths.steps.shape[0]
     # A loop, as XLA would otherwise work out anew in it what paths are made of.
-    hits, passing = _walked(volume, paths, passing, jnp.int32(0), _FIRST_STEPS)
+    hits, passing = _walked(volume, paths, passing, jnp.int32(0), jnp.int32(_FIRST_STEPS))
     lanes, going = compacted((hits < 0) & (paths.steps > _FIRST_STEPS))
     lanes = jnp.pad(lanes, (0, _PART))
 
@@ -105,7 +105,7 @@ def _walked(
     paths: Path,
     passing: Passing | None,
     begin: Int[Array, ""],
-    end: Int[Array, ""] | int | None,
+    end: Int[Array, ""] | None,
     read: Read = gathered,
 ) -> tuple[Int[Array, " n"], Passing | None]:
     """Where rays hit in steps from `begin` until `end`, or until all have ended, and what they then know."""

@@ -285,6 +285,7 @@ _ROOMS = (
     "scene_files",
     "shot",
     "shutter",
+    "solvers",
     "trace",
 )
 """Packages that are attributes without an import of their own, as `focusjax.lens`."""

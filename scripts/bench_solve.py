@@ -1,7 +1,7 @@
 """How long a focus solve takes: compile, and warm including everything Python does.
 
-The same wishes are solved by both methods of focusjax and, as a yardstick, by scipy on the same
-residuals from one start, with their Jacobian written out. With `--many` that many random problems
+The same wishes are solved by the solver of focusjax, by L-BFGS-B of jaxopt and, as a yardstick, by scipy
+on the same residuals from one start, with their Jacobian written out. With `--many` that many random problems
 of eight wishes are solved in one call of `solve_many`, and by a loop over scipy. Run it on a quiet
 machine; it prints medians.
 """
@@ -29,9 +29,11 @@ from focusjax.focus import (
 )
 from focusjax.geometry import make_camera
 from focusjax.lens import thin_lens
+from focusjax.solvers import JaxoptLBFGSB
 
 FREE = ("focus", "f_number")
 SCIPY_METHODS = ("trf", "dogbox")
+SOLVERS = {"bounded LM": None, "jaxopt": JaxoptLBFGSB()}
 
 
 def wishes(count, camera):
@@ -90,7 +92,7 @@ def report(count, free, method, run, repeats):
     first, median, best = timed(run, repeats)
     name = " + ".join(free)
     seconds = f"{first:8.2f} {1e3 * median:8.2f} {1e3 * best:8.2f}"
-    print(f"{count:6} {name:>30} {method:>11} {seconds} {float(run()):11.4g}")
+    print(f"{count:6} {name:>30} {method:>12} {seconds} {float(run()):11.4g}")
 
 
 def random_problems(count, wishes=8):
@@ -140,7 +142,7 @@ def report_general(camera, lens, repeats):
     wished = [FocusPoint(place, kinds[i % 5]) for i, place in enumerate(places)]
     points = locate(wished, camera)
     free = (*FREE, "tilt", "swing")
-    report(10, free, "optimistix", lambda: solve(points, camera, lens, free=free, throw=False).cost, repeats)
+    report(10, free, "bounded LM", lambda: solve(points, camera, lens, free=free, throw=False).cost, repeats)
 
 
 def main():
@@ -153,19 +155,19 @@ def main():
     lens = thin_lens(focus_distance=5.0, f_number=2.0, focal_length=0.05)
     columns = ("first s", "warm ms", "best ms")
     print(
-        f"{'wishes':>6} {'free':>30} {'method':>11}",
+        f"{'wishes':>6} {'free':>30} {'solver':>12}",
         *(f"{name:>8}" for name in columns),
         f"{'cost px^2':>11}",
     )
     for count in (1, 10):
         points = wishes(count, camera)
         for free in (FREE[:1], FREE):
-            for method in ("optimistix", "jaxopt"):
+            for name, solver in SOLVERS.items():
 
-                def run(points=points, free=free, method=method):
-                    return solve(points, camera, lens, free=free, method=method, throw=False).cost
+                def run(points=points, free=free, solver=solver):
+                    return solve(points, camera, lens, free=free, solver=solver, throw=False).cost
 
-                report(count, free, method, run, repeats)
+                report(count, free, name, run, repeats)
         for method in SCIPY_METHODS:
             report(count, FREE, f"scipy {method}", scipy_solver(points, camera, lens, method), repeats)
     report_general(camera, lens, repeats)

@@ -23,7 +23,8 @@ ALLOWED = {
     },
     "scene": {"geometry", "_arguments", "_kept", "_parallel", "_quiet_exr", "_words"},
     "photo": {"geometry", "scene", "_arguments"},
-    "focus": {"geometry", "lens", "_arguments", "_counts", "_settings", "_words"},
+    "solvers": set(),
+    "focus": {"geometry", "lens", "solvers", "_arguments", "_counts", "_settings", "_words"},
     "layers": {
         "geometry",
         "lens",
@@ -67,6 +68,7 @@ ALLOWED = {
         "scene_files",
         "_kept",
         "focus",
+        "solvers",
         "trace",
         "film",
         "optics",

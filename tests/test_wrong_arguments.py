@@ -78,7 +78,7 @@ CALLS = {
     "fit_focal_plane(points.xy, points.disparity, lens, camera)": "camera of fit_focal_plane",
     "fj.solve(points, camera, lens, free='focs')": "free parameters are ['focs']; did you mean 'focus'?",
     "fj.solve(points, camera, lens, free=3)": "free is 3; expected names, some of ['focus', 'f_number'",
-    "fj.solve(points, camera, lens, method=['jaxopt'])": "method is ['jaxopt']; expected one of",
+    "fj.solve(points, camera, lens, solver='jaxopt')": "solver is the text 'jaxopt'; expected a solver",
     "fj.solve(points, camera, lens, max_steps='3')": "max_steps is '3'; expected a whole number, at least 1",
     "fj.solve(points, camera, lens, free=('aperture',))": "expected some of ['focus', 'f_number'",
     "fj.solve(points, camera, lens, tilt_range=(0, 0.1))": (

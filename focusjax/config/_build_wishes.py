@@ -3,9 +3,10 @@
 import math
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import imageio.v3 as iio
+import jax
 import numpy as np
 from jaxtyping import Bool
 
@@ -71,7 +72,9 @@ def build_solve_options(config: Config) -> dict[str, Any]:
             f" solve.free, or remove {key}",
             stacklevel=1,
         )
-    options: dict[str, Any] = {"free": table.free, "method": table.method}
+    options: dict[str, Any] = {"free": table.free}
+    if table.solver != "levenberg-marquardt":
+        options["solver"] = _solver(table.solver)
     if "focus" in table.free:
         options["max_focus_distance"] = table.max_focus_distance_m
         if table.min_focus_distance_m is not None:
@@ -98,6 +101,16 @@ def build_solve_options(config: Config) -> dict[str, Any]:
         options["close_focus"] = config.lens.close_focus
     priors = _priors(config)
     return options | ({"priors": priors} if priors else {})
+
+
+def _solver(name: Literal["dogleg", "jaxopt"]) -> Any:
+    """A solver of Optimistix that ends where rounding does."""
+    import optimistix as optx
+
+    from focusjax.solvers import JaxoptLBFGSB
+
+    tolerance = 1e3 * float(np.finfo(jax.dtypes.canonicalize_dtype(float)).eps)
+    return optx.Dogleg(tolerance, tolerance) if name == "dogleg" else JaxoptLBFGSB(atol=tolerance)
 
 
 def _priors(config: Config) -> dict[str, Prior]:

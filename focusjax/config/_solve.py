@@ -100,9 +100,9 @@ class SolveTable(Table):
     )
     prior: PriorTable = Field(default=PriorTable(), description="a [solve.prior] table")
 
-    method: Literal["optimistix", "dogleg", "jaxopt"] = Field(
-        default="optimistix",
-        description='"optimistix" (Levenberg-Marquardt), "dogleg", or "jaxopt" to check them with',
+    solver: Literal["levenberg-marquardt", "dogleg", "jaxopt"] = Field(
+        default="levenberg-marquardt",
+        description='"levenberg-marquardt", or one to check it with: "dogleg", or "jaxopt" for its L-BFGS-B',
     )
 
     def idle_limits(self) -> list[tuple[str, Name]]:

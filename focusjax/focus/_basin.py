@@ -30,7 +30,8 @@ def place_of(asked: Asked) -> tuple[Start, PriorRows, Box, Float[Array, "k"]]:
 
 
 def basin_of(asked: Asked) -> Basin:
-    """Where the best solution is for an ideal lens."""
+    """Where the best solution is for an ideal lens, without derivatives."""
+    asked = jax.lax.stop_gradient(asked)
     start, priors, box, first = place_of(asked)
     if asked.plan.exact:
         return _exact_basin(asked.points, start, asked.box)
@@ -96,7 +97,7 @@ def _exact_basin(points: ImagePoints, start: Start, whole_box: Box) -> Basin:
         )
     first = jnp.stack([jnp.clip(vector[FOCUS], box.lower[0], box.upper[0]), radius])
     scale = scales(start)[jnp.array([FOCUS, RADIUS])]
-    found = jax.lax.stop_gradient(find_optimum(points, slope, first, scale, box, free_aperture=count == 2))
+    found = find_optimum(points, slope, first, scale, box, free_aperture=count == 2)
     return Basin(
         value=found.value[:count],
         side=found.side,

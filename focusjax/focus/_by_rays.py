@@ -24,8 +24,6 @@ from focusjax.lens import AbstractLens, moved_film, refocused
 
 _RAYS = 256
 _ROUNDINGS = 1e3
-_GAIN = 100.0
-"""Pixels of blur that one unit of the search stands for, against which the damping of 1 is little."""
 
 
 class RayFocus(eqx.Module):
@@ -140,12 +138,12 @@ def _search(
 ) -> tuple[Array, Array, Array, Array]:
     import optimistix as optx
 
-    from focusjax.focus._forgiving import forgiving
+    from focusjax.solvers import BoundedLevenbergMarquardt
 
     share = weight / jnp.sum(weight)
     roots = jnp.where(share > 0.0, jnp.sqrt(jnp.where(share > 0.0, share, 1.0)), 0.0)
     dynamic, static = eqx.partition(lens, eqx.is_array)
-    unit = jax.lax.stop_gradient(_GAIN / lens.parallax(camera))
+    unit = jax.lax.stop_gradient(1.0 / lens.parallax(camera))
 
     def residuals(variable: Array, args: Any) -> Array:
         xy, disparity, roots, unit, camera, dynamic = args
@@ -155,10 +153,9 @@ def _search(
     tolerance = _ROUNDINGS * float(jnp.finfo(disparity.dtype).eps)
     found = optx.least_squares(
         residuals,
-        forgiving(optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance)),
+        BoundedLevenbergMarquardt(rtol=tolerance, atol=tolerance),
         jax.lax.stop_gradient(share @ disparity) / unit,
         args=(xy, disparity, roots, unit, camera, dynamic),
-        options={"jac": "fwd"},
         max_steps=max_steps,
         throw=False,
     )

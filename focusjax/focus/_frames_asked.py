@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Bool, Float, Int
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from focusjax._arguments import ArgumentError, require_kind
 from focusjax._words import kind_of
@@ -39,7 +39,6 @@ class FramesAsked(eqx.Module):
         numbers: priors by name.
         smoothness: weight of second differences.
         steadiness: weight of first differences.
-        max_steps: steps allowed.
         held: frames in which a free parameter stays where the start has it, in the order of `plan.free`.
         glass: the real lenses that make the pictures, as wide as they open; None for ideal lenses.
         names: of the wishes (static).
@@ -53,7 +52,6 @@ class FramesAsked(eqx.Module):
     numbers: Numbers
     smoothness: Float[Array, ""]
     steadiness: Float[Array, ""]
-    max_steps: Int[Array, ""]
     held: Bool[Array, "t k"]
     glass: AbstractLens | None
     names: tuple[str, ...] = eqx.field(static=True)
@@ -125,7 +123,9 @@ def frames_asked(
     for t in range(count):
         key = (id(cameras[t]), id(lenses[t]), id(glasses[t]))
         if key not in checked:
-            checked[key] = prepared(points[stand_ins[t]], cameras[t], lenses[t], usage=USAGE, **options)
+            checked[key] = prepared(
+                points[stand_ins[t]], cameras[t], lenses[t], usage=USAGE, max_steps=max_steps, **options
+            )
             if through is not None:
                 checked_glass(glasses[t], checked[key], usage="solve_frames(through=)")
         frames.append(checked[key])
@@ -146,7 +146,6 @@ def frames_asked(
         limits=jax.tree.map(together, *(each.limits for each in frames)),
         numbers=frames[0].numbers,
         **over_time,
-        max_steps=jnp.asarray(max_steps),
         held=_held(held, plan.free, count),
         glass=None if through is None else stacked_glass(glasses),
         names=points[0].names,
@@ -156,10 +155,10 @@ def frames_asked(
 
 def _refuse_plan(plan: Plan, through: Any) -> None:
     """Refuses ways to solve that frames do not have."""
-    if plan.method != "optimistix":
+    if plan.solver is not None:
         raise ArgumentError(
-            f"method is {plan.method!r}; frames are solved together by one method only, so leave it out",
-            "method",
+            f"solver is {kind_of(plan.solver)}; frames are solved together by one solver, so leave it out",
+            "solver",
         )
     if through is not None:
         refuse_glass(plan.close_focus)

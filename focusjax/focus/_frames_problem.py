@@ -84,10 +84,10 @@ def thin_walk(problem: FramesProblem, asked: FramesAsked) -> JointWalk:
         problem.boxes,
         asked.own,
         many=asked.plan.many,
-        max_steps=asked.max_steps,
+        max_steps=asked.plan.max_steps,
     )
     joint = problem.joint
-    return walk_frames(joint, jnp.clip(way, joint.lower, joint.upper), asked.max_steps)
+    return walk_frames(joint, jnp.clip(way, joint.lower, joint.upper), asked.plan.max_steps)
 
 
 def at_bounds(
@@ -105,7 +105,7 @@ def openness(joint: Joint, here: Linearised) -> Float[Array, "k"]:
     Open are directions that could go through their whole range in all frames at once, and change no blur by
     much.
     """
-    slopes = here.slopes * jnp.mean(joint.upper - joint.lower, axis=0)[None, None]
+    slopes = here.jacobian.slopes * jnp.mean(joint.upper - joint.lower, axis=0)[None, None]
     rows = slopes.reshape(-1, slopes.shape[2])
     short = max(0, rows.shape[1] - rows.shape[0])
     small = jnp.linalg.qr(jnp.pad(rows, ((0, short), (0, 0))), mode="r")

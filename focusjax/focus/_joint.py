@@ -5,18 +5,15 @@ unit of it about a pixel on the picture (`scales`). The scale of the focus is th
 others are each frame's own: a camera that zooms keeps its f-number while these stay.
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from focusjax.focus._banded import banded_least_squares
 from focusjax.focus._image_points import root_weight
 from focusjax.focus._objective import Objective
-
-_GENTLE = 1e-3
-_HOPELESS = 1e8
-"""Damping after a step that did not help, and that at which no step is left."""
 
 
 class Joint(eqx.Module):
@@ -74,7 +71,15 @@ class Joint(eqx.Module):
 
     def cost(self, pixels: Float[Array, "t k"], side: Float[Array, "t n"]) -> Float[Array, ""]:
         """Half the sum of all squares, in units of `unit`."""
-        return _half_squares(self.own(pixels, side), *self.smooth(pixels))
+        from focusjax.solvers import half_squares
+
+        return half_squares(self.rows(pixels, side))
+
+    def rows(
+        self, pixels: Float[Array, "t k"], side: Float[Array, "t n"]
+    ) -> tuple[Float[Array, "t m"], Float[Array, "t k"], Float[Array, "t k"]]:
+        """All residuals: the frames' own, and those of second and of first differences."""
+        return self.own(pixels, side), *self.smooth(pixels)
 
     def linearised(self, pixels: Float[Array, "t k"], side: Float[Array, "t n"]) -> "Linearised":
         """All residuals and their slopes."""
@@ -92,36 +97,26 @@ class Joint(eqx.Module):
         self, pixels: Float[Array, "t k"], own: Float[Array, "t m"], slopes: Float[Array, "t m k"]
     ) -> "Linearised":
         """The frames' own residuals and slopes with those of smoothness."""
-        bent, paced = self.smooth(pixels)
-        # The differences' transposes; their factors are 0 in frames that have too few before them.
-        curve, speed = self.bend * bent, self.pace * paced
-        pull = curve - 2.0 * jnp.roll(curve, -1, axis=0) + jnp.roll(curve, -2, axis=0)
-        pull = pull + speed - jnp.roll(speed, -1, axis=0)
-        gradient = jnp.einsum("tmk,tm->tk", slopes, own) + pull
-        return Linearised(own, slopes, bent, paced, gradient, _half_squares(own, bent, paced))
+        from focusjax.solvers import BandedJacobian, half_squares
+
+        rows = own, *self.smooth(pixels)
+        jacobian = BandedJacobian(slopes, self.bend, self.pace)
+        return Linearised(rows, jacobian, jacobian.T.mv(rows), half_squares(rows))
 
     def step(
         self,
         here: "Linearised",
         pixels: Float[Array, "t k"],
         damping: Float[Array, ""],
-        kept: Bool[Array, "k"] | None = None,
+        kept: Bool[Array, "k"],
     ) -> Float[Array, "t k"]:
-        """The parameters after a damped Gauss-Newton step from `pixels`, but those that are `kept`.
+        """The parameters after a damped Gauss-Newton step within bounds, but those that are `kept`."""
+        from focusjax.solvers import BandedQR, bounded_step
 
-        What is at a bound that the gradient pushes against stays there; the rest takes the step and is cut
-        off at its bounds (Bertsekas 1982).
-        """
-        stuck = ((pixels <= self.lower) & (here.gradient > 0)) | (
-            (pixels >= self.upper) & (here.gradient < 0)
-        )
-        if kept is not None:
-            stuck |= kept[None]
-        change = banded_least_squares(
-            here.slopes, here.own, self.bend, here.bent, self.pace, here.paced,
-            damping, jnp.where(stuck, 0.0, 1.0).astype(pixels.dtype),
-        )  # fmt: skip
-        return jnp.clip(pixels + change, self.lower, self.upper)
+        lower, upper = (jnp.where(kept[None], pixels, bound) for bound in (self.lower, self.upper))
+        root = jnp.broadcast_to(jnp.sqrt(damping), pixels.shape)
+        change, _ = bounded_step(pixels, here.rows, here.jacobian, lower, upper, root, BandedQR())
+        return jnp.clip(pixels + change, lower, upper)
 
     def natural_side(self, pixels: Float[Array, "t k"]) -> Float[Array, "t n"]:
         """The sides on which all points are."""
@@ -132,18 +127,14 @@ class Linearised(eqx.Module):
     """A problem near some parameters.
 
     Attributes:
-        own: the frames' own residuals.
-        slopes: their derivative with respect to the frame's own parameters.
-        bent: residuals of second differences.
-        paced: residuals of first differences.
+        rows: all residuals.
+        jacobian: their derivative, a `BandedJacobian`.
         gradient: of the cost.
         cost: half the sum of all squares.
     """
 
-    own: Float[Array, "t m"]
-    slopes: Float[Array, "t m k"]
-    bent: Float[Array, "t k"]
-    paced: Float[Array, "t k"]
+    rows: tuple[Float[Array, "t m"], Float[Array, "t k"], Float[Array, "t k"]]
+    jacobian: Any
     gradient: Float[Array, "t k"]
     cost: Float[Array, ""]
 
@@ -154,53 +145,66 @@ class JointWalk(eqx.Module):
     Attributes:
         pixels: the parameters.
         side: for every point, the factor (1 or -1) of its blur in its error.
-        damping: of the next step.
-        settled: whether the last step was within rounding, and no point has changed sides since.
+        settled: whether it is at rest, and no point has changed sides since.
         steps: steps taken.
     """
 
     pixels: Float[Array, "t k"]
     side: Float[Array, "t n"]
-    damping: Float[Array, ""]
     settled: Bool[Array, ""]
     steps: Int[Array, ""]
 
 
-def walk_frames(joint: Joint, first: Float[Array, "t k"], max_steps: Int[Array, ""]) -> JointWalk:
+def walk_frames(joint: Joint, first: Float[Array, "t k"], max_steps: int) -> JointWalk:
     """The best parameters in the box, downhill from `first`.
 
-    Gauss-Newton steps with as little damping as will do (`Joint.step`). Errors are convex for given sides,
-    so this comes to rest at the best there is for them. Then points that have crossed the focus change
-    sides, which makes no error larger, and it goes on until none does.
+    Errors are convex for given sides, so a walk comes to rest at the best there is for them. Then points that
+    have crossed the focus change sides, which makes no error larger, and it goes on until none does.
     """
-    eps = jnp.finfo(first.dtype).eps
-    least = jnp.asarray((1e3 * eps) ** 2, first.dtype)
+    import optimistix as optx
+
+    from focusjax.solvers import BandedQR, BoundedLevenbergMarquardt
 
     def more(state: JointWalk) -> Bool[Array, ""]:
         return ~state.settled & (state.steps < max_steps)
 
-    def step(state: JointWalk) -> JointWalk:
-        pixels, side = state.pixels, state.side
-        here = joint.linearised(pixels, side)
-        moved = joint.step(here, pixels, state.damping)
-        better = joint.cost(moved, side) < here.cost
-        tiny = jnp.max(jnp.abs(moved - pixels)) <= 16.0 * eps * (1.0 + jnp.max(jnp.abs(pixels)))
-        calmer = jnp.maximum(state.damping * 16.0, _GENTLE)
-        damping = jnp.where(better, jnp.maximum(state.damping / 32.0, least), calmer)
-        arrived = tiny | (damping > _HOPELESS)
-        pixels = jnp.where(better, moved, pixels)
-        natural = jnp.where(arrived, joint.natural_side(pixels), side)
-        return JointWalk(
-            pixels=pixels,
-            side=natural,
-            damping=jnp.where(arrived, least, damping),
-            settled=arrived & jnp.all(natural == side),
-            steps=state.steps + 1,
+    def again(state: JointWalk) -> JointWalk:
+        found = optx.least_squares(
+            _residuals,
+            BoundedLevenbergMarquardt(linear_solver=BandedQR()),
+            state.pixels,
+            args=(joint, state.side),
+            options={
+                "lower": joint.lower,
+                "upper": joint.upper,
+                "linearise": _linearised,
+                "rounding": _rounding,
+            },
+            max_steps=max_steps,
+            throw=False,
         )
+        natural = joint.natural_side(found.value)
+        at_rest = found.result == optx.RESULTS.successful
+        steps = state.steps + jnp.asarray(found.stats["num_steps"])
+        return JointWalk(found.value, natural, at_rest & jnp.all(natural == state.side), steps)
 
-    start = JointWalk(first, joint.natural_side(first), least, jnp.array(False), jnp.array(0))
-    return jax.lax.while_loop(more, step, start)
+    start = JointWalk(first, joint.natural_side(first), jnp.array(False), jnp.array(0))
+    return jax.lax.while_loop(more, again, start)
 
 
-def _half_squares(*rows: Float[Array, "..."]) -> Float[Array, ""]:
-    return 0.5 * sum((jnp.sum(each**2) for each in rows), start=jnp.zeros((), rows[0].dtype))
+def _residuals(pixels: Float[Array, "t k"], args: Any) -> tuple[Array, Array, Array]:
+    joint, side = args
+    return joint.rows(pixels, side)
+
+
+def _linearised(fn: Any, pixels: Float[Array, "t k"], args: Any) -> tuple[Any, Any]:
+    joint, side = args
+    here = joint.linearised(pixels, side)
+    return here.rows, here.jacobian
+
+
+def _rounding(fn: Any, pixels: Float[Array, "t k"], args: Any) -> tuple[Array, Array, Array]:
+    """A residual in pixels moves by as much as a parameter in pixels may be off."""
+    rows = jax.eval_shape(lambda: fn(pixels, args)[0])
+    size = 16.0 * jnp.finfo(pixels.dtype).eps * (1.0 + jnp.max(jnp.abs(pixels)))
+    return jax.tree.map(lambda row: jnp.broadcast_to(size, row.shape), rows)

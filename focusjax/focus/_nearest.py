@@ -32,7 +32,7 @@ def nearest(
     side: Float[Array, "n"],
     first: Float[Array, "k"],
     box: Box,
-    max_steps: int | Int[Array, ""],
+    max_steps: int,
 ) -> tuple[Float[Array, "k"], Float[Array, "n"]]:
     """Of the solutions around `value` that are as good the one nearest to `first`, in pixels, and its sides.
 

@@ -23,7 +23,7 @@ def way_through(
     counts: Bool[Array, "t"],
     *,
     many: bool,
-    max_steps: Int[Array, ""],
+    max_steps: int,
 ) -> Float[Array, "t k"]:
     """Parameters in pixels: of frames with wishes, one of their good answers each; of others, in between.
 
@@ -33,7 +33,7 @@ def way_through(
         boxes: bounds on these.
         counts: frames whose wishes are their own.
         many: whether some wishes leave their side open (static).
-        max_steps: steps allowed to each walk.
+        max_steps: steps allowed to each walk (static).
     """
 
     def answers(

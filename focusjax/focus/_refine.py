@@ -1,8 +1,7 @@
-"""The methods that solve the smooth least-squares problem once sides and active bounds are known."""
+"""The smooth least-squares problem once sides and active bounds are known, solved by Optimistix."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
-from typing import Any, TypeAlias
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -11,20 +10,13 @@ from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._bounds import Box
 from focusjax.focus._image_points import SAME, ImagePoints, root_weight, values
-from focusjax.focus._jaxopt import least_squares_in_box
 from focusjax.focus._parameters import Start, scales
 from focusjax.focus._priors import PriorRows
 from focusjax.focus._search import Basin
 from focusjax.focus._solution import Result
 
-Answer: TypeAlias = tuple[Float[Array, "k"], Int[Array, ""], Result]
-
-# Levenberg-Marquardt damps relative to steps of 1. With variables that change the residuals by this
-# many pixels per unit, damping is negligible from the start and its steps are those of Gauss-Newton.
-_GAIN = 1e3
-
-# Both methods end when steps and changes of residuals are below this many roundings.
 _ROUNDINGS = 1e3
+"""The solve ends when steps and changes of residuals are below this many roundings."""
 
 
 class Problem(eqx.Module):
@@ -108,21 +100,55 @@ def _residuals_on_face(variables: Float[Array, "k"], face: _Face) -> Float[Array
     return jnp.concatenate([face.problem.residuals(value), off_pin + along_open])
 
 
-def _on_face(
-    solver: Callable[[float], Any],
-    problem: Problem,
-    basin: Basin,
-    first: Float[Array, "k"],
-    box: Box,
-    max_steps: int,
-) -> Answer:
-    """Least squares by Optimistix on the face of the active bounds, from the basin's bottom.
+def refined(
+    problem: Problem, basin: Basin, first: Float[Array, "k"], box: Box, solver: Any, max_steps: int
+) -> tuple[Float[Array, "k"], Int[Array, ""], Result]:
+    """Least squares on the face of the active bounds: the parameters, the steps, and how it ended.
 
     Differentiable by the implicit function theorem: parameters on the face move with the points, pinned
     ones with their bounds, and what is left open with the starting lens.
+
+    Args:
+        problem: what is solved, with the sides and limits that hold in the basin.
+        basin: where the best solution is.
+        first: the free parameters of the lens as given.
+        box: bounds.
+        solver: of Optimistix, which starts from the lens as given; None for `BoundedLevenbergMarquardt` from
+            the basin's bottom.
+        max_steps: steps allowed.
     """
     import optimistix as optx
 
+    from focusjax.solvers import BoundedLevenbergMarquardt
+
+    face = _face(problem, basin, first, box)
+    tolerance = _ROUNDINGS * float(jnp.finfo(first.dtype).eps)
+    start = basin.value if solver is None else jnp.where(basin.held, basin.value, first)
+    free = ~jax.lax.stop_gradient(face.pinned)
+    found = optx.least_squares(
+        _residuals_on_face,
+        BoundedLevenbergMarquardt(tolerance, tolerance) if solver is None else solver,
+        jax.lax.stop_gradient(jnp.where(face.pinned, face.pin, start) / face.unit),
+        args=face,
+        # For solvers that know bounds.
+        options={
+            "lower": jnp.where(free, jax.lax.stop_gradient(box.lower / face.unit), -jnp.inf),
+            "upper": jnp.where(free, jax.lax.stop_gradient(box.upper / face.unit), jnp.inf),
+        },
+        max_steps=max_steps,
+        throw=False,
+    )
+    result = Result.where(found.result == optx.RESULTS.successful, Result.solved, Result.not_finite)
+    ran_out = found.result == optx.RESULTS.nonlinear_max_steps_reached
+    return (
+        face.value(found.value),
+        jnp.asarray(found.stats["num_steps"]),
+        Result.where(ran_out, Result.max_steps_reached, result),
+    )
+
+
+def _face(problem: Problem, basin: Basin, first: Float[Array, "k"], box: Box) -> _Face:
+    """The face that the basin's bottom lies on."""
     kept = basin.value + (first - jax.lax.stop_gradient(first))
     low, high = (jax.lax.stop_gradient(end) for end in (box.lower, box.upper))
     # What is left open may rest on a bound that keeps it from the starting lens.
@@ -143,7 +169,7 @@ def _on_face(
     ridge = jnp.finfo(width.dtype).eps * jnp.eye(width.size, dtype=width.dtype)
     face = _Face(
         problem=problem,
-        unit=_GAIN * problem.units(basin.value),
+        unit=problem.units(basin.value),
         pinned=pinned,
         pin=pin,
         open=open_,
@@ -154,78 +180,4 @@ def _on_face(
         reached=jnp.zeros_like(first),
     )
     reached = jax.lax.stop_gradient(face.along_open(basin.value))
-    face = dataclasses.replace(face, reached=reached)
-    found = optx.least_squares(
-        _residuals_on_face,
-        solver(_ROUNDINGS * float(jnp.finfo(first.dtype).eps)),
-        basin.value / face.unit,
-        args=face,
-        max_steps=max_steps,
-        throw=False,
-    )
-    result = Result.where(found.result == optx.RESULTS.successful, Result.solved, Result.not_finite)
-    ran_out = found.result == optx.RESULTS.nonlinear_max_steps_reached
-    return (
-        face.value(found.value),
-        jnp.asarray(found.stats["num_steps"]),
-        Result.where(ran_out, Result.max_steps_reached, result),
-    )
-
-
-def _by_optimistix(
-    problem: Problem, basin: Basin, first: Float[Array, "k"], box: Box, max_steps: int
-) -> Answer:
-    import optimistix as optx
-
-    from focusjax.focus._forgiving import forgiving
-
-    return _on_face(
-        lambda tol: forgiving(optx.LevenbergMarquardt(rtol=tol, atol=tol)),
-        problem, basin, first, box, max_steps,
-    )  # fmt: skip
-
-
-def _by_dogleg(problem: Problem, basin: Basin, first: Float[Array, "k"], box: Box, max_steps: int) -> Answer:
-    import optimistix as optx
-
-    from focusjax.focus._forgiving import forgiving
-
-    return _on_face(
-        lambda tol: forgiving(optx.Dogleg(rtol=tol, atol=tol)), problem, basin, first, box, max_steps
-    )
-
-
-def _by_jaxopt(problem: Problem, basin: Basin, first: Float[Array, "k"], box: Box, max_steps: int) -> Answer:
-    """L-BFGS-B over the whole box from the starting lens; not differentiable.
-
-    It shares with the other methods the sides that wishes have chosen and which limits hold, not the
-    active bounds. What the wishes leave open stays where the search has it.
-    """
-    lower = jnp.where(basin.held, basin.value, box.lower)
-    upper = jnp.where(basin.held, basin.value, box.upper)
-    unit = problem.units(basin.value)
-    width = jnp.where(box.upper > box.lower, box.upper - box.lower, 1.0)
-
-    def residuals(variables: Float[Array, "k"], args: tuple) -> Float[Array, "m"]:
-        problem, unit = args
-        value = variables * unit
-        return jnp.concatenate([problem.residuals(value), basin.open @ ((value - basin.value) / width)])
-
-    variables, steps, converged = least_squares_in_box(
-        residuals,
-        jnp.clip(first, lower, upper) / unit,
-        (problem, unit),
-        lower / unit,
-        upper / unit,
-        tolerance=_ROUNDINGS * float(jnp.finfo(first.dtype).eps),
-        max_steps=max_steps,
-    )
-    value = jax.lax.stop_gradient(variables * unit)
-    return value, jnp.asarray(steps), Result.where(converged, Result.solved, Result.max_steps_reached)
-
-
-METHODS: Mapping[str, Callable[[Problem, Basin, Float[Array, "k"], Box, int], Answer]] = {
-    "optimistix": _by_optimistix,
-    "dogleg": _by_dogleg,
-    "jaxopt": _by_jaxopt,
-}
+    return dataclasses.replace(face, reached=reached)

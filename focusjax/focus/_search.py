@@ -104,7 +104,7 @@ def walks(
     values: Float[Array, "s k"],
     first: Float[Array, "k"],
     box: Box,
-    max_steps: int | Int[Array, ""],
+    max_steps: int,
 ) -> tuple[Walk, Float[Array, "s n"], Float[Array, "s"], Float[Array, "s"]]:
     """Walks from all starts: with the sides on which they end, their costs, and what of these is rounding.
 

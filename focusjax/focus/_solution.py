@@ -92,8 +92,8 @@ class Plan:
         keep_view: whether the sensor grows with the focal length.
         exact: whether the optimum is found in closed form (`find_optimum`).
         many: whether some wishes leave their side open, so that one start may not do.
-        method: a key of `METHODS`.
         max_steps: steps allowed.
+        solver: of Optimistix; None for `BoundedLevenbergMarquardt`.
         close_focus: what stays as the focus moves.
     """
 
@@ -101,8 +101,8 @@ class Plan:
     keep_view: bool
     exact: bool
     many: bool
-    method: str
     max_steps: int
+    solver: Any = None
     close_focus: CloseFocus = "ignored"
 
 

@@ -13,6 +13,7 @@ from jaxtyping import Array, ArrayLike, Bool
 
 from focusjax._arguments import ArgumentError, about, require_switches
 from focusjax._counts import require_counts
+from focusjax._words import kind_of
 from focusjax.focus._basin import basin_of, ended, place_of
 from focusjax.focus._bounds import Range, make_limits, refuse_idle
 from focusjax.focus._close_focus import checked_close_focus, refuse_glass
@@ -20,7 +21,7 @@ from focusjax.focus._glass_checks import checked_glass
 from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, named_like, padded, room_for
 from focusjax.focus._parameters import in_order, reframes
 from focusjax.focus._priors import Prior, checked_priors
-from focusjax.focus._refine import METHODS, Problem
+from focusjax.focus._refine import Problem, refined
 from focusjax.focus._refuse import check_start, checked_points, require_lens, require_points
 from focusjax.focus._solution import Asked, Plan, Result, Solution, first_rows
 from focusjax.focus._solve_glass import solve_through
@@ -57,7 +58,7 @@ def solve(
     keep_field_of_view: bool = False,
     priors: Mapping[str, Prior] | None = None,
     close_focus: CloseFocus = "ignored",
-    method: str = "optimistix",
+    solver: Any = None,
     max_steps: int = 256,
     throw: bool = True,
 ) -> Solution:
@@ -114,8 +115,9 @@ def solve(
             infinity: `Solution.camera` is the one that frames the picture, and `points` are located in
             `camera`. F-numbers are those that are set (`Solution.settings`), and hold as the focus moves.
             Focus and f-number of a thin lens can be free, and only the f-number can have a prior.
-        method: "optimistix" (Levenberg-Marquardt), "dogleg" (Optimistix, too), or "jaxopt" (L-BFGS-B from
-            the starting lens, as an independent check: slower, less exact and not differentiable).
+        solver: of Optimistix, for least squares or minimisation, as an independent check: once sides and
+            active bounds are found it starts from the lens as given, as `optimistix.Dogleg(1e-8, 1e-8)` or
+            `focusjax.solvers.JaxoptLBFGSB()`. `focusjax.solvers.BoundedLevenbergMarquardt` when not given.
         max_steps: steps allowed, at least 1.
         throw: raise an error, rather than report it in `Solution.result`, when the solver fails.
 
@@ -135,7 +137,7 @@ def solve(
         2.0
     """
     asked = prepared(
-        points, camera, lens, free=free, method=method, max_steps=max_steps,
+        points, camera, lens, free=free, solver=solver, max_steps=max_steps,
         keep_field_of_view=keep_field_of_view, priors=priors, close_focus=close_focus,
         min_focus_distance=min_focus_distance,
         max_focus_distance=max_focus_distance, f_number_range=f_number_range, tilt_range=tilt_range,
@@ -182,7 +184,7 @@ def prepared(
     usage: str = "solve(points, camera, lens)",
     axes: int = 1,
     free: str | Sequence[str] = ("focus",),
-    method: str = "optimistix",
+    solver: Any = None,
     max_steps: int = 256,
     keep_field_of_view: bool = False,
     priors: Mapping[str, Prior] | None = None,
@@ -197,8 +199,7 @@ def prepared(
     require_points(points, usage, axes=axes)
     require_lens(camera, lens, usage)
     free = in_order(free)
-    if not isinstance(method, str) or method not in METHODS:
-        raise ArgumentError(f"method is {method!r}; expected one of {list(METHODS)}", "method")
+    _refuse_other_solvers(solver)
     require_switches(keep_field_of_view=keep_field_of_view)
     with about("max_steps"):
         require_counts(max_steps=max_steps)
@@ -229,11 +230,24 @@ def prepared(
         exact=exact,
         # Without a search it makes no difference, so that it compiles nothing of its own.
         many=not exact and (isinstance(points.signed, Tracer) or not np.asarray(points.signed).all()),
-        method=method,
+        solver=solver,
         max_steps=max_steps,
         close_focus=close_focus,
     )
     return Asked(points, camera, lens, limits, numbers, plan)
+
+
+def _refuse_other_solvers(solver: Any) -> None:
+    if solver is None:
+        return
+    import optimistix as optx
+
+    if not isinstance(solver, optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser):
+        raise ArgumentError(
+            f"solver is {kind_of(solver)}; expected a solver of Optimistix for least squares or minimisation,"
+            " as optimistix.Dogleg(1e-8, 1e-8) or focusjax.solvers.JaxoptLBFGSB()",
+            "solver",
+        )
 
 
 @eqx.filter_jit
@@ -246,9 +260,9 @@ def solved(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
     """Settle sides and active bounds, refine, report; and whether that failed."""
     points, plan = asked.points, asked.plan
     start, priors, box, first = place_of(asked)
-    basin = jax.lax.stop_gradient(basin_of(asked))
+    basin = basin_of(asked)
     problem = Problem(points, start, priors, basin.side, basin.on)
-    value, steps, result = METHODS[plan.method](problem, basin, first, box, plan.max_steps)
+    value, steps, result = refined(problem, basin, first, box, plan.solver, plan.max_steps)
     # Rounding may carry a free parameter past a bound that it reaches without being pushed.
     value = value + jax.lax.stop_gradient(jnp.clip(value, box.lower, box.upper) - value)
     camera, lens, seen = start.camera_at(value), start.lens_at(value), start.points_at(value, points)

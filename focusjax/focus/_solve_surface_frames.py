@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -10,7 +11,6 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from focusjax._arguments import ArgumentError
-from focusjax.focus._banded import FIRST, SECOND, banded_least_squares
 from focusjax.focus._checks import require_number
 from focusjax.focus._frames_solution import LargestChange, largest_change, no_points
 from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, stacked, together
@@ -238,38 +238,33 @@ class _Rows(eqx.Module):
     bend: Float[Array, "t"]
     pace: Float[Array, "t"]
 
-    def differences(self, values: Float[Array, "t k"]) -> tuple[Float[Array, "t k"], Float[Array, "t k"]]:
-        """Weighed second and first differences over time."""
-        before = jnp.concatenate([jnp.zeros((2, values.shape[1]), values.dtype), values])
-        around = before[:-2], before[1:-1], before[2:]
-        second = sum(c * each for c, each in zip(SECOND, around, strict=True))
-        first = sum(c * each for c, each in zip(FIRST, around, strict=True))
-        return self.bend[:, None] * second, self.pace[:, None] * first
+    @property
+    def jacobian(self) -> Any:
+        """Of all residuals, a `BandedJacobian`."""
+        from focusjax.solvers import BandedJacobian
+
+        wide = jnp.ones_like(self.start)
+        return BandedJacobian(self.frames.matrix, self.bend[:, None] * wide, self.pace[:, None] * wide)
 
     def over_time(self, change: Float[Array, "t k"]) -> Float[Array, ""]:
-        """Sum of the squares of all differences over time after a change."""
-        second, first = self.differences(self.start + change)
+        """Sum of the squares of all weighed differences over time after a change."""
+        _, second, first = self.jacobian.mv(self.start + change)
         return jnp.sum(second**2) + jnp.sum(first**2)
 
     def change(self, side: Float[Array, "t n"]) -> Float[Array, "t k"]:
         """The best change, when unsigned wishes have chosen their sides."""
-        bent, paced = self.differences(self.start)
+        from focusjax.solvers import DampedOperator, solve_banded
+
+        _, bent, paced = self.jacobian.mv(self.start)
+        right = jax.vmap(LinearSurface.right)(self.frames, side)
         wide = jnp.ones_like(self.start)
-        return banded_least_squares(
-            self.frames.matrix,
-            -jax.vmap(LinearSurface.right)(self.frames, side),
-            self.bend[:, None] * wide,
-            bent,
-            self.pace[:, None] * wide,
-            paced,
-            jnp.asarray(_DAMPING, self.start.dtype),
-            wide,
-        )
+        damped = DampedOperator(self.jacobian, wide, jnp.sqrt(_DAMPING) * wide)
+        return solve_banded(damped, ((right, -bent, -paced), jnp.zeros_like(wide)))
 
     def miss(self, change: Float[Array, "t k"], side: Float[Array, "t n"]) -> Float[Array, "t r"]:
         """Residuals of the frames themselves."""
         right = jax.vmap(LinearSurface.right)(self.frames, side)
-        return jnp.einsum("trk,tk->tr", self.frames.matrix, change) - right
+        return self.jacobian.mv(change)[0] - right
 
 
 @eqx.filter_jit
@@ -331,7 +326,7 @@ def _sides(rows: _Rows, points: ImagePoints) -> Float[Array, "t n"]:
         def turn(_, side):
             change = rows.change(side)
             count = side.shape[1]
-            blur = jnp.einsum("trk,tk->tr", rows.frames.matrix, change) + rows.frames.behind
+            blur = rows.jacobian.mv(change)[0] + rows.frames.behind
             # A point of no weight says nothing, and one on the focus keeps its side.
             return jnp.where(blur[:, :count] == 0, side, clear(blur[:, :count]))
 

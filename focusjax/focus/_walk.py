@@ -1,9 +1,7 @@
-"""Bounded least squares for given sides: Gauss-Newton steps with as little damping as will do.
+"""Bounded least squares for given sides, by `BoundedLevenbergMarquardt`.
 
-Parameters at a bound that the gradient pushes against stay there during a step; the others take the
-step and are cut off at their bounds. With enough damping that is a step of projected gradient descent, so
-it helps in the end (Bertsekas 1982). Blur is linear in (E, E n) for aperture radius E and plane n, so a
-step in these is tried first where both are free: inside the bounds it ends at the optimum for the sides.
+Blur is linear in (E, E n) for aperture radius E and plane n, so a step in these is tried, too, where both are
+free: inside the bounds it ends at the optimum for the sides.
 
 What the wishes leave open goes no farther than it must: of all steps that are equally good the one is taken
 that changes the picture least, each parameter measured in pixels (`scales`).
@@ -12,8 +10,9 @@ Parameters that no error follows by as much as `UNDETERMINED_PX` over their whol
 what slope they have is rounding, once the wishes that would move them are met.
 """
 
+from typing import Any
+
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
@@ -23,96 +22,96 @@ from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._objective import Objective
 from focusjax.focus._parameters import FOCUS, RADIUS, SWING, TILT
 
-_GENTLE = 1e-3
-"""Damping after a step that did not help."""
-
-_HOPELESS = 1e8
-"""Damping at which no step is left to take."""
+PLANE = (FOCUS, TILT, SWING)
+"""Parameters that the radius multiplies."""
 
 
 class Walk(eqx.Module):
-    """Where a walk is.
-
-    Attributes:
-        value: free parameters.
-        cost: see `Objective.cost`.
-        damping: of the next step, relative to the largest slope squared.
-        product: whether the next step is one in (E, E n).
-        settled: whether the last step was within rounding.
-        steps: steps taken.
-    """
+    """Where a walk has ended: free parameters, whether it came to rest, and its steps."""
 
     value: Float[Array, "k"]
-    cost: Float[Array, ""]
-    damping: Float[Array, ""]
-    product: Bool[Array, ""]
     settled: Bool[Array, ""]
     steps: Int[Array, ""]
 
 
 def walk(
-    objective: Objective,
-    side: Float[Array, "n"],
-    first: Float[Array, "k"],
-    box: Box,
-    max_steps: int | Int[Array, ""],
+    objective: Objective, side: Float[Array, "n"], first: Float[Array, "k"], box: Box, max_steps: int
 ) -> Walk:
     """The best parameters in the box for given sides, downhill from `first`."""
-    rounding = 1e3 * jnp.finfo(first.dtype).eps
-    least = jnp.asarray(rounding**2, first.dtype)
+    import optimistix as optx
 
-    def more(state: Walk) -> Bool[Array, ""]:
-        return ~state.settled & (state.steps < max_steps)
+    from focusjax.solvers import BoundedLevenbergMarquardt
 
-    def step(state: Walk) -> Walk:
-        error, slopes = objective.slopes(state.value, side)
-        moved = _moved(objective, state, error, slopes, box)
-        cost = objective.cost(moved, side)
-        change = jnp.abs(objective.excess(moved, side) - objective.excess(state.value, side))
-        inside_noise = jnp.all(~objective.counted | (change <= 4.0 * objective.noise(moved)))
-        inside_noise &= jnp.all(jnp.abs((moved - state.value) * objective.priors.inverse) <= rounding)
-        better = cost < state.cost
-        calmer = jnp.maximum(state.damping * 16.0, _GENTLE)
-        # A step in (E, E n) may be cut off at a bound so that it does not help; one in (E, n) then will.
-        damping = jnp.where(state.product, state.damping, calmer)
-        damping = jnp.where(better, jnp.maximum(state.damping / 32.0, least), damping)
-        return Walk(
-            value=jnp.where(better, moved, state.value),
-            cost=jnp.where(better, cost, state.cost),
-            damping=damping,
-            product=better & ~inside_noise,
-            settled=~state.product & (inside_noise | (damping > _HOPELESS)),
-            steps=state.steps + 1,
-        )
-
-    start = Walk(
-        value=first,
-        cost=objective.cost(first, side),
-        damping=least,
-        product=jnp.array(True),
-        settled=jnp.array(False),
-        steps=jnp.array(0),
+    found = optx.least_squares(
+        _residuals,
+        BoundedLevenbergMarquardt(),
+        first,
+        args=(objective, side, box),
+        options={
+            "lower": box.lower,
+            "upper": box.upper,
+            "scale": objective.scale,
+            "linearise": _linearised,
+            "rounding": _rounding,
+            "paths": _paths,
+        },
+        max_steps=max_steps,
+        throw=False,
     )
-    return jax.lax.while_loop(more, step, start)
+    steps = jnp.asarray(found.stats["num_steps"])
+    return Walk(found.value, found.result == optx.RESULTS.successful, steps)
 
 
-def _moved(
-    objective: Objective, state: Walk, error: Float[Array, "n"], slopes: Float[Array, "n k"], box: Box
-) -> Float[Array, "k"]:
-    """The damped Gauss-Newton step from `state`, inside the box."""
-    value, columns = state.value, objective.columns
-    root = jnp.sqrt(objective.share)
-    prior_root = jnp.sqrt(objective.prior_share)
-    jacobian = jnp.concatenate([root[:, None] * slopes, prior_root * jnp.diag(objective.priors.inverse)])
-    residual = jnp.concatenate([root * error, prior_root * objective.priors(value)])
-    gradient = residual @ jacobian
-    stuck = ((value <= box.lower) & (gradient > 0)) | ((value >= box.upper) & (gradient < 0))
+def _residuals(value: Float[Array, "k"], args: Any) -> Float[Array, "m"]:
+    """Errors and expectations, of which `Objective.cost` is the sum of squares."""
+    objective, side, _ = args
+    rows = jnp.sqrt(objective.share) * objective.errors(value, side)
+    return jnp.concatenate([rows, jnp.sqrt(objective.prior_share) * objective.priors(value)])
+
+
+def _linearised(fn: Any, value: Float[Array, "k"], args: Any) -> tuple[Float[Array, "m"], Any]:
+    """Residuals and slopes over the longest column, in pixels; 0 in columns that hardly matter."""
+    import lineax as lx
+
+    objective, side, box = args
+    error, slopes = objective.slopes(value, side)
+    root, prior_root = jnp.sqrt(objective.share), jnp.sqrt(objective.prior_share)
     effect = jnp.linalg.norm(jnp.where(objective.counted[:, None], slopes, 0.0), axis=0)
     idle = (effect * (box.upper - box.lower) < UNDETERMINED_PX) & (objective.priors.inverse == 0)
-    moves = ~stuck & ~idle
-    change = _damped(jnp.where(moves[None], jacobian, 0.0), residual, objective.scale, state.damping)
-    moved = jnp.where(state.product, with_products(value, change, box, columns), value + change)
-    return box.inside(jnp.where(moves, moved, value))
+    jacobian = jnp.concatenate([root[:, None] * slopes, prior_root * jnp.diag(objective.priors.inverse)])
+    jacobian = jnp.where(idle[None], 0.0, jacobian)
+    residual = jnp.concatenate([root * error, prior_root * objective.priors(value)])
+    size = jnp.sqrt(jnp.max(jnp.sum((jacobian / objective.scale[None]) ** 2, axis=0)))
+    over = 1.0 / jnp.where(size > 0.0, size, 1.0)
+    return over * residual, lx.MatrixLinearOperator(over * jacobian)
+
+
+def _rounding(fn: Any, value: Float[Array, "k"], args: Any) -> Float[Array, "m"]:
+    """What of the change of each residual can be rounding."""
+    objective, _, _ = args
+    rows = 4.0 * jnp.sqrt(objective.share) * objective.noise(value)
+    of_priors = 1e3 * jnp.finfo(value.dtype).eps * jnp.sqrt(objective.prior_share)
+    return jnp.concatenate([rows, jnp.broadcast_to(of_priors, value.shape)])
+
+
+def _paths(
+    value: Float[Array, "k"],
+    change: Float[Array, "k"],
+    lower: Float[Array, "k"],
+    upper: Float[Array, "k"],
+    args: Any,
+) -> tuple[Float[Array, "k"], ...]:
+    """A step in (E, E n), and one in (E, n): the first may be cut off at a bound so that it does not help."""
+    columns = args[0].columns
+    straight = value + change
+    if not has_products(columns):
+        return (straight,)
+    return with_products(value, change, Box(lower, upper), columns), straight
+
+
+def has_products(columns: tuple[int, ...]) -> bool:
+    """Whether the radius is free, and some of what it multiplies in the blur."""
+    return RADIUS in columns and bool(np.isin(columns, PLANE).any())
 
 
 def with_products(
@@ -123,30 +122,10 @@ def with_products(
     Blur is linear in these, so that all of the step is as good as its beginning.
     """
     moved = value + change
-    products = np.isin(columns, (FOCUS, TILT, SWING)) & (RADIUS in columns)
-    if not products.any():
+    if not has_products(columns):
         return moved
+    products = np.isin(columns, PLANE)
     which = columns.index(RADIUS)
     wider = jnp.clip(moved[which], box.lower[which], box.upper[which])
     carried = (value[which] * moved + value * change[which]) / wider
     return jnp.where(products, carried, moved).at[which].set(wider)
-
-
-def _damped(
-    jacobian: Float[Array, "m k"],
-    residual: Float[Array, "m"],
-    scale: Float[Array, "k"],
-    damping: Float[Array, ""],
-) -> Float[Array, "k"]:
-    """The least-squares change; of equally good ones the least, times `scale`; 0 for columns of zeros.
-
-    By QR, and not by the normal equations: damping as small as rounding squared then still separates
-    what is weakly determined from what is undetermined.
-    """
-    scaled = jacobian / scale[None]
-    size = jnp.max(jnp.sum(scaled**2, axis=0))
-    root = jnp.sqrt(damping * jnp.where(size > 0.0, size, 1.0))
-    rows = jnp.concatenate([scaled, root * jnp.eye(scale.size, dtype=scale.dtype)])
-    right = jnp.concatenate([residual, jnp.zeros_like(scale)])
-    triangle = jnp.linalg.qr(jnp.concatenate([rows, right[:, None]], axis=1), mode="r")[: scale.size]
-    return -jax.scipy.linalg.solve_triangular(triangle[:, :-1], triangle[:, -1]) / scale

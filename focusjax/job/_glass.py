@@ -121,9 +121,7 @@ def solved_through(
     # The glass is turned; what is solved for is its focus and opening.
     start = ThinLens(lens.focus_disparity, lens.aperture_radius, lens.aperture)
     with refusals_located(config):
-        solution = solve(
-            points, camera, start, through=exact, free=free, method=options["method"], priors=priors, **kept
-        )
+        solution = solve(points, camera, start, through=exact, free=free, priors=priors, **kept)
     jax.block_until_ready(solution.blur)
     if isinstance(lens, TiltShiftLens):
         found = replace(lens, aperture_radius=solution.lens.aperture_radius)

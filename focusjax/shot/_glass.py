@@ -160,7 +160,6 @@ def solve_through_glass(
         free=free,
         held={name: column for name, column in held.items() if name in free},
         priors=priors,
-        method=options["method"],
         throw=throw,
         **weights,
         **kept,

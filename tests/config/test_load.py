@@ -5,6 +5,7 @@ import math
 import pytest
 
 from focusjax.config import ConfigError, RenderTable, build_solve_options, load_config
+from focusjax.solvers import JaxoptLBFGSB
 
 GOOD = """
 [scene]
@@ -120,7 +121,7 @@ def test_overrides_reach_tables_lists_and_new_tables(path):
         ("solve.f_number_min=40", "solve has f_number_min = 40, which is not below f_number_max = 32; swap"),
         ("solve.max_focus_distance_m=-1", "solve.max_focus_distance_m is -1; expected a number above 0"),
         ("solve.free=['focus', 'focus']", "solve has free = ['focus', 'focus']; name each setting once"),
-        ("solve.method='newton'", "solve.method is \"newton\"; expected 'optimistix', 'dogleg' or 'jaxopt'"),
+        ("solve.solver='newton'", "is \"newton\"; expected 'levenberg-marquardt', 'dogleg' or 'jaxopt'"),
         ("solve.free=['slide']", "solve.free.0 is \"slide\"; expected 'focus', 'f_number', 'tilt'"),
         ("solve.free=['focal_length']", "solve has focal_length free without a range; give focal_length_min"),
         ("solve={rise_min_mm=5, rise_max_mm=-5}", "solve has rise_min_mm = 5, which is not below rise_max"),
@@ -196,9 +197,10 @@ def test_a_root_that_is_not_there_is_named(path):
         load_config(path, root="nowhere")
 
 
-def test_the_method_is_the_solves(path):
-    assert build_solve_options(load_config(path))["method"] == "optimistix"
-    assert build_solve_options(load_config(path, ["solve.method=jaxopt"]))["method"] == "jaxopt"
+def test_the_solver_is_the_solves(path):
+    assert "solver" not in build_solve_options(load_config(path))
+    options = build_solve_options(load_config(path, ["solve.solver=jaxopt"]))
+    assert isinstance(options["solver"], JaxoptLBFGSB)
 
 
 def test_limits_of_what_is_not_free_are_reported(path):
@@ -210,7 +212,7 @@ def test_limits_of_what_is_not_free_are_reported(path):
         "solve.tilt_max_deg limits nothing, since tilt is not free; add 'tilt' to solve.free, or" in messages
     )
     assert "solve.keep_field_of_view limits nothing, since focal_length is not free" in messages
-    assert set(options) == {"free", "method", "max_focus_distance"}
+    assert set(options) == {"free", "max_focus_distance"}
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optimistix as optx
 import pytest
 import scipy.optimize
 
@@ -31,6 +32,7 @@ from focusjax.focus import (
 )
 from focusjax.geometry import make_camera
 from focusjax.lens import tilt_shift_lens
+from focusjax.solvers import JaxoptLBFGSB
 
 NAMES = ("focus", "f_number", "tilt", "swing")
 LENGTH = 0.05
@@ -180,12 +182,21 @@ def test_the_sides_of_a_turned_lens_are_found(camera, lens, seed):
     np.testing.assert_allclose(vector(found), hidden, rtol=1e-6)
 
 
-@pytest.mark.parametrize("method", ["dogleg", "jaxopt"])
-def test_methods_agree(camera, lens, method):
+@pytest.mark.parametrize(
+    "solver",
+    [
+        optx.Dogleg(1e-8, 1e-8),
+        optx.LevenbergMarquardt(1e-8, 1e-8),
+        optx.BFGS(1e-8, 1e-8),
+        JaxoptLBFGSB(atol=1e-8),
+    ],
+    ids=["dogleg", "levenberg-marquardt", "bfgs", "jaxopt"],
+)
+def test_solvers_agree(camera, lens, solver):
     for seed in range(1, 3):
         points, limits = random_problem(seed, two_sided=True)
         first = solve(points, camera, lens, free=NAMES, **limits)
-        second = solve(points, camera, lens, free=NAMES, **limits, method=method, max_steps=2000, throw=False)
+        second = solve(points, camera, lens, free=NAMES, **limits, solver=solver, max_steps=2000, throw=False)
         np.testing.assert_allclose(float(second.cost), float(first.cost), rtol=1e-8)
         np.testing.assert_allclose(vector(second), vector(first), rtol=1e-5, atol=1e-6)
 

@@ -10,6 +10,7 @@ import scipy.optimize
 
 from focusjax.focus import AT_MOST, Prior, Result, diagnose, solve, solve_frames, stacked
 from focusjax.lens import thin_lens
+from focusjax.solvers import JaxoptLBFGSB
 
 FRAMES = 48
 GAIN = 2.0 * 0.05 / 0.036 * 640
@@ -252,7 +253,7 @@ def test_weights_of_any_size(make_setup, make_frames):
     ("change", "message"),
     [
         ({"smoothness": -1.0}, "smoothness is -1; expected zero or a positive finite number"),
-        ({"method": "jaxopt"}, "method is 'jaxopt'; frames are solved together by one method only"),
+        ({"solver": JaxoptLBFGSB()}, "solver is a JaxoptLBFGSB; frames are solved together by one solver"),
         ({"free": ("zoom",)}, "free parameters are"),
         ({"f_number_range": (4.0, 2.0)}, "the f-number range's end is 2"),
     ],

@@ -1,0 +1,190 @@
+"""The bounded solver against SciPy's, and its derivatives at bounds against those of solving again."""
+
+import jax
+import jax.numpy as jnp
+import lineax as lx
+import numpy as np
+import optimistix as optx
+import pytest
+import scipy.optimize
+
+from focusjax.solvers import (
+    BandedJacobian,
+    BandedQR,
+    BoundedImplicitAdjoint,
+    BoundedLevenbergMarquardt,
+    DampedOperator,
+    JaxoptLBFGSB,
+    half_squares,
+    solve_banded,
+)
+
+
+def curve(y, args):
+    """How far a decaying wave is from what is given: 5 unknowns, coupled and not linear."""
+    times, given = args
+    offset, size, decay, rate, phase = y
+    return offset + size * jnp.exp(-decay * times) * jnp.cos(rate * times + phase) - given
+
+
+def random_curve(seed):
+    """Arguments of `curve`, a start, and bounds of which some keep from the best fit."""
+    rng = np.random.default_rng(seed)
+    times = np.linspace(0.0, 3.0, 40)
+    hidden = np.array([0.3, 2.0, 0.5, 3.0, 0.2]) * rng.uniform(0.8, 1.2, 5)
+    given = np.asarray(curve(hidden, (times, 0.0))) + 0.1 * rng.normal(size=40)
+    low, high = hidden * rng.uniform(0.6, 1.02, 5), hidden * rng.uniform(1.0, 1.4, 5)
+    low, high = np.minimum(low, high - 0.02), np.maximum(low + 0.02, high)
+    start = rng.uniform(low, high)
+    return (jnp.asarray(times), jnp.asarray(given)), jnp.asarray(start), jnp.asarray(low), jnp.asarray(high)
+
+
+def solved(args, start, low, high, solver=None, **more):
+    return optx.least_squares(
+        curve,
+        BoundedLevenbergMarquardt(1e-12, 1e-12) if solver is None else solver,
+        start,
+        args=args,
+        options={"lower": low, "upper": high},
+        adjoint=BoundedImplicitAdjoint(),
+        **more,
+    )
+
+
+def test_it_finds_what_scipy_finds():
+    at_bounds = 0
+    for seed in range(20):
+        args, start, low, high = random_curve(seed)
+        found = solved(args, start, low, high)
+        other = scipy.optimize.least_squares(
+            lambda y, args=args: np.asarray(curve(y, args)),
+            start,
+            jac=lambda y, args=args: np.asarray(jax.jacfwd(curve)(jnp.asarray(y), args)),
+            bounds=(low, high),
+            xtol=1e-15, ftol=1e-15, gtol=1e-12,
+        )  # fmt: skip
+        at_bounds += int(jnp.sum((found.value == low) | (found.value == high)))
+        cost = float(half_squares(curve(found.value, args)))
+        # Observed 4e-15 above at most, which is rounding.
+        assert cost <= other.cost * (1.0 + 1e-12)
+        assert bool(jnp.all((found.value >= low) & (found.value <= high)))
+        # Observed 16.
+        assert int(found.stats["num_steps"]) < 30
+    assert at_bounds > 10
+
+
+def test_derivatives_at_bounds_are_those_of_solving_again():
+    for seed in range(4):
+        args, start, low, high = random_curve(seed)
+
+        def best(numbers, times=args[0], start=start):
+            return solved((times, numbers[10:]), start, numbers[:5], numbers[5:10]).value
+
+        numbers = jnp.concatenate([low, high, args[1]])
+        slopes = jax.jacrev(best)(numbers)
+        np.testing.assert_allclose(jax.jacfwd(best)(numbers), slopes, rtol=1e-9, atol=1e-11)
+        step = 1e-5
+        moved = numbers[None] + step * jnp.concatenate([jnp.eye(50), -jnp.eye(50)])
+        up, down = jax.vmap(best)(moved).reshape(2, 50, 5)
+        # Observed 4e-11, the differences' own error.
+        np.testing.assert_allclose(slopes, (up - down).T / (2.0 * step), rtol=0, atol=1e-9)
+
+
+def test_a_batch_is_each_alone():
+    problems = [random_curve(seed) for seed in range(5)]
+    together = jax.tree.map(lambda *leaves: jnp.stack(leaves), *problems)
+    many = jax.vmap(lambda *problem: solved(*problem).value)(*together)
+    np.testing.assert_allclose(many, [solved(*problem).value for problem in problems], rtol=1e-9)
+
+
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_structures_keep_their_types(dtype):
+    def residuals(y, wanted):
+        return {"first": 2.0 * y["a"] - wanted, "second": y["b"] + y["a"]}
+
+    start = {"a": jnp.zeros(3, dtype), "b": jnp.ones((), dtype)}
+    lower = {"a": jnp.array([1.0, 0.0, 0.0]), "b": 0.0}
+    wanted = jnp.arange(3.0, dtype=dtype)
+    found = optx.least_squares(
+        residuals, BoundedLevenbergMarquardt(), start, args=wanted, options={"lower": lower}
+    )
+    assert found.value["a"].dtype == found.value["b"].dtype == dtype
+    # b stays at 0, so that a minimises (2 a - wanted)^2 + a^2, from a start outside of its bounds.
+    np.testing.assert_allclose(found.value["a"], [1.0, 0.4, 0.8], rtol=1e-6)
+    assert float(found.value["b"]) == 0.0
+
+
+def test_what_nothing_determines_changes_least():
+    """Of three unknowns with one sum, each moves by the square of what it costs."""
+    found = optx.least_squares(
+        lambda y, _: jnp.sum(y)[None] - 4.0,
+        BoundedLevenbergMarquardt(1e-12, 1e-12),
+        jnp.array([1.0, 0.0, 0.0]),
+        options={"scale": jnp.array([1.0, 1.0, 2.0]), "upper": jnp.array([1.0, 9.0, 9.0])},
+    )
+    np.testing.assert_allclose(found.value, [1.0, 2.4, 0.6], atol=1e-7)
+
+
+def test_too_few_steps_and_no_numbers_are_reported():
+    args, start, low, high = random_curve(0)
+    few = solved(args, start, low, high, max_steps=2, throw=False)
+    assert few.result == optx.RESULTS.nonlinear_max_steps_reached
+    with pytest.raises(Exception, match="maximum number of steps"):
+        solved(args, start, low, high, max_steps=2)
+    bad = solved((args[0], args[1].at[0].set(jnp.nan)), start, low, high, throw=False)
+    # Nothing is better than the start, which stays.
+    np.testing.assert_array_equal(bad.value, start)
+
+
+def test_jaxopt_agrees():
+    args, start, low, high = random_curve(1)
+    second = solved(args, start, low, high, solver=JaxoptLBFGSB(atol=1e-8), max_steps=2000)
+    # Observed 1e-10.
+    np.testing.assert_allclose(second.value, solved(args, start, low, high).value, atol=1e-6)
+
+
+def banded(seed, frames=7, rows=5, size=2):
+    rng = np.random.default_rng(seed)
+
+    def normal(*shape):
+        return jnp.asarray(rng.normal(size=shape))
+
+    number = jnp.arange(frames)[:, None]
+    jacobian = BandedJacobian(
+        normal(frames, rows, size), normal(frames, size) * (number >= 2), normal(frames, size) * (number >= 1)
+    )
+    moves = jnp.asarray(rng.integers(0, 2, size=(frames, size)), dtype=float)
+    damped = DampedOperator(jacobian, moves, jnp.asarray(rng.uniform(0.1, 1.0, size=(frames, size))))
+    vector = jax.tree.map(lambda leaf: normal(*leaf.shape), damped.out_structure())
+    return damped, vector
+
+
+@pytest.mark.parametrize("frames", [1, 2, 7])
+def test_the_banded_solver_is_the_dense_one(frames):
+    damped, vector = banded(0, frames=frames)
+    dense = lx.linear_solve(damped, vector, lx.QR()).value
+    # Observed 4e-16.
+    np.testing.assert_allclose(lx.linear_solve(damped, vector, BandedQR()).value, dense, atol=1e-13)
+    flat = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(vector)])
+    pulled = damped.T.mv(vector)
+    np.testing.assert_allclose(np.ravel(pulled), damped.as_matrix().T @ flat, atol=1e-13)
+
+
+def test_the_banded_solver_is_differentiable():
+    damped, vector = banded(1)
+
+    def dense(damped, vector):
+        matrix = damped.as_matrix()
+        flat = jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(vector)])
+        return jnp.linalg.solve(matrix.T @ matrix, matrix.T @ flat)
+
+    weights = jnp.asarray(np.random.default_rng(2).normal(size=14))
+    slopes = jax.grad(lambda *of: weights @ jnp.ravel(solve_banded(*of)), argnums=(0, 1))(damped, vector)
+    expected = jax.grad(lambda *of: weights @ dense(*of), argnums=(0, 1))(damped, vector)
+    for one, other in zip(jax.tree.leaves(slopes), jax.tree.leaves(expected), strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-11)
+
+
+def test_the_banded_solver_refuses_other_operators():
+    with pytest.raises(ValueError, match="operator is MatrixLinearOperator; BandedQR solves damped banded"):
+        lx.linear_solve(lx.MatrixLinearOperator(jnp.eye(2)), jnp.ones(2), BandedQR())

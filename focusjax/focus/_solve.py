@@ -13,6 +13,7 @@ from jaxtyping import Array, ArrayLike, Bool
 
 from focusjax._arguments import ArgumentError, about, require_switches
 from focusjax._counts import require_counts
+from focusjax._in_haste import jit_in_haste
 from focusjax._words import kind_of
 from focusjax.focus._basin import basin_of, ended, place_of
 from focusjax.focus._bounds import Range, make_limits, refuse_idle
@@ -250,7 +251,7 @@ def _refuse_other_solvers(solver: Any) -> None:
         )
 
 
-@eqx.filter_jit
+@jit_in_haste
 def _solve(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
     """The compiled part."""
     return solved(asked)

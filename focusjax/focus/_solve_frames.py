@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
+from focusjax._in_haste import jit_in_haste
 from focusjax.focus._frames_asked import FramesAsked, frames_asked
 from focusjax.focus._frames_implicit import following
 from focusjax.focus._frames_problem import at_bounds, frames_problem, openness, result_of, thin_walk
@@ -133,7 +134,7 @@ def solve_frames_asked(asked: FramesAsked) -> FramesSolution:
     return dataclasses.replace(solution, points=points, asked=asked)
 
 
-@eqx.filter_jit
+@jit_in_haste
 def _solve(asked: FramesAsked) -> FramesSolution:
     """The compiled part."""
     plan = asked.plan

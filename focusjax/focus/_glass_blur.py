@@ -118,6 +118,13 @@ class Sensed(eqx.Module):
     slope: GlassBlur
 
 
+def blank_sensed(settings: int, disparity: Float[Array, "n"]) -> Sensed:
+    """Zeros, of the shapes that `sensed` returns."""
+    flat = jnp.zeros((settings, disparity.size), disparity.dtype)
+    deep = jnp.zeros((settings, disparity.size, 2), disparity.dtype)
+    return Sensed(GlassBlur(flat, flat, flat), GlassBlur(deep, deep, deep))
+
+
 def sensed(
     lens: SettableLens,
     camera: Camera,

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._basin import basin_of, place_of
 from focusjax.focus._bounds import Box
-from focusjax.focus._glass_blur import GlassBlur, Sensed, sensed
+from focusjax.focus._glass_blur import GlassBlur, Sensed, blank_sensed, sensed
 from focusjax.focus._glass_rows import GlassRows, Linear
 from focusjax.focus._image_points import BLUR, SAME, ImagePoints
 from focusjax.focus._parameters import FOCUS, RADIUS, Start, scales
@@ -119,13 +119,10 @@ def best_settings(
         return (state.number < _ROUNDS + _STEPS) & (state.last > _SETTLED)
 
     shapes, fixed = eqx.partition(eqx.filter_eval_shape(aim, first), lambda leaf: isinstance(leaf, _SHAPE))
-    sample = eqx.filter_eval_shape(
-        lambda: (
-            basin_of(asked),
-            sensed_rows(points, aim(first), asked.camera, widest, _settings(start, first)),
-        )
-    )
-    blank, basin, unseen = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), (shapes, *sample))
+    sample = shapes, eqx.filter_eval_shape(basin_of, asked)
+    blank, basin = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), sample)
+    _, places = rows_and_references(points)
+    unseen = blank_sensed(1 + 2 * first.size, places)
     far = jnp.full_like(first[0], jnp.inf)
     state = Reached(jnp.array(0), jnp.array(False), basin, first, first, unseen, far, far)
     state, aims = jax.lax.while_loop(moving, step, (state, blank))

@@ -73,6 +73,7 @@ def trace_path(
     return ray, points[::-1] if backward else points
 
 
+@eqx.filter_jit
 def _walk(
     lens: Prescription, indices: Array, position: Array, direction: Array, backward: bool
 ) -> tuple[tuple, Float[Array, "n 3"]]:

@@ -24,7 +24,7 @@ ALLOWED = {
     "scene": {"geometry", "_arguments", "_kept", "_parallel", "_quiet_exr", "_words"},
     "photo": {"geometry", "scene", "_arguments"},
     "solvers": set(),
-    "focus": {"geometry", "lens", "solvers", "_arguments", "_counts", "_settings", "_words"},
+    "focus": {"geometry", "lens", "solvers", "_in_haste", "_arguments", "_counts", "_settings", "_words"},
     "layers": {
         "geometry",
         "lens",
@@ -84,6 +84,7 @@ ALLOWED = {
     "_whole_file": set(),
     "_words": set(),
     "_parallel": set(),
+    "_in_haste": set(),
     "_at_once": set(),
     "_zeros": set(),
     "_settings": set(),

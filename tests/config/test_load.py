@@ -121,7 +121,7 @@ def test_overrides_reach_tables_lists_and_new_tables(path):
         ("solve.f_number_min=40", "solve has f_number_min = 40, which is not below f_number_max = 32; swap"),
         ("solve.max_focus_distance_m=-1", "solve.max_focus_distance_m is -1; expected a number above 0"),
         ("solve.free=['focus', 'focus']", "solve has free = ['focus', 'focus']; name each setting once"),
-        ("solve.solver='newton'", "is \"newton\"; expected 'levenberg-marquardt', 'dogleg' or 'jaxopt'"),
+        ("solve.solver='newton'", "solve.solver is \"newton\"; expected 'levenberg-marquardt', 'dogleg'"),
         ("solve.free=['slide']", "solve.free.0 is \"slide\"; expected 'focus', 'f_number', 'tilt'"),
         ("solve.free=['focal_length']", "solve has focal_length free without a range; give focal_length_min"),
         ("solve={rise_min_mm=5, rise_max_mm=-5}", "solve has rise_min_mm = 5, which is not below rise_max"),

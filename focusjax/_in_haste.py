@@ -15,22 +15,27 @@ _OPTIONS = {
     "xla_cpu_use_fusion_emitters": False,
     "xla_cpu_parallel_codegen_split_count": 1,
 }
-"""Of XLA: what takes most of the time to compile, and gains small programs next to nothing."""
+"""Of XLA: what takes most of the time to compile, and gains a program on little data next to nothing."""
+
+_MUCH = 1 << 14
+"""Numbers in its arguments from which on a program is compiled as always."""
 
 
 def jit_in_haste(function: _Function) -> _Function:
-    """`equinox.filter_jit` of a small function, compiled in haste on a processor.
+    """`equinox.filter_jit` of a function; on a processor and for few numbers it is compiled in haste.
 
     JAX takes such options for a whole program only: inside another one, as in `jax.grad` or a larger `jit`,
-    the function is compiled as that is. XLA changes its options from version to version: one that does not
+    the function is compiled like that one. XLA changes its options from version to version: one that does not
     know these compiles as always.
     """
-    plain, hasty = eqx.filter_jit(function), eqx.filter_jit(function, compiler_options=_OPTIONS)
+    options: dict[str, Any] = {"compiler_options": _OPTIONS}
+    plain, hasty = eqx.filter_jit(function), eqx.filter_jit(function, **options)
 
     @functools.wraps(function)
     def call(*arguments: Any) -> Any:
-        inside = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(arguments))
-        if inside or not _known():
+        leaves = [leaf for leaf in jax.tree.leaves(arguments) if eqx.is_array(leaf)]
+        inside = any(isinstance(leaf, Tracer) for leaf in leaves)
+        if inside or sum(leaf.size for leaf in leaves) > _MUCH or not _options_are_known():
             return plain(*arguments)
         return hasty(*arguments)
 
@@ -38,7 +43,7 @@ def jit_in_haste(function: _Function) -> _Function:
 
 
 @functools.cache
-def _known() -> bool:
+def _options_are_known() -> bool:
     """Whether programs run on a processor, by a version of XLA that knows all options."""
     if jax.default_backend() != "cpu":
         return False

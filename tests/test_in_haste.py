@@ -24,10 +24,10 @@ def test_it_is_the_function_inside_other_programs_and_alone():
 
 def test_an_option_that_this_version_does_not_know_is_left_out(monkeypatch):
     monkeypatch.setattr(_in_haste, "_OPTIONS", {"xla_no_such_option": 1})
-    _in_haste._known.cache_clear()
+    _in_haste._options_are_known.cache_clear()
     try:
-        assert not _in_haste._known()
+        assert not _in_haste._options_are_known()
         np.testing.assert_allclose(jit_in_haste(lambda x: x + 1.0)(jnp.array(1.0)), 2.0)
     finally:
         monkeypatch.undo()
-        _in_haste._known.cache_clear()
+        _in_haste._options_are_known.cache_clear()

@@ -4,7 +4,7 @@ import jax
 from jax.core import Tracer
 
 from focusjax._arguments import ArgumentError, require_kind
-from focusjax._words import shown
+from focusjax._words import kind_of, shown
 from focusjax.focus._solution import Asked
 from focusjax.lens import (
     AbstractLens,
@@ -25,13 +25,18 @@ def checked_glass(glass: object, asked: Asked, usage: str = "solve(through=)") -
     """`glass`, when the problem can be solved through it.
 
     Raises:
-        ArgumentError: another kind of lens, something free that glass does not have, a start wider than the
-            glass, or a closest focus that it does not reach.
+        ArgumentError: another kind of lens, a solver, something free that glass does not have, a start wider
+            than the glass, or a closest focus that it does not reach.
     """
     kinds = (PrescriptionLens, SpectralLens, FittedLens, TiltedPrescriptionLens)
     remedy = "`prescription_lens`, `spectral_lens` and `tilted_lens` make one"
     require_kind(glass, kinds, usage, remedy, "through")
     assert isinstance(glass, AbstractLens)
+    if asked.plan.solver is not None:
+        raise ArgumentError(
+            f"solver is {kind_of(asked.plan.solver)}; blur through glass has one solver, so leave it out",
+            "solver",
+        )
     others = [name for name in asked.plan.free if name not in ("focus", "f_number")]
     if others:
         raise ArgumentError(

@@ -115,9 +115,10 @@ def solve(
             infinity: `Solution.camera` is the one that frames the picture, and `points` are located in
             `camera`. F-numbers are those that are set (`Solution.settings`), and hold as the focus moves.
             Focus and f-number of a thin lens can be free, and only the f-number can have a prior.
-        solver: of Optimistix, for least squares or minimisation, as an independent check: once sides and
-            active bounds are found it starts from the lens as given, as `optimistix.Dogleg(1e-8, 1e-8)` or
-            `focusjax.solvers.JaxoptLBFGSB()`. `focusjax.solvers.BoundedLevenbergMarquardt` when not given.
+        solver: of Optimistix, for least squares or minimisation, as `optimistix.Dogleg(1e-5, 1e-5)` or
+            `focusjax.solvers.JaxoptLBFGSB()`: an independent check, which starts from the lens as given once
+            sides and active bounds are found. `focusjax.solvers.BoundedLevenbergMarquardt` when not given,
+            and always with `through`.
         max_steps: steps allowed, at least 1.
         throw: raise an error, rather than report it in `Solution.result`, when the solver fails.
 
@@ -245,7 +246,7 @@ def _refuse_other_solvers(solver: Any) -> None:
     if not isinstance(solver, optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser):
         raise ArgumentError(
             f"solver is {kind_of(solver)}; expected a solver of Optimistix for least squares or minimisation,"
-            " as optimistix.Dogleg(1e-8, 1e-8) or focusjax.solvers.JaxoptLBFGSB()",
+            " as optimistix.Dogleg(1e-5, 1e-5) or focusjax.solvers.JaxoptLBFGSB()",
             "solver",
         )
 

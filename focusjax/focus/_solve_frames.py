@@ -82,7 +82,7 @@ def solve_frames(
         smoothness: weight of second differences, in 1 / (px / frame^2)^2 of a wish of weight 1.
         steadiness: weight of first differences; a little of it keeps the focus from running on after
             the last wish.
-        max_steps: steps allowed in all.
+        max_steps: steps allowed for given sides of the focus.
         held: by names of free parameters: whether they stay as the frame's lens and camera have them, one a
             frame. Those of other frames change smoothly up to them.
         throw: raise an error, rather than report it in `FramesSolution.result`, when the solver fails.

@@ -121,7 +121,8 @@ def solved_through(
     # The glass is turned; what is solved for is its focus and opening.
     start = ThinLens(lens.focus_disparity, lens.aperture_radius, lens.aperture)
     with refusals_located(config):
-        solution = solve(points, camera, start, through=exact, free=free, priors=priors, **kept)
+        kept |= {"solver": options.get("solver"), "priors": priors}
+        solution = solve(points, camera, start, through=exact, free=free, **kept)
     jax.block_until_ready(solution.blur)
     if isinstance(lens, TiltShiftLens):
         found = replace(lens, aperture_radius=solution.lens.aperture_radius)

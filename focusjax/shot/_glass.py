@@ -160,6 +160,7 @@ def solve_through_glass(
         free=free,
         held={name: column for name, column in held.items() if name in free},
         priors=priors,
+        solver=options.get("solver"),
         throw=throw,
         **weights,
         **kept,

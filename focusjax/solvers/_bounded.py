@@ -20,6 +20,8 @@ _HOPELESS = 1e8
 """Damping at which no step is left to take."""
 
 
+_OPTIONS = {"lower", "upper", "scale", "linearise", "rounding", "paths"}
+
 _NOISE = 64.0
 """Roundings by which a cost may be off."""
 
@@ -47,23 +49,25 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         |J d + r|^2 + damping |scale d|^2
 
     and are cut off at their bounds. With enough damping that is a step of projected gradient descent, so it
-    helps in the end (Bertsekas 1982, Projected Newton Methods). Damping falls by 32 after a step that helped,
-    and rises by 16 otherwise, from as little as separates what is weakly determined from what is not
-    determined: so steps are those of Gauss-Newton wherever these help. Where J has not full rank, the least
-    of the equally good steps is taken, as measured by `scale`.
+    helps in the end (Bertsekas 1982, Projected Newton Methods). Damping is divided by 32 after a step that
+    lowers the cost, and multiplied by 16 otherwise. It starts so small that steps are those of Gauss-Newton
+    wherever these help. Where J has not full rank, the least of the equally good steps is taken, as measured
+    by `scale`.
 
     Give `adjoint=BoundedImplicitAdjoint()` to differentiate: elements at active bounds then follow these.
+    A start outside the bounds is moved to them. That lower <= upper is not checked. Without a finite cost
+    the result is `RESULTS.nonfinite`.
 
     Attributes:
         rtol: relative tolerance: the solve ends when a step changes y and r by no more, or at a damping at
             which no step helps.
         atol: absolute tolerance, added to the other.
         norm: of y and of r, which the tolerances are for.
-        linear_solver: of Lineax, for the steps' linear least-squares problems of full rank.
+        linear_solver: of Lineax, for the steps' linear least squares of full rank, such as QR or SVD.
 
     Options:
-        lower, upper: bounds, as y or broadcast to it; none by default.
-        scale: factors of the elements of d, as y or broadcast to it; 1 by default.
+        lower, upper: bounds: one number, or of the structure of y with -inf or inf where there is none.
+        scale: factors of the elements of d, in the same form; 1 by default.
         linearise: `(fn, y, args)` to the residuals and J as an operator of Lineax, for a J of some structure,
             which goes with `linear_solver`. Both may be multiplied by one factor, which is as if damping were
             divided by its square. By default J is dense, with its longest column scaled to 1.
@@ -94,7 +98,10 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     def init(
         self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any, aux_struct: Any, tags: Any
     ) -> BoundedState:
-        cost = half_squares(fn(_inside(y, *bounds_of(options, y)), args)[0])
+        unknown = sorted(set(options) - _OPTIONS)
+        if unknown:
+            raise ValueError(f"there is no option {unknown[0]!r}; expected some of {sorted(_OPTIONS)}")
+        cost = _cost(fn(_inside(y, *bounds_of(options, y)), args)[0])
         return BoundedState(cost, jnp.full_like(cost, _least(cost)), jnp.array(False))
 
     def step(
@@ -111,24 +118,28 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
             jax.tree.map(lambda y, m, end: jnp.where(m > 0.0, end, y), y, moves, _inside(end, lower, upper))
             for end in ends
         ]
-        moved, (new, aux), cost = _best_of(fn, ends, args)
-        shift = jax.tree.map(jnp.subtract, new, fn(y, args)[0])
+        moved, new, cost = _best_of(fn, ends, args)
+        old = fn(y, args)
+        shift = jax.tree.map(jnp.subtract, new[0], old[0])
         better = cost < state.cost
+        calmer = jnp.maximum(16.0 * state.damping, _GENTLE)
+        damping = jnp.where(better, jnp.maximum(state.damping / 32.0, _least(cost)), calmer)
         if "rounding" in options:
             arrived = _all_within(shift, options["rounding"](fn, moved, args))
         else:
-            arrived = self._within(jax.tree.map(jnp.subtract, moved, y), moved) & self._within(shift, new)
-            # Near the optimum the gradient is more exact than the cost, of which rounding is what is left.
-            better |= jnp.abs(cost - state.cost) <= _NOISE * jnp.finfo(cost.dtype).eps * cost
-        calmer = jnp.maximum(16.0 * state.damping, _GENTLE)
-        damping = jnp.where(better, jnp.maximum(state.damping / 32.0, _least(cost)), calmer)
-        state = BoundedState(jnp.where(better, cost, state.cost), damping, arrived | (damping > _HOPELESS))
-        return jax.tree.map(ft.partial(jnp.where, better), moved, y), state, aux
+            arrived = self._within(jax.tree.map(jnp.subtract, moved, y), moved) & self._within(shift, new[0])
+            # Near the optimum the gradient is more exact than the cost, in which rounding hides its fall.
+            better |= cost - state.cost <= _NOISE * jnp.finfo(cost.dtype).eps * state.cost
+        better &= jnp.isfinite(cost)
+        y, (_, aux) = jax.tree.map(ft.partial(jnp.where, better), (moved, new), (y, old))
+        least = jnp.minimum(cost, state.cost)
+        return y, BoundedState(least, damping, arrived | (damping > _HOPELESS)), aux
 
     def terminate(
         self, fn: Any, y: Any, args: Any, options: Any, state: BoundedState, tags: Any
     ) -> tuple[Bool[Array, ""], optx.RESULTS]:
-        return state.arrived, optx.RESULTS.successful
+        lost = state.arrived & ~jnp.isfinite(state.cost)
+        return state.arrived, optx.RESULTS.where(lost, optx.RESULTS.nonfinite, optx.RESULTS.successful)
 
     def postprocess(
         self, fn: Any, y: Any, aux: Any, args: Any, options: Any, state: Any, tags: Any, result: Any
@@ -146,7 +157,8 @@ class BoundedImplicitAdjoint(optx.AbstractAdjoint):
     gradient vanishes, and stays so.
 
     Attributes:
-        linear_solver: of Lineax, for the system with the Hessian of |r(y)|^2 / 2.
+        linear_solver: of Lineax, for the system with the Hessian of |r(y)|^2 / 2; where that is singular,
+            `lineax.AutoLinearSolver(well_posed=False)` says that what is not determined does not move.
     """
 
     linear_solver: lx.AbstractLinearSolver = lx.AutoLinearSolver(well_posed=None)
@@ -162,13 +174,13 @@ def _optimality(optimum: Any, _: Any, inputs: Any) -> Any:
     gradient = jax.grad(lambda y: half_squares(fn(y, args)[0]))(optimum)
 
     def one(y: Array, low: Array, high: Array, slope: Array) -> Array:
-        held = jnp.where((y <= low) & (slope > 0.0), y - low, slope)
+        held = jnp.where((y <= low) & ((slope > 0.0) | (low >= high)), y - low, slope)
         return jnp.where((y >= high) & (slope < 0.0), y - high, held)
 
     return jax.tree.map(one, optimum, lower, upper, gradient)
 
 
-# Optimistix takes plain functions only, and checks of types wrap them.
+# Optimistix takes plain functions only; annotations that are checked as tests run wrap them.
 _optimality = getattr(_optimality, "__wrapped__", _optimality)
 
 
@@ -251,15 +263,21 @@ def half_squares(residual: PyTree[Array]) -> Float[Array, ""]:
     return 0.5 * sum(squares[1:], squares[0])
 
 
+def _cost(residual: PyTree[Array]) -> Float[Array, ""]:
+    """Half the sum of all squares; infinite where it is no number."""
+    cost = half_squares(residual)
+    return jnp.where(jnp.isnan(cost), jnp.inf, cost)
+
+
 def _best_of(fn: Any, ends: Sequence[PyTree], args: Any) -> tuple[PyTree, Any, Float[Array, ""]]:
     """The end of least cost, what `fn` returns there, and the cost."""
     if len(ends) == 1:
         found = fn(ends[0], args)
-        return ends[0], found, half_squares(found[0])
+        return ends[0], found, _cost(found[0])
     tried = jax.tree.map(lambda *leaves: jnp.stack(leaves), *ends)
     found = jax.vmap(lambda end: fn(end, args))(tried)
-    cost = jax.vmap(half_squares)(found[0])
-    best = jnp.argmin(jnp.where(jnp.isnan(cost), jnp.inf, cost))
+    cost = jax.vmap(_cost)(found[0])
+    best = jnp.argmin(cost)
     return *jax.tree.map(lambda leaf: leaf[best], (tried, found)), cost[best]
 
 
@@ -268,7 +286,7 @@ def _dense(fn: Any, y: Any, args: Any) -> tuple[Any, lx.AbstractLinearOperator]:
     (slopes, residual) = jax.jacfwd(lambda y: (fn(y, args)[0],) * 2, has_aux=True)(y)
     structure = jax.eval_shape(lambda: residual)
     matrix = lx.PyTreeLinearOperator(slopes, structure)
-    length = jnp.sqrt(jnp.max(jnp.sum(matrix.as_matrix() ** 2, axis=0)))
+    length = jnp.sqrt(jnp.max(jnp.sum(matrix.as_matrix() ** 2, axis=0), initial=0.0))
     over = 1.0 / jnp.where(length > 0.0, length, 1.0)
     slopes, residual = jax.tree.map(lambda leaf: over * leaf, (slopes, residual))
     return residual, lx.PyTreeLinearOperator(slopes, structure)
@@ -282,6 +300,12 @@ def bounds_of(options: dict[str, Any], y: PyTree[Array]) -> tuple[PyTree[Array],
 def _like(value: Any, y: PyTree[Array]) -> PyTree[Array]:
     """`value` for every element of y: of its structure, or one for all."""
     if jax.tree.structure(value) != jax.tree.structure(y):
+        if jax.tree.structure(value) != jax.tree.structure(0.0):
+            raise ValueError(
+                "bounds and scale are one number for all of y, or have its structure; y has"
+                f" {jax.tree.structure(y)}, and one of them {jax.tree.structure(value)}; give -inf or inf"
+                " where there is no bound"
+            )
         return jax.tree.map(lambda leaf: jnp.broadcast_to(jnp.asarray(value, leaf.dtype), leaf.shape), y)
     return jax.tree.map(
         lambda each, leaf: jnp.broadcast_to(jnp.asarray(each, leaf.dtype), leaf.shape), value, y
@@ -289,7 +313,7 @@ def _like(value: Any, y: PyTree[Array]) -> PyTree[Array]:
 
 
 def _least(cost: Float[Array, ""]) -> float:
-    """The least damping: what is as weakly determined as by a thousand roundings still is."""
+    """The least damping: that of changes of r by a thousand roundings."""
     return float((1e3 * jnp.finfo(cost.dtype).eps) ** 2)
 
 

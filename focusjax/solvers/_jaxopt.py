@@ -1,7 +1,7 @@
 """The only place that knows jaxopt: its bounded quasi-Newton method, as a solver of Optimistix.
 
-jaxopt is no longer maintained, and says so when imported. It serves as a second method, to check the first
-one with. Who does not ask for it does not wait for its import.
+jaxopt is no longer maintained, and says so when imported. It serves to check the other solver. It is imported
+when it is used.
 """
 
 import warnings
@@ -19,15 +19,15 @@ from focusjax.solvers._bounded import bounds_of, half_squares
 class JaxoptLBFGSB(optx.AbstractLeastSquaresSolver):
     """jaxopt's L-BFGS-B (Byrd et al. 1995), for `optimistix.least_squares`.
 
-    It knows nothing of least squares, and takes more steps than what does.
+    It sees the cost and its gradient, and takes more steps than a solver that sees residuals.
 
     Attributes:
         rtol: the solve ends when no element of the projected gradient is more than atol + rtol |y|.
-        atol: the same.
+        atol: the same, in units of the cost by those of y.
         norm: of y in that.
 
     Options:
-        lower, upper: bounds, as y or broadcast to it; none by default.
+        lower, upper: bounds: one number, or of the structure of y with -inf or inf where there is none.
 
     Example:
         >>> import optimistix as optx
@@ -46,14 +46,16 @@ class JaxoptLBFGSB(optx.AbstractLeastSquaresSolver):
     def init(
         self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any, aux_struct: Any, tags: Any
     ) -> Any:
+        bounds = bounds_of(options, y)
         with jax.numpy_rank_promotion("allow"):
-            state = self._inner(fn).init_state(y, bounds_of(options, y), args)
+            state = self._inner(fn).init_state(jax.tree.map(jnp.clip, y, *bounds), bounds, args)
         return jax.tree.map(jnp.asarray, state)
 
     def step(self, fn: Any, y: Any, args: Any, options: Any, state: Any, tags: Any) -> tuple[Any, Any, Any]:
+        bounds = bounds_of(options, y)
         # jaxopt broadcasts ranks in ways that a strict JAX configuration refuses.
         with jax.numpy_rank_promotion("allow"):
-            moved, new = self._inner(fn).update(y, state, bounds_of(options, y), args)
+            moved, new = self._inner(fn).update(jax.tree.map(jnp.clip, y, *bounds), state, bounds, args)
         new = jax.tree.map(lambda leaf, like: jnp.asarray(leaf, like.dtype), new, state)
         return moved, new, fn(moved, args)[1]
 

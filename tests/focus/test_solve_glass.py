@@ -11,6 +11,7 @@ from scipy.stats import qmc
 
 import focusjax as fj
 from focusjax.focus import ArgumentError, ImagePoints
+from focusjax.solvers import JaxoptLBFGSB
 
 CAMERA = fj.look_at((0, 0, 0), (0, 0, -1), width=240, height=160, focal_length=0.05)
 NEAR, FAR = (0.06, 0.03, -0.8), (-0.15, 0.05, -1.6)
@@ -157,6 +158,7 @@ def test_what_wishes_cost_each_other_is_that_of_solving_again(glass):
     ("lens", "options", "message"),
     [
         (start(1.4), {}, "the starting f-number is 1.4, and the glass is open to f/1.84"),
+        (start(), {"solver": JaxoptLBFGSB()}, "solver is a JaxoptLBFGSB; blur through glass has one solver"),
         (start(), {"free": ("focus", "shift")}, "free has 'shift', which is not solved for through glass"),
     ],
 )

@@ -86,8 +86,8 @@ def test_derivatives_at_bounds_are_those_of_solving_again():
         step = 1e-5
         moved = numbers[None] + step * jnp.concatenate([jnp.eye(50), -jnp.eye(50)])
         up, down = jax.vmap(best)(moved).reshape(2, 50, 5)
-        # Observed 4e-11, the differences' own error.
-        np.testing.assert_allclose(slopes, (up - down).T / (2.0 * step), rtol=0, atol=1e-9)
+        # Observed 2e-8: that of the solution, over the step.
+        np.testing.assert_allclose(slopes, (up - down).T / (2.0 * step), rtol=0, atol=1e-6)
 
 
 def test_a_batch_is_each_alone():
@@ -132,8 +132,96 @@ def test_too_few_steps_and_no_numbers_are_reported():
     with pytest.raises(Exception, match="maximum number of steps"):
         solved(args, start, low, high, max_steps=2)
     bad = solved((args[0], args[1].at[0].set(jnp.nan)), start, low, high, throw=False)
-    # Nothing is better than the start, which stays.
-    np.testing.assert_array_equal(bad.value, start)
+    assert bad.result == optx.RESULTS.nonfinite
+
+
+def test_what_overflows_is_no_answer():
+    """Steps far out of this exponential are infinite, and the way back from them leads to 0."""
+    found = optx.least_squares(
+        lambda y, _: jnp.exp(y) - 1.0, BoundedLevenbergMarquardt(), jnp.array([-12.0], jnp.float32)
+    )
+    np.testing.assert_allclose(found.value, [0.0], atol=1e-6)
+
+
+def test_no_number_anywhere_is_a_failure():
+    found = optx.least_squares(
+        lambda y, _: y * jnp.nan, BoundedLevenbergMarquardt(), jnp.array([-3.0]), throw=False
+    )
+    assert found.result == optx.RESULTS.nonfinite
+
+
+def test_single_precision_comes_to_an_end():
+    """Linear problems of condition 1000, whose cost is lost in rounding near the optimum."""
+    rng = np.random.default_rng(0)
+    turn, _, back = np.linalg.svd(rng.normal(size=(100, 9, 5)), full_matrices=False)
+    matrices = jnp.asarray(turn * np.geomspace(1.0, 1e-3, 5) @ back, jnp.float32)
+    right = jnp.asarray(rng.normal(size=(100, 9)), jnp.float32)
+
+    def steps(matrix, right):
+        def residuals(y, of):
+            return of[0] @ y - of[1]
+
+        start = jnp.zeros(5, jnp.float32)
+        found = optx.least_squares(
+            residuals, BoundedLevenbergMarquardt(), start, args=(matrix, right), throw=False
+        )
+        return found.stats["num_steps"]
+
+    # Observed: 15.
+    assert int(jnp.max(jax.vmap(steps)(matrices, right))) < 32
+
+
+def test_what_a_function_says_besides_is_of_the_answer():
+    def rosenbrock(y, _):
+        return jnp.stack([10.0 * (y[1] - y[0] ** 2), 1.0 - y[0]]), y
+
+    for most in range(1, 12):
+        found = optx.least_squares(
+            rosenbrock,
+            BoundedLevenbergMarquardt(),
+            jnp.array([-1.2, 1.0]),
+            has_aux=True,
+            max_steps=most,
+            throw=False,
+        )
+        np.testing.assert_array_equal(found.aux, found.value)
+
+
+def test_what_has_no_room_follows_its_bounds():
+    def best(bound):
+        return optx.least_squares(
+            lambda y, _: y - 1.0,
+            BoundedLevenbergMarquardt(),
+            jnp.zeros(2),
+            options={"lower": bound, "upper": bound},
+            adjoint=BoundedImplicitAdjoint(),
+        ).value
+
+    np.testing.assert_allclose(jax.jacobian(best)(jnp.array(1.0)), [1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"uper": 1.0}, "there is no option 'uper'; expected some of"),
+        ({"upper": {"a": 1.0}}, "bounds and scale are one number for all of y, or have its structure"),
+    ],
+)
+def test_options_that_mean_nothing_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        optx.least_squares(lambda y, _: y, BoundedLevenbergMarquardt(), jnp.zeros(2), options=options)
+
+
+def test_nothing_to_solve_for_is_solved():
+    found = optx.least_squares(lambda y, _: jnp.ones(2), BoundedLevenbergMarquardt(), jnp.zeros(0))
+    assert found.value.shape == (0,)
+
+
+def test_jaxopt_starts_within_its_bounds():
+    found = optx.least_squares(
+        lambda y, _: y - 3.0, JaxoptLBFGSB(), jnp.array([9.0, -9.0]), options={"upper": 2.0, "lower": -1.0}
+    )
+    np.testing.assert_allclose(found.value, [2.0, 2.0])
 
 
 def test_jaxopt_agrees():

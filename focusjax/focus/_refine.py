@@ -9,9 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._bounds import Box
-from focusjax.focus._image_points import SAME, ImagePoints, root_weight, values
-from focusjax.focus._parameters import Start, scales
-from focusjax.focus._priors import PriorRows
+from focusjax.focus._image_points import root_weight
+from focusjax.focus._objective import Objective
 from focusjax.focus._search import Basin
 from focusjax.focus._solution import Result
 
@@ -20,33 +19,24 @@ _ROUNDINGS = 1e3
 
 
 class Problem(eqx.Module):
-    """Errors at every point as a function of the free parameters, by the lens itself.
+    """Errors at every point as a smooth function of the free parameters.
 
     Attributes:
-        points: the wishes.
-        start: the camera and lens of which some parameters are varied.
-        priors: expectations.
+        objective: the wishes and expectations, with derivatives.
         side: factor of every point's blur in its error.
         on: points that hold the solution.
     """
 
-    points: ImagePoints
-    start: Start
-    priors: PriorRows
+    objective: Objective
     side: Float[Array, "n"]
     on: Bool[Array, "n"]
 
     def residuals(self, value: Float[Array, "k"]) -> Float[Array, "m"]:
         """Square root of each row's share of the weight x error in pixels, points before expectations."""
-        camera, lens = self.start.camera_at(value), self.start.lens_at(value)
-        points = self.start.points_at(value, self.points)
-        miss = self.side * values(points, camera, lens) - self.points.target
-        if points.reference is not None:
-            other = jax.vmap(lambda row: lens.blur(camera, row[:2], row[2]))(points.reference)
-            miss = miss - jnp.where(points.relation == SAME, other, 0.0)
-        total = jnp.sum(self.points.weight)
-        rows = root_weight(self.points.weight / total) * jnp.where(self.on, miss, 0.0)
-        return jnp.concatenate([rows, self.priors(value) / jnp.sqrt(total)])
+        objective = self.objective
+        miss = jnp.where(self.on, objective.excess(value, self.side), 0.0)
+        priors = jnp.sqrt(objective.prior_share) * objective.priors(value)
+        return jnp.concatenate([root_weight(objective.share) * miss, priors])
 
     def units(self, value: Float[Array, "k"]) -> Float[Array, "k"]:
         """How far each parameter must move from `value` to change the residuals by 1 px in all."""
@@ -175,7 +165,7 @@ def _face(problem: Problem, basin: Basin, first: Float[Array, "k"], box: Box) ->
         open=open_,
         inverse=jnp.linalg.solve(filled + ridge, jacobian.T / size),
         width=width,
-        scale=scales(problem.start)[jnp.array(problem.start.columns)],
+        scale=problem.objective.scale,
         first=first,
         reached=jnp.zeros_like(first),
     )

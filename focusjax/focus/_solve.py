@@ -19,6 +19,7 @@ from focusjax.focus._bounds import Range, make_limits, refuse_idle
 from focusjax.focus._close_focus import checked_close_focus, refuse_glass
 from focusjax.focus._glass_checks import checked_glass
 from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, named_like, padded, room_for
+from focusjax.focus._objective import make_objective
 from focusjax.focus._parameters import in_order, reframes
 from focusjax.focus._priors import Prior, checked_priors
 from focusjax.focus._refine import Problem, refined
@@ -262,7 +263,7 @@ def solved(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
     points, plan = asked.points, asked.plan
     start, priors, box, first = place_of(asked)
     basin = basin_of(asked)
-    problem = Problem(points, start, priors, basin.side, basin.on)
+    problem = Problem(make_objective(points, start, priors), basin.side, basin.on)
     value, steps, result = refined(problem, basin, first, box, plan.solver, plan.max_steps)
     # Rounding may carry a free parameter past a bound that it reaches without being pushed.
     value = value + jax.lax.stop_gradient(jnp.clip(value, box.lower, box.upper) - value)

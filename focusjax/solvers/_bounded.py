@@ -65,16 +65,17 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         norm: of y and of r, which the tolerances are for.
         linear_solver: of Lineax, for the steps' linear least squares of full rank, such as QR or SVD.
 
-    Options:
-        lower, upper: bounds: one number, or of the structure of y with -inf or inf where there is none.
-        scale: factors of the elements of d, in the same form; 1 by default.
-        linearise: `(fn, y, args)` to the residuals and J as an operator of Lineax, for a J of some structure,
-            which goes with `linear_solver`. Both may be multiplied by one factor, which is as if damping were
-            divided by its square. By default J is dense, with its longest column scaled to 1.
-        rounding: `(fn, y, args)` to the size of rounding in each residual: the solve ends when a step changes
-            no residual by more, instead of by the tolerances.
-        paths: `(y, d, lower, upper, args)` to several ends of the step d, of which the best is taken. By
-            default y + d alone.
+    The `options` of `least_squares` may have
+
+    - `lower`, `upper`: bounds: one number, or of the structure of y with -inf or inf where there is none;
+    - `scale`: factors of the elements of d, in the same form; 1 by default;
+    - `linearise`: a function of (fn, y, args) that returns the residuals and J as an operator of Lineax, for
+      a J of some structure, which goes with `linear_solver`. Both may be multiplied by one factor, which is
+      as if damping were divided by its square. By default J is dense, with its longest column scaled to 1;
+    - `rounding`: a function of (fn, y, args) that returns the size of rounding in each residual: the solve
+      ends when a step changes no residual by more, instead of by the tolerances;
+    - `paths`: a function of (y, d, lower, upper, args) that returns several ends of the step d, of which the
+      best is taken. By default y + d alone.
 
     Example:
         >>> import optimistix as optx
@@ -98,6 +99,7 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     def init(
         self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any, aux_struct: Any, tags: Any
     ) -> BoundedState:
+        """The cost at the start, moved within the bounds."""
         unknown = sorted(set(options) - _OPTIONS)
         if unknown:
             raise ValueError(f"there is no option {unknown[0]!r}; expected some of {sorted(_OPTIONS)}")
@@ -107,6 +109,7 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     def step(
         self, fn: Any, y: Any, args: Any, options: Any, state: BoundedState, tags: Any
     ) -> tuple[Any, BoundedState, Any]:
+        """One step, taken where it helps."""
         lower, upper = bounds_of(options, y)
         y = _inside(y, lower, upper)
         residual, jacobian = options.get("linearise", _dense)(fn, y, args)
@@ -138,12 +141,14 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     def terminate(
         self, fn: Any, y: Any, args: Any, options: Any, state: BoundedState, tags: Any
     ) -> tuple[Bool[Array, ""], optx.RESULTS]:
+        """Whether nothing changes any more, and whether the cost is finite."""
         lost = state.arrived & ~jnp.isfinite(state.cost)
         return state.arrived, optx.RESULTS.where(lost, optx.RESULTS.nonfinite, optx.RESULTS.successful)
 
     def postprocess(
         self, fn: Any, y: Any, aux: Any, args: Any, options: Any, state: Any, tags: Any, result: Any
     ) -> tuple[Any, Any, dict[str, Any]]:
+        """Nothing is left to do."""
         return y, aux, {}
 
     def _within(self, change: PyTree, of: PyTree) -> Bool[Array, ""]:
@@ -164,6 +169,7 @@ class BoundedImplicitAdjoint(optx.AbstractAdjoint):
     linear_solver: lx.AbstractLinearSolver = lx.AutoLinearSolver(well_posed=None)
 
     def apply(self, primal_fn: Any, rewrite_fn: Any, inputs: Any, tags: frozenset[object]) -> Any:
+        """Runs the solve, and says how its answer follows what it depends on."""
         return optx.ImplicitAdjoint(self.linear_solver).apply(primal_fn, _optimality, inputs, tags)
 
 

@@ -26,8 +26,8 @@ class JaxoptLBFGSB(optx.AbstractLeastSquaresSolver):
         atol: the same, in units of the cost by those of y.
         norm: of y in that.
 
-    Options:
-        lower, upper: bounds: one number, or of the structure of y with -inf or inf where there is none.
+    The `options` of `least_squares` may have `lower` and `upper`, bounds: one number, or of the structure of
+    y with -inf or inf where there is none.
 
     Example:
         >>> import optimistix as optx
@@ -46,12 +46,14 @@ class JaxoptLBFGSB(optx.AbstractLeastSquaresSolver):
     def init(
         self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any, aux_struct: Any, tags: Any
     ) -> Any:
+        """What jaxopt keeps between steps."""
         bounds = bounds_of(options, y)
         with jax.numpy_rank_promotion("allow"):
             state = self._inner(fn).init_state(jax.tree.map(jnp.clip, y, *bounds), bounds, args)
         return jax.tree.map(jnp.asarray, state)
 
     def step(self, fn: Any, y: Any, args: Any, options: Any, state: Any, tags: Any) -> tuple[Any, Any, Any]:
+        """One step of jaxopt."""
         bounds = bounds_of(options, y)
         # jaxopt broadcasts ranks in ways that a strict JAX configuration refuses.
         with jax.numpy_rank_promotion("allow"):
@@ -62,11 +64,13 @@ class JaxoptLBFGSB(optx.AbstractLeastSquaresSolver):
     def terminate(
         self, fn: Any, y: Any, args: Any, options: Any, state: Any, tags: Any
     ) -> tuple[Bool[Array, ""], optx.RESULTS]:
+        """Whether the projected gradient is small."""
         return state.error <= self.atol + self.rtol * self.norm(y), optx.RESULTS.successful
 
     def postprocess(
         self, fn: Any, y: Any, aux: Any, args: Any, options: Any, state: Any, tags: Any, result: Any
     ) -> tuple[Any, Any, dict[str, Any]]:
+        """Nothing is left to do."""
         return y, aux, {}
 
     def _inner(self, fn: Any) -> Any:

@@ -17,8 +17,8 @@ from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._image_points import AT_LEAST, AT_MOST
 from focusjax.focus._least_distance import least_distance
 from focusjax.focus._objective import Objective
-from focusjax.focus._parameters import FOCUS, RADIUS, SWING, TILT
-from focusjax.focus._walk import walk, with_products
+from focusjax.focus._parameters import RADIUS
+from focusjax.focus._walk import PLANE, has_products, walk, with_products
 
 _MOST_STEPS = 12
 
@@ -160,8 +160,8 @@ def _bounds(
     ends = jnp.concatenate([box.upper - value, value - box.lower])
     signs = jnp.concatenate([jnp.ones_like(value), -jnp.ones_like(value)])
     rows = signs[:, None] * jnp.concatenate([jnp.eye(value.size, dtype=value.dtype)] * 2)
-    products = np.isin(columns, (FOCUS, TILT, SWING))
-    if RADIUS in columns and products.any():
+    if has_products(columns):
+        products = np.isin(columns, PLANE)
         which = columns.index(RADIUS)
         safe = jnp.where(value[which] > 0.0, value[which], 1.0)
         rows = rows.at[:, which].add(-jnp.where(np.tile(products, 2), ends / safe, 0.0))

@@ -74,13 +74,13 @@ def _linearised(fn: Any, value: Float[Array, "k"], args: Any) -> tuple[Float[Arr
     import lineax as lx
 
     objective, side, box = args
-    error, slopes = objective.slopes(value, side)
+    residual, _ = fn(value, args)
+    _, slopes = objective.slopes(value, side)
     root, prior_root = jnp.sqrt(objective.share), jnp.sqrt(objective.prior_share)
     effect = jnp.linalg.norm(jnp.where(objective.counted[:, None], slopes, 0.0), axis=0)
     idle = (effect * (box.upper - box.lower) < UNDETERMINED_PX) & (objective.priors.inverse == 0)
     jacobian = jnp.concatenate([root[:, None] * slopes, prior_root * jnp.diag(objective.priors.inverse)])
     jacobian = jnp.where(idle[None], 0.0, jacobian)
-    residual = jnp.concatenate([root * error, prior_root * objective.priors(value)])
     size = jnp.sqrt(jnp.max(jnp.sum((jacobian / objective.scale[None]) ** 2, axis=0)))
     over = 1.0 / jnp.where(size > 0.0, size, 1.0)
     return over * residual, lx.MatrixLinearOperator(over * jacobian)

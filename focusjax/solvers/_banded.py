@@ -81,7 +81,10 @@ class BandedQR(lx.AbstractLinearSolver):
         return solve_banded(state, vector), lx.RESULTS.successful, {}
 
     def transpose(self, state: Any, options: dict[str, Any]) -> Any:
-        raise NotImplementedError("the transposed problem is not one of least squares over frames")
+        raise NotImplementedError(
+            "BandedQR does not solve the transposed problem, which derivatives of `lineax.linear_solve` need;"
+            " differentiate `solve_banded`, or give `lineax.QR()`"
+        )
 
     def conj(self, state: Any, options: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
         return state, options

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import lineax as lx
 import optimistix as optx
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, PyTree
 
 _Operator = TypeVar("_Operator", bound=type[lx.AbstractLinearOperator])
@@ -218,7 +219,7 @@ class DampedOperator(lx.AbstractLinearOperator):
         )
 
     def as_matrix(self) -> Float[Array, "m k"]:
-        moves, root = (_flat(each) for each in (self.moves, self.root))
+        moves, root = (ravel_pytree(each)[0] for each in (self.moves, self.root))
         return jnp.concatenate([self.jacobian.as_matrix() * moves[None], jnp.diag(root)])
 
     def transpose(self) -> lx.AbstractLinearOperator:
@@ -329,10 +330,6 @@ def _inside(y: PyTree[Array], lower: PyTree[Array], upper: PyTree[Array]) -> PyT
 
 def _sum(y: PyTree[Array], change: PyTree[Array]) -> PyTree[Array]:
     return jax.tree.map(jnp.add, y, change)
-
-
-def _flat(tree: PyTree[Array]) -> Float[Array, "k"]:
-    return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(tree)])
 
 
 def _all_within(change: PyTree[Array], limit: PyTree[Array]) -> Bool[Array, ""]:

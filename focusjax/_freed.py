@@ -9,6 +9,8 @@ from pathlib import Path
 
 import jax
 
+from focusjax._programs import forget_programs
+
 _MANY = 3 << 20
 _BLOCK = 4 << 20
 """Bytes."""
@@ -80,7 +82,7 @@ def return_programs() -> None:
     """
     global _left
     if _mappings() > min(_left + _MORE_MAPPINGS, _MOST_MAPPINGS):
-        jax.clear_caches()
+        forget_programs()
         gc.collect()
         _left = _mappings()
 

@@ -43,12 +43,22 @@ def programs_within_limits() -> Iterator[None]:
     """Compiled programs are let go before they take more memory than two processes have room for."""
     yield
     from focusjax._freed import return_freed, return_programs
+    from focusjax._programs import forget_programs
 
     if _resident() > _MOST_MEMORY:
-        jax.clear_caches()
+        forget_programs()
         gc.collect()
         return_freed(_MOST_MEMORY)
     return_programs()
+
+
+@pytest.fixture(autouse=True)
+def programs_of_their_own(request: pytest.FixtureRequest) -> None:
+    """Tests that replace parts of focusjax neither keep programs nor use those of others."""
+    if "monkeypatch" in request.fixturenames:
+        from focusjax import _programs
+
+        request.getfixturevalue("monkeypatch").setattr(_programs, "_folder", lambda: None)
 
 
 def pytest_configure(config: pytest.Config) -> None:

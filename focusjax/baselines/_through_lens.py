@@ -6,7 +6,6 @@ looks at every point from where the ray starts, not from the lens centre.
 
 import dataclasses
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,6 +13,7 @@ from jaxtyping import Array, Float, Int
 
 from focusjax._counts import require_counts
 from focusjax._parallel import CORES, in_parallel, parts
+from focusjax._programs import jit
 from focusjax.baselines._raycast import RayCaster, world_rays
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, in_colour
@@ -135,7 +135,7 @@ def line_radiance(
     return np.asarray(colour, dtype=np.float64), 1.0 / hits.distance
 
 
-@eqx.filter_jit
+@jit
 def _image_lines(
     lens: AbstractLens, camera: Camera, film: Float[Array, "n 2"], pupil: Float[Array, "n 2"]
 ) -> tuple[Float[Array, "n 2"], Float[Array, "n 2"], Float[Array, " n"]]:
@@ -146,7 +146,7 @@ def _image_lines(
     return jax.vmap(one)(film, pupil)
 
 
-@eqx.filter_jit
+@jit
 def _colours(
     shader: Shader,
     background: AbstractBackground,

@@ -1,12 +1,12 @@
 """One sharp view with its depth: all that post-processing methods know of a scene."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._parallel import in_parallel
+from focusjax._programs import jit
 from focusjax.baselines._through_lens import RayScene, blocks, line_radiance, pixel_corners
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
@@ -64,7 +64,7 @@ def signed_radius(
     return np.asarray(blur, dtype=np.float64).reshape(disparity.shape) / 2.0
 
 
-@eqx.filter_jit
+@jit
 def _blurs(
     lens: AbstractLens, camera: Camera, film: Float[Array, "n 2"], disparity: Float[Array, " n"]
 ) -> Float[Array, " n"]:

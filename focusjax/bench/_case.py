@@ -5,13 +5,13 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
 from focusjax import job
+from focusjax._programs import jit
 from focusjax.config import Config, ConfigError, build_camera, build_lens, build_scene, refuse_close_focus
 from focusjax.geometry import Camera, make_camera
 from focusjax.lens import Disk, ThinLens, thin_lens
@@ -167,7 +167,7 @@ def baked(scene: Scene) -> Scene:
     return _plain_scene(scene.vertices, scene.faces, white, np.array(SKY))
 
 
-@eqx.filter_jit
+@jit
 def _shaded(
     shader: Shader, face: Int[Array, " v"], weights: Float[Array, "v 3"], extent: Float[Array, " v"]
 ) -> Float[Array, "v 3"]:

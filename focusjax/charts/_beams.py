@@ -2,12 +2,12 @@
 
 import dataclasses
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.optics import Prescription, first_order, line, trace, trace_path
 
 FULL_FRAME = 21.63
@@ -20,7 +20,7 @@ _LEAST_LIGHT = 0.1
 """Share of the axis's light below which a field point counts as dark."""
 
 
-@eqx.filter_jit
+@jit
 def _through(
     lens: Prescription, wavelength: Array, start: Float[Array, "r 3"], way: Float[Array, "r 3"]
 ) -> tuple[Float[Array, "r 3"], Float[Array, "r 3"], Float[Array, " r"]]:
@@ -154,7 +154,7 @@ def _rims(lens: Prescription, field: float) -> tuple[float, float] | None:
     return float(passing(found[0] - steps).min()), float(passing(found[-1] + steps).max())
 
 
-@eqx.filter_jit
+@jit
 def _paths(lens: Prescription, start: Array, way: Array) -> tuple:
     indices = lens.indices(line())
     return jax.vmap(lambda p, d: trace_path(lens, indices, p, d))(start, way)

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.exchange._opening import opening_points
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
@@ -50,7 +50,7 @@ def _of_colours(lens: AbstractLens, other: AbstractLens) -> Sequence[tuple[Abstr
     return [(channel.lens, other) for channel in lens.channels()] or [(lens, other)]
 
 
-@eqx.filter_jit
+@jit
 def _spots(
     lens: AbstractLens, camera: Camera, film: Float[Array, "n 2"], depths: Float[Array, " d"]
 ) -> tuple[Float[Array, "n d k"], Float[Array, "n d"]]:

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from focusjax._programs import jit
 from focusjax.film._display import encode_srgb
 from focusjax.film._film import AbstractFilm, Sensor
 from focusjax.film._photograph import photograph
@@ -140,12 +141,12 @@ def _residuals(value: Float[Array, " k"], known: tuple) -> Float[Array, "n"]:
     return (encode_srgb(shown) - wanted).reshape(-1)
 
 
-@eqx.filter_jit
+@jit
 def _scan(stops: Float[Array, "n"], known: tuple) -> Float[Array, "n"]:
     return jax.lax.map(lambda one: jnp.mean(_residuals(one[None], known) ** 2), stops)
 
 
-@eqx.filter_jit
+@jit
 def _left_and_slopes(
     value: Float[Array, " k"], known: tuple
 ) -> tuple[Float[Array, "n"], Float[Array, "n k"]]:

@@ -2,13 +2,13 @@
 
 from typing import SupportsFloat
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
 
+from focusjax._programs import jit
 from focusjax.film._film import AbstractFilm, Sensor
 from focusjax.film._settings import CameraSettings
 from focusjax.geometry import FULL_FRAME_WIDTH
@@ -108,7 +108,7 @@ def develop(
     return _developed(signal, film, balance, speed, pixel_size, key)
 
 
-@eqx.filter_jit
+@jit
 def _developed(
     signal: Float[Array, "h w 3"],
     film: AbstractFilm,

@@ -15,6 +15,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
 from focusjax._arguments import ArgumentError
+from focusjax._programs import jit
 from focusjax._words import kind_of
 from focusjax.focus._glass_rows import wished_sharp
 from focusjax.focus._image_points import ImagePoints
@@ -96,7 +97,7 @@ def _sharp_weights(points: ImagePoints) -> Float[Array, "n"]:
     return jnp.where(wished_sharp(points), points.weight, 0.0)
 
 
-@eqx.filter_jit
+@jit
 def spots(
     xy: Float[Array, "n 2"], disparity: Float[Array, "n"], camera: Camera, lens: AbstractLens
 ) -> Float[Array, "n"]:
@@ -127,7 +128,7 @@ def _scatter(
     return jax.vmap(one)(xy, disparity)
 
 
-@eqx.filter_jit
+@jit
 def _search(
     xy: Float[Array, "n 2"],
     disparity: Float[Array, "n"],

@@ -3,11 +3,11 @@
 import dataclasses
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
+from focusjax._programs import jit
 from focusjax.focus._image_points import ImagePoints, anonymous, named_like
 from focusjax.focus._refuse import require_points
 from focusjax.focus._solution import Asked, Solution
@@ -62,7 +62,7 @@ def solve_many(
     )
 
 
-@eqx.filter_jit
+@jit
 def _solve_all(asked: Asked) -> tuple[Solution, Bool[Array, "p"]]:
     def one(points: ImagePoints) -> tuple[Solution, Bool[Array, ""]]:
         problem = dataclasses.replace(asked, points=points)

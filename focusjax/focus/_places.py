@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Mapping
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +10,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float, Integer
 
 from focusjax._arguments import real_numbers
+from focusjax._programs import jit
 from focusjax._words import did_you_mean, shown
 from focusjax.focus._points import (
     AtInfinity,
@@ -223,7 +223,7 @@ class Finder:
         return Place(np.append(self._middle(), 0.0)[None], trouble, 0.0)
 
 
-@eqx.filter_jit
+@jit
 def _project_all(camera: Camera, positions: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
     xy, disparity = jax.vmap(camera.project)(positions)
     return jnp.concatenate([xy, disparity[:, None]], axis=-1)

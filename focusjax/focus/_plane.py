@@ -23,6 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from focusjax._programs import jit
 from focusjax.focus._bounds import LIFE_SIZE
 from focusjax.focus._checks import require, require_number
 from focusjax.focus._disk import least_in_disk
@@ -190,7 +191,7 @@ def _checked_limits(
     return turn.astype(dtype), near.astype(dtype)
 
 
-@eqx.filter_jit
+@jit
 def _fit(
     xy: Float[Array, "n 2"],
     disparity: Float[Array, "n"],

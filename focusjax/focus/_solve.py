@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike, Bool
 
 from focusjax._arguments import ArgumentError, about, require_switches
 from focusjax._counts import require_counts
-from focusjax._in_haste import jit_in_haste
+from focusjax._programs import jit_in_haste
 from focusjax._words import kind_of
 from focusjax.focus._basin import basin_of, ended, place_of
 from focusjax.focus._bounds import Range, make_limits, refuse_idle

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
-from focusjax._in_haste import jit_in_haste
+from focusjax._programs import jit_in_haste
 from focusjax.focus._frames_asked import FramesAsked, frames_asked
 from focusjax.focus._frames_implicit import following
 from focusjax.focus._frames_problem import at_bounds, frames_problem, openness, result_of, thin_walk

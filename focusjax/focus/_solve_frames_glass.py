@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._programs import jit
 from focusjax.focus._frames_asked import FramesAsked, stacked_glass
 from focusjax.focus._frames_glass import (
     FramesGlass,
@@ -120,7 +121,7 @@ def frames_seen_through(solution: FramesSolution, glasses: Sequence[AbstractLens
     return dataclasses.replace(solution, blur=blur, error=error, glass=glass)
 
 
-@eqx.filter_jit
+@jit
 def _seen_at(
     solution: FramesSolution, glass: AbstractLens
 ) -> tuple[Float[Array, "t n"], Float[Array, "t n"]]:
@@ -133,7 +134,7 @@ def _seen_at(
     return seen(aimed.look(points, settings, every), points)
 
 
-@eqx.filter_jit
+@jit
 def _solve(
     asked: FramesAsked, near: Float[Array, "t k"], again: Bool[Array, ""], reported: Bool[Array, "t n"]
 ) -> FramesSolution:

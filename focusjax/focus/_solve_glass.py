@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from focusjax._programs import jit
 from focusjax.focus._basin import basin_of, ended, place_of
 from focusjax.focus._glass_blur import GlassBlur, Sensed, changes, numbers_of, of_row, row_of, sensed
 from focusjax.focus._glass_rows import GlassRows, placed
@@ -47,7 +48,7 @@ def solve_through(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
     return dataclasses.replace(solution, glass=found), failed
 
 
-@eqx.filter_jit
+@jit
 def _solve(asked: Asked, glass: AbstractLens) -> tuple[Solution, Bool[Array, ""]]:
     """The compiled part."""
     still = jax.lax.stop_gradient
@@ -185,7 +186,7 @@ def reweighted(solution: Solution) -> Callable[[Float[Array, "n"]], Float[Array,
     return errors
 
 
-@eqx.filter_jit
+@jit
 def _thin_again(
     asked: Asked, glass: AbstractLens, setting: Float[Array, "2"], found: Sensed
 ) -> Float[Array, "2"]:
@@ -202,7 +203,7 @@ def _errors_of(points: ImagePoints, found: Sensed) -> Float[Array, "n"]:
     return errors_of(points, placed(points, own.signed), None if other is None else other.signed)
 
 
-@eqx.filter_jit
+@jit
 def _looked(
     glass: AbstractLens,
     camera: Camera,

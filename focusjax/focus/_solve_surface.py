@@ -10,6 +10,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from focusjax._arguments import ArgumentError, require_kind
+from focusjax._programs import jit
 from focusjax.focus._checks import require_number
 from focusjax.focus._image_points import (
     EQUAL,
@@ -231,7 +232,7 @@ class LinearSurface(eqx.Module):
         return lx.linear_solve(lx.MatrixLinearOperator(self.matrix), self.right(side), lx.SVD()).value
 
 
-@eqx.filter_jit
+@jit
 def _solve(
     points: ImagePoints, camera: Camera, surface: FocalSurface, lens: ThinLens, smoothness: Float[Array, ""]
 ) -> SurfaceSolution:

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from focusjax._arguments import ArgumentError
+from focusjax._programs import jit
 from focusjax.focus._checks import require_number
 from focusjax.focus._frames_solution import LargestChange, largest_change, no_points
 from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, stacked, together
@@ -267,7 +268,7 @@ class _Rows(eqx.Module):
         return self.jacobian.mv(change)[0] - right
 
 
-@eqx.filter_jit
+@jit
 def _solve(asked: SurfaceFramesAsked) -> SurfaceFramesSolution:
     """The compiled part."""
     slope = 2.0 * jax.vmap(lambda lens, camera: lens.parallax(camera))(asked.lens, asked.camera)
@@ -338,6 +339,6 @@ def _sides(rows: _Rows, points: ImagePoints) -> Float[Array, "t n"]:
     return sides[jnp.argmin(costs)]
 
 
-@eqx.filter_jit
+@jit
 def _in_the_middle(surface: FocalSurface, camera: Camera) -> tuple[Float[Array, "t"], Float[Array, "t"]]:
     return jax.vmap(lambda surface, camera: surface.at(camera.principal_point))(surface, camera)

@@ -8,11 +8,11 @@ leaves.
 import math
 from collections.abc import Iterator
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from focusjax._programs import jit
 from focusjax.hard_cases._check import Check
 from focusjax.optics import BLOCKED, Prescription, RealRay, index_glass, make_prescription, sphere, trace
 
@@ -55,7 +55,7 @@ def _snell(height: float) -> tuple[float, float]:
     return outside - inside, slope / _RADIUS
 
 
-@eqx.filter_jit
+@jit
 def _traced(lens: Prescription, height: jax.Array) -> tuple[RealRay, jax.Array, jax.Array]:
     """A ray, and the slope of the angle that it is turned by, forwards and in reverse."""
 

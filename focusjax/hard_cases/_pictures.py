@@ -20,12 +20,12 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.baselines import RayScene, lens_picture
 from focusjax.geometry import Camera
 from focusjax.hard_cases import _stages as stages
@@ -239,12 +239,12 @@ def _found(case: PictureCase, *, double: bool) -> _Found:
         return _Found(*(np.asarray(part, dtype=np.float64) for part in found))
 
 
-@eqx.filter_jit
+@jit
 def _forward(layers: Layers, settings: Float[Array, "3"]) -> Float[Array, "h w 3 3"]:
     return jax.jacfwd(lambda settings: _picture(layers, settings))(settings)
 
 
-@eqx.filter_jit
+@jit
 def _reverse(
     layers: Layers, settings: Float[Array, "3"], weights: Float[Array, "h w 3"]
 ) -> tuple[Float[Array, "h w 3"], Float[Array, "3"]]:

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from focusjax._counts import later_seed, require_counts, require_seed
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.inverse._sight import nearest_in_sight
 from focusjax.inverse._target import checked_mask
@@ -151,7 +152,7 @@ def _scan(layers: Layers, lens: ThinLens | TiltShiftLens, least: float, largest:
     return scan
 
 
-@eqx.filter_jit
+@jit
 def _widest_openings(
     layers: Layers, lens: ThinLens | TiltShiftLens, scan: Float[Array, " n"]
 ) -> Float[Array, " n"]:
@@ -173,7 +174,7 @@ def _contrast(
     return changes + jnp.where(down[..., None], jnp.diff(one, axis=0) * jnp.diff(other, axis=0), 0.0).sum()
 
 
-@eqx.filter_jit
+@jit
 def _slope(
     layers: Layers,
     lens: ThinLens | TiltShiftLens,

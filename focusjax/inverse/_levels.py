@@ -11,6 +11,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._programs import jit
 from focusjax.inverse._blocks import SIZES, block_means
 from focusjax.inverse._variables import AbstractVariables
 from focusjax.layers import Layers
@@ -178,7 +179,7 @@ class _LevenbergMarquardt(optx.AbstractGaussNewton):
         return done | enough, ended
 
 
-@eqx.filter_jit
+@jit
 def fit_level(
     problem: Problem, start: Float[Array, " k"], level: Int[Array, ""], most_steps: Int[Array, ""]
 ) -> Found:

@@ -1,13 +1,13 @@
 """What the lens centre sees of layers, and whose rays they hold."""
 
-import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
+from focusjax._programs import jit
 from focusjax.layers import Layers
 from focusjax.trace import widest_opening
 
-served_share = eqx.filter_jit(widest_opening)
+served_share = jit(widest_opening)
 """Compiled, for many lenses of one kind."""
 
 

@@ -3,13 +3,13 @@
 import dataclasses
 from dataclasses import dataclass
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._freed import return_freed, returned_after_compiling
+from focusjax._programs import jit
 from focusjax._stopwatch import Stopwatch
 from focusjax.config import (
     Config,
@@ -272,7 +272,7 @@ def _in_the_middle(
     return lens.thin_lens_at(camera, camera.principal_point) if isinstance(lens, FocalSurfaceLens) else lens
 
 
-@eqx.filter_jit
+@jit
 def blur_map(lens: AbstractLens, camera: Camera, disparity: Float[Array, "h w"]) -> Float[Array, "h w"]:
     """Signed blur diameter in pixels at every pixel centre, for the surface at `disparity` (1/m)."""
 

@@ -2,13 +2,14 @@
 
 import dataclasses
 import functools
+from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from focusjax._parallel import in_parallel, parts
+from focusjax._programs import jit
 from focusjax.layers._blocks import pad_rows
 from focusjax.layers._clip import ScreenTriangles
 from focusjax.layers._edges import edge_functions
@@ -36,7 +37,7 @@ class SurfaceSamples:
     inside: np.ndarray
 
 
-@jax.jit
+@jit
 def _attributes(
     x: tuple[Float[Array, " n"], ...], y: tuple[Float[Array, " n"], ...], w: tuple[Float[Array, " n"], ...]
 ) -> tuple[Float[Array, "n 3"], Float[Array, " n"], Float[Array, " n"], Bool[Array, " n"]]:
@@ -75,7 +76,7 @@ def surface_samples(
         if offset is not None:
             place = place[0] + offset[part, 0].astype(float), row + offset[part, 1].astype(float)
         corners = triangles.around(number, *place)
-        inputs = (tuple(pad_rows(a.astype(np.float32), _AT_ONCE) for a in some) for some in corners)
+        inputs: Any = (tuple(pad_rows(a.astype(np.float32), _AT_ONCE) for a in some) for some in corners)
         found = [np.asarray(a)[: len(number)] for a in _attributes(*inputs)]
         clipped = np.flatnonzero(number >= triangles.unclipped)
         if len(clipped):

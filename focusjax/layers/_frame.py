@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +9,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from focusjax._arguments import ArgumentError, real_number, require_kind
+from focusjax._programs import jit
 from focusjax.geometry import Camera, filter_radius
 from focusjax.layers._blocks import coarse_number, pad_rows, padded_length
 from focusjax.layers._clip import ScreenTriangles, clip_to_near
@@ -120,6 +120,6 @@ def _reach(
     return reach
 
 
-@eqx.filter_jit
+@jit
 def _reaches(lens: AbstractLens, camera: Camera, disparity: Float[Array, " t"]) -> Float[Array, " t"]:
     return jax.vmap(lambda w: lens.reach(camera, w))(disparity)

@@ -24,6 +24,7 @@ import numpy as np
 from jaxtyping import Array, Float, UInt
 
 from focusjax._parallel import in_parallel
+from focusjax._programs import jit
 from focusjax.layers._store import scattered
 
 NEIGHBOURS = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
@@ -94,7 +95,8 @@ def join(planes: Planes, parallax: float) -> Joins:
         # One layer at a call, so that their number does not ask for another program.
         part = slice(ends[layer], ends[layer + 1])
         there = held[part] - size * layer
-        found = _join_within_layer(*(scattered((*frame,), there, a[part]) for a in columns), small_step)
+        inputs: Any = (*(scattered((*frame,), there, a[part]) for a in columns), small_step)
+        found = _join_within_layer(*inputs)
         for whole, values in zip((low, high, links), found, strict=True):
             np.take(np.asarray(values), there, out=whole[part], mode="clip")
 
@@ -150,7 +152,7 @@ def _misfit(step: Any, own: Any, theirs: Any) -> Any:
     return xp.maximum(xp.abs(step - own), xp.abs(step - theirs))
 
 
-@jax.jit
+@jit
 def _join_within_layer(
     w: Float[Array, "h w"], gx: Float[Array, "h w"], gy: Float[Array, "h w"], small_step: Float[Array, ""]
 ) -> tuple[Float[Array, "h w"], Float[Array, "h w"], UInt[Array, "h w"]]:

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.layers._extent import Extent
 from focusjax.layers._gloss import GlossSamples
@@ -176,7 +177,7 @@ def extent_like(like: Layers | Extent | None) -> Extent | None:
     return like.extent
 
 
-@jax.jit
+@jit
 def _spread(cells: UInt[Array, "l h w"], values: Array, fill: Array) -> Array:
     there = cells.reshape(-1) > 0
     number = jnp.cumsum(there, dtype=jnp.int32) - 1

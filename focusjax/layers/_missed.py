@@ -19,7 +19,6 @@ import dataclasses
 import math
 from collections.abc import Callable
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -27,6 +26,7 @@ from jaxtyping import Array, Bool, Float
 
 from focusjax._arguments import require_kind
 from focusjax._counts import require_counts, require_seed
+from focusjax._programs import jit
 from focusjax._words import kind_of
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers._cells import interval
@@ -126,7 +126,7 @@ def missed_light(
     return MissedLight(share, math.sqrt(smoothed * (1.0 - smoothed) / draws), rays)
 
 
-@eqx.filter_jit
+@jit
 def _lens_rays(lens: AbstractLens, camera: Camera, starts: Float[Array, "n 4"]) -> LensRay:
     """Rays from places of the frame and the opening given as points of the unit 4-cube."""
 
@@ -137,7 +137,7 @@ def _lens_rays(lens: AbstractLens, camera: Camera, starts: Float[Array, "n 4"]) 
     return jax.vmap(one)(starts)
 
 
-@eqx.filter_jit
+@jit
 def _held(layers: Layers, rays: LensRay, disparity: Float[Array, " n"]) -> Bool[Array, " n"]:
     """Whether the layers hold the surface that each ray meets at `disparity`."""
     grid = layers.grid

@@ -2,12 +2,12 @@
 
 import dataclasses
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.layers._attributes import surface_samples
 from focusjax.layers._blocks import in_blocks
@@ -70,7 +70,7 @@ def _shares(opacity: Opacity, face: np.ndarray, barycentric: np.ndarray, extent:
     return in_blocks(program, (face, barycentric.astype(real), extent.astype(real)), _AT_ONCE)
 
 
-@eqx.filter_jit
+@jit
 def _block(
     opacity: Opacity, face: Int[Array, " n"], barycentric: Float[Array, "n 3"], extent: Float[Array, " n"]
 ) -> Float[Array, " n"]:

@@ -7,6 +7,7 @@ square's surface; its share of the square is that of the points in it, and its p
 import dataclasses
 import itertools
 from collections.abc import Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt
 
 from focusjax._parallel import in_parallel
+from focusjax._programs import jit
 from focusjax.layers._attributes import SurfaceSamples, surface_samples
 from focusjax.layers._blocks import in_blocks, pad_rows, padded_length
 from focusjax.layers._clip import ScreenTriangles
@@ -126,13 +128,13 @@ def _where_nearest(
         number = np.cumsum(np.diff(square[part], prepend=square[part.start]) > 0, dtype=np.int32)
         columns = points[part], *(values[part] for values in plane), number
         length = max(_PIECES_AT_ONCE, padded_length(part.stop - part.start))
-        rows = (pad_rows(a, length) for a in (*columns, own[part]))
+        rows: Any = (pad_rows(a, length) for a in (*columns, own[part]))
         return np.asarray(_nearest(*rows))[: part.stop - part.start]
 
     return np.concatenate([np.zeros(0, dtype=np.uint32), *in_parallel(run, _whole_squares(square))])
 
 
-@jax.jit
+@jit
 def _nearest(
     points: UInt[Array, " p"],
     there: Float[Array, " p"],
@@ -165,7 +167,7 @@ def _whole_squares(square: Int[np.ndarray, " p"]) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
 
 
-@jax.jit
+@jit
 def _centroids(points: UInt[Array, " p"]) -> tuple[Float[Array, "p 2"], Float[Array, " p"]]:
     """Offset of the mean of each piece's points from the sample's centre, and their share of all."""
     number = jax.lax.population_count(points).astype(jnp.float32)

@@ -1,14 +1,14 @@
 """From stamps to fragments: every sample of the grid that a triangle covers, with its disparity."""
 
 import dataclasses
-import functools
+from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax._parallel import in_parallel, parts
+from focusjax._programs import jit
 from focusjax.layers._blocks import pad_rows
 from focusjax.layers._clip import TOLERANCE, ScreenTriangles
 from focusjax.layers._edges import Edges, edge_functions
@@ -39,7 +39,7 @@ class Fragments:
         return Fragments(*(np.take(a, index) for a in (self.sample, self.disparity, self.triangle)))
 
 
-@functools.partial(jax.jit, static_argnames="size")
+@jit
 def _cover(
     edges: Edges | None,
     corners: tuple[tuple[Float[Array, " n"], ...], ...],
@@ -85,9 +85,9 @@ def rasterise(triangles: ScreenTriangles, stamps: Stamps, grid: Grid) -> Fragmen
         )
         corners = triangles.around(triangle, *first)
         edges = _single(edge_functions(*corners, np)) if size == SIZES[-1] else None
+        arrays: Any = edges, _single(corners), tuple(first), limits
         covered, disparity, sample = (
-            np.asarray(a)[: part.stop - part.start]
-            for a in _cover(edges, _single(corners), tuple(first), limits, size=size)
+            np.asarray(a)[: part.stop - part.start] for a in _cover(*arrays, size=size)
         )
         flat = np.flatnonzero(covered)
         return np.take(sample, flat), np.take(disparity, flat), np.take(triangle, flat // size**2)

@@ -2,12 +2,12 @@
 
 import dataclasses
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.layers._blocks import in_blocks
 from focusjax.layers._gloss import pack_normal
@@ -30,7 +30,7 @@ class ShadedSamples:
     normal: np.ndarray | None
 
 
-@eqx.filter_jit
+@jit
 def _shade_block(
     shader: Shader,
     face: Int[Array, " n"],
@@ -63,7 +63,7 @@ def shaded(
     return ShadedSamples(*in_blocks(program, columns, _SHADED_AT_ONCE))
 
 
-@eqx.filter_jit
+@jit
 def _background_radiance(background: AbstractBackground, camera: Camera, grid: Grid) -> Float[Array, "h w 3"]:
     x, y = (
         (jnp.arange(count, dtype=float) + (0.5 - grid.margin)) / grid.supersampling

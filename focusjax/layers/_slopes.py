@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from typing import TypeAlias
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax._at_once import at_once
+from focusjax._programs import jit
 from focusjax._zeros import zeros_after
 from focusjax.layers._joins import NEIGHBOURS, SAME_LAYER, UNJOINED
 from focusjax.layers._layers import Layers
@@ -18,7 +18,7 @@ _OPPOSITE = ((0, 1), (2, 3))
 _Colour: TypeAlias = tuple[Float[Array, "*n"], Float[Array, "*n"], Float[Array, "*n"]]
 
 
-@eqx.filter_jit
+@jit
 def radiance_slopes(layers: Layers) -> tuple[_Colour, _Colour]:
     """Change of the radiance of `layers.samples` per sample to the right, and downwards; each [n] a colour.
 

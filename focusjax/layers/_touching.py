@@ -9,13 +9,13 @@ import itertools
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt
 
 from focusjax import _parallel
 from focusjax._parallel import in_parallel
+from focusjax._programs import jit
 from focusjax.layers._blocks import in_blocks, pad_rows
 from focusjax.layers._boxes import Boxes, boxes_on, joined
 from focusjax.layers._clip import ScreenTriangles
@@ -259,7 +259,7 @@ def _table(edges: Edges, w: Sequence[np.ndarray]) -> Float[Array, "14 boxes"]:
     return jnp.asarray(np.stack([pad_rows(row.astype(np.float32), _BOXES_AT_ONCE) for row in rows]))
 
 
-@jax.jit
+@jit
 def _covered(
     table: Float[Array, "14 boxes"],
     box: Int[Array, " n"],

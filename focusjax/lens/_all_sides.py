@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.lens._pupils import Pupils, Turn, find_pupils
 from focusjax.lens._ray_bounds import RayBounds, find_bounds
 from focusjax.optics import HeightField, Prescription
@@ -23,7 +24,7 @@ def is_round(lens: Prescription) -> bool:
     return not any(isinstance(surface, HeightField) for surface in lens.surfaces)
 
 
-@eqx.filter_jit
+@jit
 def find_all_around(
     lens: Prescription,
     indices: Float[Array, " n_plus_1"],

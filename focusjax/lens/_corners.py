@@ -1,6 +1,5 @@
 """Surfaces over the picture, sampled at the corners of its pixels."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,6 +7,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
 from focusjax._parallel import CORES, in_parallel
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.lens._control_points import FocalSurface
 
@@ -58,7 +58,7 @@ def at_corners(
     return joined(list(focus)), joined(list(scale))
 
 
-@eqx.filter_jit
+@jit
 def _tiles(
     surface: FocalSurface, numbers: Int[Array, " n"], across: int
 ) -> tuple[Float[Array, "n p"], Float[Array, "n p"]]:

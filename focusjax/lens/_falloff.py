@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from focusjax._arguments import real_number
+from focusjax._programs import jit
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._dimmed import AbstractDimmedLens
@@ -175,7 +176,7 @@ def illumination(
     return _illumination(lens, camera, film_points, side)
 
 
-@eqx.filter_jit
+@jit
 def _illumination(
     lens: AbstractLens, camera: Camera, film_points: Float[Array, "n 2"], side: int
 ) -> Float[Array, "n"]:

@@ -1,10 +1,10 @@
 """Where the film of a real lens has to be."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.lens._all_sides import is_round
 from focusjax.lens._pupils import openness
@@ -37,7 +37,7 @@ def film_for(
     return film, scale
 
 
-@eqx.filter_jit
+@jit
 def best_film(
     prescription: Prescription, indices: Float[Array, " n_plus_1"], disparity: Float[Array, ""]
 ) -> Float[Array, ""]:

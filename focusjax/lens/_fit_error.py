@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.lens._aperture import Disk
 from focusjax.lens._prescription import PrescriptionLens
@@ -47,7 +48,7 @@ class FitError(eqx.Module):
         return jnp.maximum(self.worst.max(), self.outline.max())
 
 
-@eqx.filter_jit
+@jit
 def fit_error(
     exact: PrescriptionLens, transfer: AbstractTransfer, camera: Camera, disparities: Float[Array, "2"]
 ) -> FitError:

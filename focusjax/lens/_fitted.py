@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._arguments import real_number, require_kind
+from focusjax._programs import jit
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aim import line_of
 from focusjax.lens._all_sides import is_round
@@ -23,6 +24,7 @@ from focusjax.lens._spectral import SpectralLens
 from focusjax.lens._transfer import AbstractTransfer, TracedRays, Transfer, fit_transfers
 from focusjax.lens._uneven_transfer import UnevenTransfer, fit_uneven_transfers
 
+_traced = jit(traced_rays)
 _DEGREES = {Transfer: (2, 3, 4, 5, 6), UnevenTransfer: (3, 4, 5, 6, 7)}
 """Tried of each kind, the lowest first."""
 
@@ -166,7 +168,7 @@ def fitted_lens(
         return dataclasses.replace(lens, lens=fit(unfitted(lens.lens)), bands=bands)
     name = lens.prescription.name
     disparities = jnp.asarray([1.0 / far, 1.0 / near], dtype=lens.indices.dtype)
-    rays = eqx.filter_jit(traced_rays)(lens, camera)
+    rays = _traced(lens, camera)
     rims = limiting_rims(rays)
     least = math.inf
     kinds = (Transfer,) if is_round(lens.prescription) else (Transfer, UnevenTransfer)
@@ -200,7 +202,7 @@ def refitted(fitted: FittedLens, lens: PrescriptionLens, camera: Camera) -> Fitt
     return FittedLens(lens, transfer, fitted.rims, fitted.error)
 
 
-@eqx.filter_jit
+@jit
 def _fits(
     rays: TracedRays,
     lens: PrescriptionLens,

@@ -4,7 +4,6 @@ import dataclasses
 import math
 from typing import SupportsFloat
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +11,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from focusjax._arguments import real_number, require_kind
+from focusjax._programs import jit
 from focusjax._words import shown
 from focusjax.geometry import Camera
 from focusjax.lens._all_sides import find_all_around, is_round
@@ -246,7 +246,7 @@ def _placed(
     return dataclasses.replace(lens, exposure=_light_on_axis(lens))
 
 
-@eqx.filter_jit
+@jit
 def _seen(
     prescription: Prescription,
     indices: Float[Array, " n_plus_1"],
@@ -265,7 +265,7 @@ def _seen(
     return jax.tree.map(lambda leaf: leaf[::2], pupils), bounds
 
 
-@eqx.filter_jit
+@jit
 def _mapped(
     prescription: Prescription,
     indices: Float[Array, " n_plus_1"],
@@ -279,7 +279,7 @@ def _mapped(
     return find_stop_map(prescription, indices, film, scale * radii, pupils)
 
 
-@eqx.filter_jit
+@jit
 def _light_on_axis(lens: PrescriptionLens) -> Float[Array, ""]:
     """What the opening lets through to the middle of the film, in mm^2."""
     dtype = lens.indices.dtype

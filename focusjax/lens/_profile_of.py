@@ -4,12 +4,12 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any, SupportsFloat
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera, make_camera
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._falloff import CosineFalloff
@@ -219,7 +219,7 @@ def _fit(off: np.ndarray, b: np.ndarray, weight: np.ndarray, full: float, *, axi
     )
 
 
-@eqx.filter_jit
+@jit
 def _rays(lens: AbstractLens, camera: Camera, points: Float[Array, "k 2"]) -> tuple[Array, Array, Array]:
     side = (jnp.arange(_ACROSS, dtype=points.dtype) + 0.5) / _ACROSS
     grid = jnp.stack(jnp.meshgrid(side, side), axis=-1).reshape(-1, 2)

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.lens._aperture import Disk
 from focusjax.lens._base import AbstractLens
@@ -109,7 +110,7 @@ def _channel(
     return dataclasses.replace(near, lens=_aimed(near.lens, camera, near.lens.focus_disparity))
 
 
-@eqx.filter_jit
+@jit
 def _aimed(lens: PrescriptionLens, camera: Camera, focus_disparity: Float[Array, ""]) -> PrescriptionLens:
     """The lens with aims by places in the stop, in place of pupils."""
     lens = jax.lax.stop_gradient(lens)

@@ -5,13 +5,13 @@ import functools
 import math
 from typing import SupportsFloat, overload
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._arguments import real_number, require_kind
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.lens._aim import polar
 from focusjax.lens._all_sides import is_round
@@ -142,7 +142,7 @@ def turned_lens(
     return _bounded(level, camera, turn, focus_disparity, film)
 
 
-@eqx.filter_jit
+@jit
 def _bounded(
     level: PrescriptionLens,
     camera: Camera,

@@ -2,12 +2,12 @@
 
 import dataclasses
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.optics._paraxial import film_distance
 from focusjax.optics._prescription import Prescription, check_surfaces, line
 
@@ -78,7 +78,7 @@ def focused_by_group(lens: Prescription, first: int, last: int, disparity: float
     return moved
 
 
-@eqx.filter_jit
+@jit
 def _film_and_slope(
     lens: Prescription, first: int, last: int, by: Float[Array, ""], disparity: Float[Array, ""]
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:

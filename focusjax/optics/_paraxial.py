@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.optics._prescription import Prescription, line
 
 
@@ -44,7 +45,7 @@ class FirstOrder(eqx.Module):
     f_number: Float[Array, ""]
 
 
-@eqx.filter_jit
+@jit
 def first_order(lens: Prescription, wavelength: Float[Array, ""] | None = None) -> FirstOrder:
     """Cardinal points and pupils of `lens` at a `wavelength` in nm, that of the line d if None.
 
@@ -100,7 +101,7 @@ def system_matrices(
     return whole, arrived[lens.stop]
 
 
-@eqx.filter_jit
+@jit
 def film_distance(
     lens: Prescription, indices: Float[Array, " n_plus_1"], disparity: Float[Array, ""]
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:

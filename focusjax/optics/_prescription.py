@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._arguments import real_number, require_kind
+from focusjax._programs import jit
 from focusjax.optics._glass import FRAUNHOFER, AbstractGlass, air
 from focusjax.optics._height_field import HeightField
 from focusjax.optics._surfaces import AbstractSurface, Conic, EvenAsphere, sphere
@@ -286,6 +287,6 @@ def gap_between(
     return thickness + after - before
 
 
-@eqx.filter_jit
+@jit
 def _sags(surface: AbstractSurface, x: Float[Array, " r"], y: Float[Array, " r"]) -> Float[Array, " r"]:
     return jax.vmap(surface.sag)(x, y)

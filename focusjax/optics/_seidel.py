@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.optics._paraxial import first_order
 from focusjax.optics._prescription import Prescription, line
 
@@ -59,7 +60,7 @@ class SeidelSums(eqx.Module):
         }
 
 
-@eqx.filter_jit
+@jit
 def seidel_sums(
     lens: Prescription,
     *,

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.optics._prescription import Prescription
 from focusjax.optics._surfaces import AbstractSurface, Real
 
@@ -73,7 +74,7 @@ def trace_path(
     return ray, points[::-1] if backward else points
 
 
-@eqx.filter_jit
+@jit
 def _walk(
     lens: Prescription, indices: Array, position: Array, direction: Array, backward: bool
 ) -> tuple[tuple, Float[Array, "n 3"]]:

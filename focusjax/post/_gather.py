@@ -10,7 +10,6 @@ import functools
 import math
 from collections.abc import Callable
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,6 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from focusjax._checked_view import checked_view
 from focusjax._counts import require_counts
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 from focusjax.post._mipmaps import block_means
@@ -124,7 +124,7 @@ def in_chunks(
     return flat.at[numbers].set(found).reshape(image.shape)
 
 
-@eqx.filter_jit
+@jit
 def circle_radii(disparity: Float[Array, "h w"], camera: Camera, lens: AbstractLens) -> Float[Array, "h w"]:
     """Radius of every pixel's circle of confusion in pixels."""
     reach = jax.vmap(lambda point, w: jnp.abs(lens.blur(camera, point, w)) / 2.0)
@@ -149,7 +149,7 @@ def tap_sample(number: Array, turn: Float[Array, ""]) -> Float[Array, "2"]:
     return jnp.mod((number + 0.5) * jnp.asarray(_STEPS, turn.dtype) + shift, 1.0).astype(turn.dtype)
 
 
-@eqx.filter_jit
+@jit
 def _mip_maps(
     image: Float[Array, "h w 3"], disparity: Float[Array, "h w"], reaches: Float[Array, "h w"], levels: int
 ) -> Float[Array, "m 5"]:
@@ -161,7 +161,7 @@ def _mip_maps(
     return jnp.concatenate([each.reshape(len(fine), -1).T for each in maps])
 
 
-@eqx.filter_jit
+@jit
 def _gathered(
     maps: Float[Array, "m 5"],
     disparity: Float[Array, "h w"],

@@ -2,13 +2,13 @@
 
 import math
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._counts import require_counts
+from focusjax._programs import jit
 
 _LEAST_TILE = 16
 """Pixels along a tile's side; twice that is the longest motion that the tiles around a pixel cover."""
@@ -58,7 +58,7 @@ def motion_blur(
     return _blurred(image, disparity, velocity.astype(image.dtype), jnp.asarray(taps), tile=tile)
 
 
-@eqx.filter_jit
+@jit
 def _blurred(
     image: Float[Array, "h w 3"],
     disparity: Float[Array, "h w"],

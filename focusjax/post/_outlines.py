@@ -12,12 +12,12 @@ that it passed before what is seen there.
 import functools
 import math
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 from focusjax.post._gather import gather, gradient_noise, in_chunks, most_levels, tap_sample
@@ -83,14 +83,14 @@ def defocused(
     return jnp.where(outlined[..., None], _joined(parts), picture)
 
 
-@eqx.filter_jit
+@jit
 def _parts(image: Float[Array, "h w 3"], radii: Float[Array, "h w"]) -> Float[Array, "h w 7"]:
     """Light of strongly blurred foregrounds, how much of a pixel they cover, and the other light."""
     strong = (-radii >= _STRONG).astype(image.dtype)[..., None]
     return jnp.concatenate([strong * image, strong, (1.0 - strong) * image], axis=-1)
 
 
-@eqx.filter_jit
+@jit
 def _joined(parts: Float[Array, "h w 7"]) -> Float[Array, "h w 3"]:
     """The picture of its parts, strongly blurred foregrounds and their coverage averaged over 3 x 3 pixels.
 
@@ -104,7 +104,7 @@ def _joined(parts: Float[Array, "h w 7"]) -> Float[Array, "h w 3"]:
     return light + jnp.where(alone, other, (1.0 - cover) * behind)
 
 
-@eqx.filter_jit
+@jit
 def _signed_radii(disparity: Float[Array, "h w"], camera: Camera, lens: AbstractLens) -> Float[Array, "h w"]:
     """Radius of every pixel's circle of confusion in pixels, negative before the focus."""
     height, width = disparity.shape
@@ -118,7 +118,7 @@ def _film_points(pixels: Int[Array, "n"], width: int, dtype: jnp.dtype) -> Float
     return jnp.stack([column, row], axis=1).astype(dtype) + 0.5
 
 
-@eqx.filter_jit
+@jit
 def outline_zone(
     disparity: Float[Array, "h w"], radii: Float[Array, "h w"], camera: Camera, lens: AbstractLens
 ) -> tuple[Float[Array, "h w"], Bool[Array, "h w"]]:
@@ -182,7 +182,7 @@ def _ring_maximum(tiles: Float[Array, "m n"]) -> Float[Array, "m n"]:
     return functools.reduce(jnp.maximum, [over[:, k : k + columns] for k in range(3)])
 
 
-@eqx.filter_jit
+@jit
 def _unmixed(image: Float[Array, "h w 3"], radii: Float[Array, "h w"]) -> Float[Array, "h w 3"]:
     """The view with colours of its own depth in pixels that the edge of a blurred foreground crosses.
 
@@ -209,7 +209,7 @@ def _moved(plane: Shaped[Array, "h w *c"], row: int, column: int) -> Shaped[Arra
     return padded[2 + row : 2 + row + height, 2 + column : 2 + column + width]
 
 
-@eqx.filter_jit
+@jit
 def _shown(
     image: Float[Array, "h w 3"], radii: Float[Array, "h w"], taps: Array, levels: int
 ) -> Float[Array, "h w 3"]:
@@ -231,7 +231,7 @@ def _shown(
     return jnp.moveaxis(planes, 0, 2)
 
 
-@eqx.filter_jit
+@jit
 def _followed(
     shown: Float[Array, "m 7"],
     disparity: Float[Array, "h w"],

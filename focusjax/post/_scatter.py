@@ -9,12 +9,12 @@ leaves the frame, the lens's own loss of light, and what nearer surfaces hide.
 
 import math
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 
@@ -115,7 +115,7 @@ def scattered(
     )
 
 
-@eqx.filter_jit
+@jit
 def _sent(
     light: Float[Array, "n 3"],
     row: Int[Array, "n"],

@@ -1,16 +1,16 @@
 """Distortion and lateral colour: a picture resampled at the places that a lens's middle rays look at."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 from focusjax.post._straight import middle_of
 
 
-@eqx.filter_jit
+@jit
 def warped(image: Float[Array, "h w 3"], camera: Camera, lens: AbstractLens) -> Float[Array, "h w 3"]:
     """A picture as a lens distorts it, by cubic convolution (Keys 1981); beyond the frame as at its edge.
 

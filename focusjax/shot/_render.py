@@ -9,12 +9,12 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.io import UNFINISHED
 from focusjax.job import make_layers
@@ -262,6 +262,6 @@ def _widest(
     return make_layers(settings, solved.shot.scene.at(number), camera, lens), lens
 
 
-@eqx.filter_jit
+@jit
 def _reach(lens: AbstractLens, camera: Camera, depths: Float[Array, "2"]) -> Float[Array, ""]:
     return jnp.max(jax.vmap(lambda w: lens.reach(camera, w))(depths))

@@ -3,12 +3,12 @@
 import dataclasses
 from collections.abc import Callable
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
@@ -204,11 +204,11 @@ def _at_vertices(
     return np.asarray(what(lens, camera, flat), dtype=np.float64).reshape(track.disparity.shape)
 
 
-@eqx.filter_jit
+@jit
 def _reaches(lens: AbstractLens, camera: Camera, disparity: Float[Array, " n"]) -> Float[Array, " n"]:
     return jax.vmap(lambda w: lens.reach(camera, w))(disparity)
 
 
-@eqx.filter_jit
+@jit
 def _blurs(lens: AbstractLens, camera: Camera, disparity: Float[Array, " n"]) -> Float[Array, " n"]:
     return jax.vmap(lambda w: lens.blur(camera, camera.principal_point, w))(disparity)

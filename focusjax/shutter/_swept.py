@@ -1,11 +1,11 @@
 """A lens whose rays are moved by the motion of things during a span, as far as peeling asks for it."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens import AbstractLens, AbstractLensWrapper
 from focusjax.trace import moved_ray
@@ -88,7 +88,7 @@ def swept_lens(
     )
 
 
-@eqx.filter_jit
+@jit
 def _rays(
     lens: AbstractLens, camera: Camera, key: Camera, matrices: Float[Array, "m 4 4"]
 ) -> tuple[Float[Array, "_ 2"], Float[Array, "_ 2"], Float[Array, "_ 2"]]:

@@ -1,11 +1,11 @@
 """The shape of the lens's opening as SVG, as large as the f-number has it."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.lens import AbstractAperture
 from focusjax.studio._answer import Answer
 
@@ -13,7 +13,7 @@ _TURNS = 96
 _ROOM = 1.06
 
 
-@eqx.filter_jit
+@jit
 def _outline(aperture: AbstractAperture) -> Float[Array, "n 2"]:
     return jax.vmap(aperture.rim)(jnp.linspace(0.0, 1.0, _TURNS, endpoint=False))
 

@@ -4,13 +4,13 @@ import dataclasses
 from collections.abc import Callable
 from html import escape
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.spatial import ConvexHull, QhullError
 
+from focusjax._programs import jit
 from focusjax._settings import metres
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
@@ -64,7 +64,7 @@ def make_plan(stage: Stage) -> Plan:
     return Plan(depth, tuple(outlines))
 
 
-@eqx.filter_jit
+@jit
 def _focus(
     lens: AbstractLens, camera: Camera
 ) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " n"]]:

@@ -1,10 +1,10 @@
 """The radiance along a ray, from the surface it met."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from focusjax._programs import jit
 from focusjax.geometry import LensRay
 from focusjax.layers import Layers, Places, radiance_slopes
 from focusjax.trace._gloss import GlossPlanes, gloss_at, gloss_planes
@@ -53,7 +53,7 @@ def surface_of(layers: Layers) -> Surface:
     )
 
 
-@jax.jit
+@jit
 def _colours(radiance: Float[Array, "*n 3"]) -> tuple[Float[Array, " m"], ...]:
     """Red, green and blue."""
     return tuple(radiance[..., k].reshape(-1) for k in range(3))

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
@@ -27,6 +28,7 @@ from focusjax.trace._samples import RaySamples
 from focusjax.trace._sobol import stirred
 from focusjax.trace._timed import RowShares, Timing, row_shares, timed_groups, timed_samples
 
+_split = jit(split_emitters)
 _TOGETHER = 4
 """At most so many rays of a pixel, one after the other in time, that look up one range of disparities."""
 _FEWEST_GROUPS = 1 << 12
@@ -82,7 +84,7 @@ def exposed(
     total, light = None, jnp.zeros((len(changing), 3), dtype=camera.focal_px.dtype)
     if not changing.all():
         if settings.emitters:
-            backdrop, emitters = eqx.filter_jit(split_emitters)(backdrop, lens)
+            backdrop, emitters = _split(backdrop, lens)
             light = _still_light(emitters, backdrop, lens, seed, settings=settings)
             light = jnp.where(here[:, None], 0.0, light)
         total = _still_sums(backdrop, lens, seed, bins, ~here, settings=settings)
@@ -146,7 +148,7 @@ def _coc_bins(camera: Camera, lens: AbstractLens, spans: Sequence[Span]) -> CocB
     return CocBins(None if glossy else focal_zone(lens, camera))
 
 
-@eqx.filter_jit
+@jit
 def _still_sums(
     layers: Layers,
     lens: AbstractLens,
@@ -160,7 +162,7 @@ def _still_sums(
     return picture_sums(layers, lens, seed, settings, bins, known_light(lens, layers.camera), wanted)
 
 
-@eqx.filter_jit
+@jit
 def _still_light(
     emitters: Emitters,
     layers: Layers,
@@ -172,7 +174,7 @@ def _still_light(
     return light_of(emitters, layers, lens, seed, settings)
 
 
-@eqx.filter_jit
+@jit
 def _samples(
     lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings, with_chances: bool
 ) -> RaySamples:
@@ -191,7 +193,7 @@ class _Moving(eqx.Module):
     shares: RowShares
 
 
-@eqx.filter_jit
+@jit
 def _span_sums(
     moving: _Moving,
     lens: AbstractLens,
@@ -217,7 +219,7 @@ def _span_sums(
     return summed(seen, lens, groups, bins, camera.width * camera.height)
 
 
-@eqx.filter_jit
+@jit
 def _developed(
     sums: PixelSums, lens: AbstractLens, camera: Camera, bins: CocBins, *, settings: RenderSettings
 ) -> Float[Array, "p 3"]:

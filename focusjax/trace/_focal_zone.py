@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 from focusjax.trace._frame_nodes import frame_nodes
@@ -47,7 +48,7 @@ class FocalZone(eqx.Module):
         return self.near + depth, self.far - depth
 
 
-@eqx.filter_jit
+@jit
 def focal_zone(lens: AbstractLens, camera: Camera) -> FocalZone:
     """The focal zone of a lens, found at few places of the frame.
 

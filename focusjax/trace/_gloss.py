@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers import Grid, Layers, unpack_normal
 from focusjax.scene import Gloss
@@ -86,7 +87,7 @@ def _unit(parts: Sequence[Float[Array, ""]]) -> Float[Array, "3"]:
     return jnp.stack([part * scale for part in parts])
 
 
-@eqx.filter_jit
+@jit
 def radiance_from_centre(layers: Layers) -> Float[Array, "n 3"]:
     """Radiance of every sample that the layers hold, gloss included, as the lens centre sees it."""
     planes = gloss_planes(layers)

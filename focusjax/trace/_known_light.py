@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._frame_nodes import frame_nodes
@@ -66,7 +67,7 @@ def evened(brought: _Colours, light: _Colours, known: KnownLight) -> Float[Array
     return jnp.where(light > 0, brought / jnp.where(light > 0, light, 1.0), 0.0) * known.of(light)
 
 
-@eqx.filter_jit
+@jit
 def light_map(lens: AbstractLens, camera: Camera) -> KnownLight:
     """The same of any lens."""
     nodes = frame_nodes(camera)

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers import Layers, RangePyramid
 from focusjax.lens import AbstractLens
@@ -26,6 +27,7 @@ from focusjax.trace._samples import Starts
 from focusjax.trace._starts import lens_rays
 from focusjax.trace._walk import path_of
 
+_split = jit(split_emitters)
 _ROUNDS = 4
 _SLACK = 1.0
 """Samples."""
@@ -81,7 +83,7 @@ def moving_layers(
     if may_emit(layers):
         # What stands still in the axes of rays is split as a still picture's layers are, by the same program.
         moves = motion if len(matrices) > 1 else None
-        layers, emitters = eqx.filter_jit(split_emitters)(layers, lens, moves)
+        layers, emitters = _split(layers, lens, moves)
     return MovingLayers(
         traced_scene(layers),
         layers.ranges,

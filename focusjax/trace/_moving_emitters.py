@@ -12,11 +12,11 @@ A ray is stopped by what it meets first of the emitter's own body, as in a still
 body that it meets before it.
 """
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, UInt
 
+from focusjax._programs import jit
 from focusjax.geometry import LensRay
 from focusjax.lens import AbstractLens
 from focusjax.trace._body_motion import BodyMotion
@@ -41,7 +41,7 @@ _BENT = 0.02
 """The same as a share of the way from one to the other."""
 
 
-@eqx.filter_jit
+@jit
 def moving_light(
     body: MovingLayers,
     others: tuple[MovingLayers, ...],

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from focusjax._programs import jit
 from focusjax.geometry import LensRay
 from focusjax.layers import Layers, interval
 from focusjax.trace._walk import first_hit, make_volume
@@ -42,7 +42,7 @@ def nearest_in_layers(layers: Layers) -> Callable[[LensRay], Float[np.ndarray, "
     return first_disparity
 
 
-@eqx.filter_jit
+@jit
 def _first_disparities(layers: Layers, rays: LensRay) -> Float[Array, " n"]:
     grid = layers.grid
     # What may be seen through is a surface, too.

@@ -16,6 +16,7 @@ from jax.sharding import Mesh
 from jaxtyping import Array, Bool, Float, UInt
 
 from focusjax._arguments import ArgumentError
+from focusjax._programs import jit
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._accumulate import PixelSums, no_sums, traced_sums
@@ -74,7 +75,7 @@ def most_rays(pixels: int, together: int = 1) -> int:
     return min(_MOST_RAYS, together * (_MOST_GROUPS // pixels))
 
 
-@eqx.filter_jit
+@jit
 def picture(
     layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], *, settings: RenderSettings
 ) -> Float[Array, "h w 3"]:

@@ -1,11 +1,11 @@
 """The sharp picture, everything in focus, which needs no rays at all."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt
 
+from focusjax._programs import jit
 from focusjax.layers import Layers, RowsOfLayers, by_rows, covered, interval
 from focusjax.trace._gloss import radiance_from_centre
 
@@ -37,7 +37,7 @@ def render_pinhole(layers: Layers) -> Float[Array, "h w 3"]:
     return jnp.asarray(blocks.mean(axis=(1, 3)))
 
 
-@eqx.filter_jit
+@jit
 def _seen(layers: Layers) -> Float[Array, "h w 3"]:
     """Mean radiance of each sample of the grid."""
     radiance = radiance_from_centre(layers)

@@ -1,12 +1,12 @@
 """Whether layers hold all that the rays of a lens can pass."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from focusjax._arguments import ArgumentError
+from focusjax._programs import jit
 from focusjax.geometry import Camera, filter_radius
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens, not_numbers
@@ -106,4 +106,4 @@ def _measures(
 
 
 # One program and one answer: a GPU takes longer to say each number than to work it out.
-_measured = eqx.filter_jit(_measures)
+_measured = jit(_measures)

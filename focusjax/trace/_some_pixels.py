@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, UInt
 
+from focusjax._programs import jit
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._accumulate import PixelSums, summed
@@ -70,7 +71,7 @@ class Windows:
 NO_WINDOWS = Windows(0, 0, 0)
 
 
-@eqx.filter_jit
+@jit
 def prepared(layers: Layers, lens: AbstractLens, *, settings: RenderSettings) -> Prepared:
     """What rays of all numbers have in common."""
     camera, pixel_filter = layers.camera, settings.pixel_filter
@@ -85,7 +86,7 @@ def prepared(layers: Layers, lens: AbstractLens, *, settings: RenderSettings) ->
     return Prepared(layers, emitters, ranges, variance, known_light(lens, camera), bins)
 
 
-@eqx.filter_jit
+@jit
 def emitted(
     ready: Prepared, lens: AbstractLens, seed: UInt[Array, ""], *, settings: RenderSettings
 ) -> Float[Array, "p 3"]:
@@ -94,7 +95,7 @@ def emitted(
     return light_of(ready.emitters, ready.layers, lens, seed, settings)
 
 
-@eqx.filter_jit
+@jit
 def some_pixels(
     lens: AbstractLens,
     ready: Prepared,

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt
 
+from focusjax._programs import jit
 from focusjax.geometry import LensRay
 from focusjax.layers import BELOW_MOST, covered, interval
 
@@ -42,7 +43,7 @@ class Volume(eqx.Module):
     layers: int = eqx.field(static=True)
 
 
-@eqx.filter_jit
+@jit
 def make_volume(
     cells: UInt[Array, "l h w"], scale: Float[Array, ""], opacity: Float[Array, "l h w"] | None
 ) -> Volume:

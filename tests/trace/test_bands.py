@@ -114,7 +114,7 @@ def test_sums_are_held_for_a_band_alone(small_bands, monkeypatch):
 
     def held() -> int:
         settings = render_settings(layers, layers.lens, rays=16)
-        made = picture.lower(layers, layers.lens, jnp.uint32(0), settings=settings).compile()
+        made = eqx.filter_jit(picture).lower(layers, layers.lens, jnp.uint32(0), settings=settings).compile()
         return made.compiled.memory_analysis().temp_size_in_bytes
 
     whole = held()

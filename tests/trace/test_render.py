@@ -8,11 +8,11 @@ import pytest
 from compilations import compilations
 from small_scenes import HEIGHT, WIDTH, at_pixels, front_camera, patch, varied_layers, varied_scene, wide_lens
 
+from focusjax._programs import forget_programs
 from focusjax.layers import peel
 from focusjax.lens import ThinLens
 from focusjax.scene import constant_background, make_object, make_scene
 from focusjax.trace import _devices, render, render_pinhole
-from focusjax.trace._picture import picture
 
 
 def varied_picture(rays: int = 16, seed: int = 0) -> np.ndarray:
@@ -139,10 +139,10 @@ def test_blocks_do_not_change_the_picture(pixels: int, monkeypatch: pytest.Monke
     """Not even when they do not divide the picture."""
     whole = varied_picture()
     monkeypatch.setattr(_devices, "at_once", lambda **_: 4 * pixels)
-    picture._cached.clear_cache()
+    forget_programs()
     # Observed: 2e-16.
     np.testing.assert_allclose(varied_picture(), whole, rtol=1e-12)
-    picture._cached.clear_cache()
+    forget_programs()
 
 
 def test_the_seed_chooses_the_picture():

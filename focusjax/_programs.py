@@ -1,0 +1,368 @@
+"""Functions compiled by JAX, with programs that the next process finds before it traces anything.
+
+JAX keeps what XLA compiles in the folder `jax_compilation_cache_dir`, if it has one, and finds it by its
+text. So every process traces and lowers each function again, which takes several times as long as to read its
+program. Here a program is found by all that tracing depends on: the sources of focusjax, versions of the
+packages that it is built on, settings of JAX, the processor, and the arguments but for the values of arrays.
+What belongs to other packages or to a script, as a lens of its own, is not known by that: functions of it
+are traced as always, and so are programs that call Python.
+"""
+
+import functools
+import hashlib
+import io
+import os
+import pickle
+import platform
+import sys
+import threading
+import time
+import types
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, TypeVar
+
+import equinox as eqx
+import jax
+from jax.core import Tracer
+from jax.experimental import serialize_executable
+from jax.extend.core import ClosedJaxpr, Jaxpr
+from jax.stages import Compiled
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+_Options = dict[str, Any]
+
+_HASTE: _Options = {
+    "xla_backend_optimization_level": 0,
+    "xla_cpu_use_fusion_emitters": False,
+    "xla_cpu_parallel_codegen_split_count": 1,
+}
+"""Of XLA: what takes most of the time to compile, and gains a program on little data next to nothing."""
+_MUCH = 1 << 14
+"""Numbers in its arguments from which on a program is compiled as always."""
+_PACKAGES = ("jax", "jaxlib", "equinox", "jaxtyping", "lineax", "numpy", "optimistix")
+"""What functions are traced from, by their versions; focusjax itself goes by its sources."""
+_KNOWN = {"focusjax", *_PACKAGES, *sys.stdlib_module_names} - {"__main__"}
+"""Modules whose functions are known, and whose classes and functions arguments may hold."""
+_LARGEST = 512 << 20
+"""Bytes of programs that are kept; those not used for longest go."""
+_SUFFIX = ".focusjax"
+_LEAST = "persistent_cache_min_compile_time_secs"
+"""JAX's setting: seconds from which on a program is worth being kept."""
+_READ = "/jax/core/compile/read_program_duration"
+"""An event of JAX's: reading a program counts as compiling it."""
+
+
+_alone = threading.Lock()
+"""Held by the thread that has changed that setting."""
+_in_memory: list[dict[Any, "_Program | None"]] = []
+
+
+def forget_programs() -> None:
+    """Lets go of all compiled programs of this process, as `jax.clear_caches` does; files stay."""
+    for programs in _in_memory:
+        programs.clear()
+    jax.clear_caches()
+
+
+def jit(function: _Function) -> _Function:
+    """`equinox.filter_jit` of a function of a module, whose programs are kept where JAX keeps its own."""
+    return _jitted(function, {})
+
+
+def jit_in_haste(function: _Function) -> _Function:
+    """`jit` of a function; on a processor and for few numbers it is compiled in a third of the time.
+
+    JAX takes such options for a whole program only: inside another one, as in `jax.grad` or a larger `jit`,
+    the function is compiled like that one. XLA changes its options from version to version: one that does not
+    know these compiles as always.
+    """
+    return _jitted(function, _HASTE)
+
+
+def _jitted(function: _Function, haste: _Options) -> _Function:
+    plain = eqx.filter_jit(function)
+    options: dict[str, Any] = {"compiler_options": haste}
+    hasty = eqx.filter_jit(function, **options) if haste else plain
+    programs: dict[Any, _Program | None] = {}
+    _in_memory.append(programs)
+
+    @functools.wraps(function)
+    def call(*arguments: Any, **named: Any) -> Any:
+        folder = _folder()
+        if folder is None and not haste:
+            return plain(*arguments, **named)
+        leaves, tree = jax.tree.flatten((arguments, named))
+        arrays = [leaf for leaf in leaves if eqx.is_array(leaf)]
+        if any(isinstance(leaf, Tracer) for leaf in arrays):
+            return plain(*arguments, **named)
+        hurried = bool(haste) and sum(leaf.size for leaf in arrays) <= _MUCH and _options_are_known()
+        if folder is not None:
+            fixed = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
+            key = folder, tree, fixed, tuple(_kind(leaf) for leaf in arrays), _setting("enable_x64")
+            if key not in programs:
+                asked = _Asked(function, tree, fixed, haste if hurried else {})
+                programs[key], results = _first(asked, folder, arrays)
+                if programs[key] is not None:
+                    return results
+            program = programs[key]
+            if program is not None:
+                return program(arrays)
+        return (hasty if hurried else plain)(*arguments, **named)
+
+    return call  # pyright: ignore[reportReturnType]
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What is compiled.
+
+    Attributes:
+        tree: of positional and named arguments.
+        fixed: leaves of it; None for arrays.
+        options: of XLA.
+    """
+
+    function: Callable[..., Any]
+    tree: Any
+    fixed: tuple[Any, ...]
+    options: _Options
+
+    def with_arrays(self, arrays: Sequence[Any]) -> tuple[tuple[Any, ...], dict[str, Any]]:
+        """Arguments, positional and named."""
+        rest = iter(arrays)
+        leaves = [next(rest) if leaf is None else leaf for leaf in self.fixed]
+        return jax.tree.unflatten(self.tree, leaves)
+
+
+@dataclass(frozen=True)
+class _Program:
+    """A program, and what it makes: a tree with marks in place of arrays."""
+
+    compiled: Compiled
+    made: Any
+
+    def __call__(self, arrays: Sequence[Any]) -> Any:
+        """What the function makes of its arguments' arrays."""
+        results = iter(self.compiled(*arrays))
+        return jax.tree.map(lambda leaf: next(results) if isinstance(leaf, _Mark) else leaf, self.made)
+
+
+class _Mark:
+    """Stands for an array."""
+
+
+def _folder() -> str | None:
+    """Where programs are kept; None where they are not."""
+    folder = _setting("compilation_cache_dir")
+    if not folder or "://" in folder or not _setting("enable_compilation_cache"):
+        return None
+    return None if _setting("disable_jit") or _setting("debug_nans") or jax.device_count() > 1 else folder
+
+
+def _setting(name: str) -> Any:
+    return getattr(jax.config, f"jax_{name}")
+
+
+def _kind(array: Any) -> tuple[Any, ...]:
+    """What of an array a program depends on."""
+    kind = jax.typeof(array)
+    return kind.shape, kind.dtype, kind.weak_type
+
+
+def _first(asked: _Asked, folder: str, arrays: Sequence[Any]) -> tuple[_Program | None, Any]:
+    """A program that was kept, or is from now on, and its results; None for what JAX alone has to run."""
+    try:
+        path = Path(folder) / (_name(asked, arrays) + _SUFFIX)
+    except (pickle.PicklingError, AttributeError, TypeError, RecursionError):
+        return None, None
+    program = _read(path)
+    if program is not None:
+        try:
+            return program, jax.block_until_ready(program(arrays))
+        except jax.errors.JaxRuntimeError:
+            # Parts of it may be missing, which shows when it runs.
+            path.unlink(missing_ok=True)
+    with _alone:
+        least = _setting(_LEAST)
+    start = time.perf_counter()
+    program = _compiled(asked, arrays)
+    if program is None:
+        return None, None
+    if time.perf_counter() - start >= least:
+        _write(path, program)
+    return program, program(arrays)
+
+
+def _name(asked: _Asked, arrays: Sequence[Any]) -> str:
+    """What is different for different programs.
+
+    Raises:
+        PicklingError: something belongs to an unknown package.
+    """
+    text = io.BytesIO()
+    described = _Described(text)
+    described.fast = True
+    kinds = [repr(_kind(each)) for each in arrays]
+    marked = asked.with_arrays([_Mark()] * len(arrays))
+    function = asked.function
+    if "<" in function.__qualname__ or not _is_known(function):
+        raise pickle.PicklingError(f"{function!r} is not of a module of a known package")
+    name = function.__module__, function.__qualname__, sorted(asked.options.items())
+    described.dump((_surroundings(), _settings(), name, kinds, marked))
+    return f"{asked.function.__name__.strip('_')}-{hashlib.sha256(text.getvalue()).hexdigest()[:40]}"
+
+
+class _Described(pickle.Pickler):
+    """Writes down values of known packages, equal ones alike."""
+
+    def persistent_id(self, obj: Any) -> Any:
+        if isinstance(obj, type | types.FunctionType | types.BuiltinFunctionType) and not _is_known(obj):
+            raise pickle.PicklingError(f"{obj!r} is of another package")
+        return None
+
+    def reducer_override(self, obj: Any) -> Any:
+        if isinstance(obj, set | frozenset):
+            return sorted, (sorted(map(repr, obj)),)
+        return NotImplemented
+
+
+def _is_known(obj: Any) -> bool:
+    return (obj.__module__ or "builtins").split(".")[0] in _KNOWN
+
+
+@functools.cache
+def _surroundings() -> str:
+    """What tracing and compiling depend on and a process has for good."""
+    sources = hashlib.sha256()
+    package = Path(__file__).parent
+    for path in sorted(package.rglob("*.py")):
+        sources.update(f"{path.relative_to(package)}\0".encode() + path.read_bytes())
+    device = jax.devices()[0]
+    processor = Path("/proc/cpuinfo")
+    flags = [line for line in processor.read_text().splitlines()[:40] if line.startswith(("flags", "model"))]
+    return repr(
+        (
+            sources.hexdigest(),
+            [version(name) for name in _PACKAGES],
+            sys.version,
+            platform.machine(),
+            flags if processor.exists() else platform.processor(),
+            os.environ.get("XLA_FLAGS"),
+            (device.platform, device.device_kind, device.client.platform_version),
+            (os.cpu_count(), os.environ.get("NPROC")),
+        )
+    )
+
+
+def _settings() -> list[str]:
+    """JAX's, but for those of its own cache and of what it says."""
+    values = jax.config.values
+    names = [
+        name for name in sorted(values) if not any(word in name for word in ("cache", "log", "traceback"))
+    ]
+    return [f"{name}={getattr(jax.config, name, values[name])}" for name in names]
+
+
+def _compiled(asked: _Asked, arrays: Sequence[Any]) -> _Program | None:
+    """The program, traced and compiled; None if it calls Python, which is not to be kept."""
+    made = []
+
+    def flat(*arrays: jax.Array) -> list[jax.Array]:
+        arguments, named = asked.with_arrays(arrays)
+        leaves, tree = jax.tree.flatten(asked.function(*arguments, **named))
+        marked = [_Mark() if eqx.is_array(leaf) else leaf for leaf in leaves]
+        made[:] = [jax.tree.unflatten(tree, marked)]
+        return [leaf for leaf in leaves if eqx.is_array(leaf)]
+
+    flat.__name__ = f"kept_{asked.function.__name__.strip('_')}"
+    traced = jax.jit(flat).trace(*arrays)
+    if _calls_python(traced.jaxpr.jaxpr):
+        return None
+    lowered = traced.lower()
+    # JAX is not to keep it: what XLA reads from there it writes down again without some of its functions.
+    with _alone:
+        least = _setting(_LEAST)
+        jax.config.update(f"jax_{_LEAST}", sys.float_info.max)
+        try:
+            return _Program(lowered.compile(compiler_options=asked.options or None), made[0])
+        finally:
+            jax.config.update(f"jax_{_LEAST}", least)
+
+
+def _calls_python(jaxpr: Jaxpr) -> bool:
+    return any(
+        "callback" in equation.primitive.name or any(_calls_python(each) for each in _inner(equation.params))
+        for equation in jaxpr.eqns
+    )
+
+
+def _inner(parameters: dict[str, Any]) -> Iterator[Jaxpr]:
+    for leaf in jax.tree.leaves(parameters, is_leaf=lambda each: isinstance(each, Jaxpr | ClosedJaxpr)):
+        if isinstance(leaf, Jaxpr | ClosedJaxpr):
+            yield leaf.jaxpr if isinstance(leaf, ClosedJaxpr) else leaf
+
+
+def _read(path: Path) -> _Program | None:
+    """A program that was kept; None if there is none, or none that can be read."""
+    start = time.perf_counter()
+    try:
+        text = path.read_bytes()
+        program, inputs, made = pickle.loads(zlib.decompress(text))
+        _load_lapack()
+        # Results have no tree but a list, whose length is that of the marks.
+        marks = [leaf for leaf in jax.tree.leaves(made) if isinstance(leaf, _Mark)]
+        outputs = jax.tree.structure([0] * len(marks))
+        inputs = jax.tree.structure(((0,) * inputs, {}))
+        compiled = serialize_executable.deserialize_and_load(program, inputs, outputs)
+        os.utime(path)
+    except Exception:
+        return None
+    jax.monitoring.record_event_duration_secs(_READ, time.perf_counter() - start)
+    return _Program(compiled, made)
+
+
+@functools.cache
+def _load_lapack() -> None:
+    """Programs jump to LAPACK, which JAX loads when it first lowers such a function."""
+    jax.jit(jax.lax.linalg.cholesky).lower(jax.ShapeDtypeStruct((1, 1), jax.numpy.float32))
+
+
+def _write(path: Path, program: _Program) -> None:
+    """Keep a program, if that can be done."""
+    try:
+        text, inputs, _ = serialize_executable.serialize(program.compiled)
+        packed = zlib.compress(pickle.dumps((text, inputs.num_leaves, program.made)), 1)
+        new = path.with_name(f".{path.name}.{os.getpid()}")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        new.write_bytes(packed)
+        os.replace(new, path)
+        _forget_the_oldest(path.parent)
+    except Exception:
+        return
+
+
+def _forget_the_oldest(folder: Path) -> None:
+    files = sorted(
+        ((each.stat(), each) for each in folder.glob("*" + _SUFFIX)), key=lambda pair: -pair[0].st_mtime
+    )
+    total = 0
+    for stat, path in files:
+        total += stat.st_size
+        if total > _LARGEST:
+            path.unlink(missing_ok=True)
+
+
+@functools.cache
+def _options_are_known() -> bool:
+    """Whether programs run on a processor, by a version of XLA that knows all options."""
+    if jax.default_backend() != "cpu":
+        return False
+    try:
+        jax.jit(lambda: 0, compiler_options=_HASTE)()
+    except jax.errors.JaxRuntimeError:
+        return False
+    return True

@@ -239,7 +239,7 @@ def _surroundings() -> str:
     """What tracing and compiling depend on and a process has for good."""
     sources = hashlib.sha256()
     package = Path(__file__).parent
-    for path in sorted(package.rglob("*.py")):
+    for path in sorted(each for each in package.rglob("*") if each.is_file() and each.suffix != ".pyc"):
         sources.update(f"{path.relative_to(package)}\0".encode() + path.read_bytes())
     device = jax.devices()[0]
     processor = Path("/proc/cpuinfo")

@@ -56,8 +56,10 @@ _READ = "/jax/core/compile/read_program_duration"
 """An event of JAX's: reading a program counts as compiling it."""
 
 
+_CONTEXT = ("enable_x64", "default_matmul_precision", "numpy_dtype_promotion", "numpy_rank_promotion")
+"""Settings of JAX that may be others for a while, or in one thread."""
 _alone = threading.Lock()
-"""Held by the thread that has changed that setting."""
+"""Held by the thread that has changed the setting of what is worth being kept."""
 _in_memory: list[dict[Any, "_Program | None"]] = []
 
 
@@ -100,18 +102,20 @@ def _jitted(function: _Function, haste: _Options) -> _Function:
         if any(isinstance(leaf, Tracer) for leaf in arrays):
             return plain(*arguments, **named)
         hurried = bool(haste) and sum(leaf.size for leaf in arrays) <= _MUCH and _options_are_known()
-        if folder is not None:
-            fixed = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
-            key = folder, tree, fixed, tuple(_kind(leaf) for leaf in arrays), _setting("enable_x64")
-            if key not in programs:
-                asked = _Asked(function, tree, fixed, haste if hurried else {})
-                programs[key], results = _first(asked, folder, arrays)
-                if programs[key] is not None:
-                    return results
+        usual = hasty if hurried else plain
+        if folder is None or not all(_is_here(leaf) for leaf in arrays):
+            return usual(*arguments, **named)
+        fixed = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
+        key = folder, tree, fixed, tuple(_kind(leaf) for leaf in arrays), *map(_setting, _CONTEXT)
+        try:
             program = programs[key]
-            if program is not None:
-                return program(arrays)
-        return (hasty if hurried else plain)(*arguments, **named)
+        except KeyError:
+            asked = _Asked(function, tree, fixed, haste if hurried else {})
+            program, results = _first(asked, folder, arrays)
+            programs[key] = program
+        else:
+            results = None if program is None else program(arrays)
+        return usual(*arguments, **named) if program is None else results
 
     return call  # pyright: ignore[reportReturnType]
 
@@ -160,7 +164,13 @@ def _folder() -> str | None:
     folder = _setting("compilation_cache_dir")
     if not folder or "://" in folder or not _setting("enable_compilation_cache"):
         return None
-    return None if _setting("disable_jit") or _setting("debug_nans") or jax.device_count() > 1 else folder
+    apart = _setting("disable_jit") or _setting("debug_nans") or _setting("default_device") is not None
+    return None if apart or jax.device_count() > 1 else folder
+
+
+def _is_here(array: Any) -> bool:
+    """Whether an array is of numpy or on the default device."""
+    return not isinstance(array, jax.Array) or array.devices() == {jax.devices()[0]}
 
 
 def _setting(name: str) -> Any:
@@ -177,7 +187,8 @@ def _first(asked: _Asked, folder: str, arrays: Sequence[Any]) -> tuple[_Program 
     """A program that was kept, or is from now on, and its results; None for what JAX alone has to run."""
     try:
         path = Path(folder) / (_name(asked, arrays) + _SUFFIX)
-    except (pickle.PicklingError, AttributeError, TypeError, RecursionError):
+    except Exception:
+        # Objects say in their own ways that they cannot be written down.
         return None, None
     program = _read(path)
     if program is not None:
@@ -320,6 +331,7 @@ def _read(path: Path) -> _Program | None:
         compiled = serialize_executable.deserialize_and_load(program, inputs, outputs)
         os.utime(path)
     except Exception:
+        # There is none, or a damaged one, or one of another version of JAX.
         return None
     jax.monitoring.record_event_duration_secs(_READ, time.perf_counter() - start)
     return _Program(compiled, made)
@@ -336,12 +348,13 @@ def _write(path: Path, program: _Program) -> None:
     try:
         text, inputs, _ = serialize_executable.serialize(program.compiled)
         packed = zlib.compress(pickle.dumps((text, inputs.num_leaves, program.made)), 1)
-        new = path.with_name(f".{path.name}.{os.getpid()}")
+        new = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
         path.parent.mkdir(parents=True, exist_ok=True)
         new.write_bytes(packed)
         os.replace(new, path)
         _forget_the_oldest(path.parent)
     except Exception:
+        # The disk is full, the folder cannot be written, or JAX cannot write the program down.
         return
 
 

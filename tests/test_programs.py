@@ -129,7 +129,10 @@ def test_other_settings_of_jax_are_another_program(folder: Path):
     compiled = jit(answers)
     compiled(*arguments())
     with jax.numpy_rank_promotion("allow"):
-        jit(answers)(*arguments())
+        compiled(*arguments())
+    assert len(files(folder)) == 2
+    with jax.default_device(jax.devices()[0]):
+        np.testing.assert_allclose(jit(answers)(*arguments(count=7))[1], 1.5)
     assert len(files(folder)) == 2
 
 
@@ -163,6 +166,9 @@ def test_what_belongs_to_others_is_not_kept(folder: Path):
     assert not files(folder)
     _programs._KNOWN.add(__name__.split(".")[0])
     np.testing.assert_allclose(jit(lambda x: 2.0 * x)(jnp.array(2.0)), 4.0)
+    assert not files(folder)
+    lens, factor, kinds = arguments()
+    np.testing.assert_allclose(jit(answers)(lens, factor, {**kinds, "own": lambda: 1})[1], 1.5)
     assert not files(folder)
 
 

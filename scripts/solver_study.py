@@ -5,10 +5,14 @@ bounded least squares solves the same problems from many random starts, on resid
 float64 and share no code with focusjax. The study counts the problems in which focusjax's cost is more than
 1 % (and 1e-9 px^2 a wish) above scipy's best, and those in which it is as much below.
 
+With `--shots` the problems are shots of 1 to 8 frames, whose wishes move: focus, and focus with f-number, of
+all frames together, with what smoothness over time costs.
+
 With `--diagnosis` each statement about conflicting problems is tested by scipy on the altered problem:
 without a wish another gains so many pixels; a wish is out of reach even alone; a limit stands in the way.
 
     python scripts/solver_study.py --problems 300 --starts 100
+    python scripts/solver_study.py --shots --problems 100 --starts 30
     python scripts/solver_study.py --diagnosis --problems 100
 """
 
@@ -119,6 +123,70 @@ class Problem:
         return best, at
 
 
+class Shot:
+    """Wishes that move over a few frames, and the cost of all frames with that of changes between them."""
+
+    smoothness, steadiness = 100.0, 1.0
+
+    def __init__(self, seed):
+        rng = np.random.default_rng(20_000 + seed)
+        count = int(rng.integers(1, 9))
+        first = Problem(seed)
+        shift = rng.normal(size=first.xy.shape) * 0.02 * WIDTH
+        nearer = 0.1 * rng.normal(size=first.disparity.shape)
+        self.frames = []
+        for time in range(count):
+            frame = Problem(seed)
+            frame.xy = np.clip(first.xy + time * shift, 0.0, [WIDTH, HEIGHT])
+            frame.disparity = np.clip(first.disparity + time * nearer, 0.0, 1.9)
+            # Wishes come and go; the first is always there.
+            gone = rng.random(len(first.weight)) < 0.15
+            frame.weight = first.weight * np.where(gone & (np.arange(len(gone)) > 0), 0.0, 1.0)
+            other = np.roll(np.arange(len(first.weight)), 1)
+            frame.other_xy, frame.other_disparity = frame.xy[other], frame.disparity[other]
+            self.frames.append(frame)
+
+    def residuals(self, focus, radius):
+        """Of wishes, and of changes in pixels: of the starting lens's blur, and of one of 10 px."""
+        start = LENGTH / (2 * FIRST[1])
+        rows = []
+        for frame, disparity, opening in zip(self.frames, focus, radius, strict=True):
+            value = np.array([disparity, LENGTH / (2 * opening), 0.0, 0.0, LENGTH])
+            rows.append(np.sqrt(frame.weight) * frame.errors(value))
+        for changes in (2 * LENGTH * WIDTH / SENSOR * start * focus, 10.0 / start * radius):
+            rows.append(np.sqrt(self.smoothness) * np.diff(changes, 2))
+            rows.append(np.sqrt(self.steadiness) * np.diff(changes))
+        return np.concatenate(rows)
+
+    def cost(self, focus, radius):
+        return 0.5 * np.sum(self.residuals(focus, radius) ** 2)
+
+    def by_scipy(self, free, starts, seed):
+        """The least cost from many starts: every other one has frames that are alike."""
+        rng, count = np.random.default_rng(seed), len(self.frames)
+        lower = np.array([LOWER[0], LENGTH / (2 * UPPER[1])])
+        upper = np.array([UPPER[0], LENGTH / (2 * LOWER[1])])
+        given = np.array([FIRST[0], LENGTH / (2 * FIRST[1])])
+        size = len(free)
+
+        def split(part):
+            value = part.reshape(count, size)
+            return value[:, 0], value[:, 1] if size > 1 else np.full(count, given[1])
+
+        best = np.inf
+        for start in range(starts):
+            shape = (1, 2) if start % 2 else (count, 2)
+            first = np.broadcast_to(rng.uniform(lower, upper, shape) if start else given, (count, 2))
+            found = scipy.optimize.least_squares(
+                lambda part: self.residuals(*split(part)),
+                first[:, :size].ravel(),
+                bounds=(np.tile(lower[:size], count), np.tile(upper[:size], count)),
+                x_scale=np.tile((upper - lower)[:size], count),
+            )
+            best = min(best, found.cost)
+        return best
+
+
 def lens_values(solution, free):
     """The parameters of a solution as this script has them."""
     lens, length = solution.lens, float(solution.camera.focal_length)
@@ -181,6 +249,38 @@ def study_costs(problems, starts, chosen):
         print(f"  better in {len(better)}; a shot of one frame differs in {len(apart)} {apart}", flush=True)
 
 
+def study_shots(problems, starts, chosen):
+    """Shots of 1 to 8 frames: ours against scipy's best."""
+    camera, lens = setup()
+    for name in ("focus", "focus, f-number"):
+        if chosen and chosen not in name:
+            continue
+        free, worse, better = SETS[name], [], 0
+        for seed in range(problems):
+            shot = Shot(seed)
+            solution = solve_frames(
+                [frame.points() for frame in shot.frames],
+                camera,
+                lens,
+                throw=False,
+                smoothness=shot.smoothness,
+                steadiness=shot.steadiness,
+                **options(free),
+            )
+            ours = shot.cost(
+                np.asarray(solution.lens.focus_disparity), np.asarray(solution.lens.aperture_radius)
+            )
+            theirs = shot.by_scipy(free, starts, seed)
+            slight = 1e-9 * sum(frame.weight.sum() for frame in shot.frames)
+            if abs(ours - float(solution.cost)) > 1e-6 * (ours + slight):
+                print(f"  {name}, shot {seed}: cost {float(solution.cost):.9g} is {ours:.9g} by this script")
+            if ours > 1.01 * theirs + slight:
+                worse.append(f"{seed} ({len(shot.frames)} frames): {ours:.4g} instead of {theirs:.4g}")
+            better += theirs > 1.01 * ours + slight
+        print(f"{name}: {problems} shots; worse than scipy from {starts} starts in {len(worse)} {worse},")
+        print(f"  better in {better}", flush=True)
+
+
 def study_diagnosis(problems, starts):
     """Each statement about conflicting problems against scipy on the altered problem."""
     camera, lens = setup()
@@ -239,11 +339,14 @@ def main():
     parser.add_argument("--problems", type=int, default=60)
     parser.add_argument("--starts", type=int, default=30)
     parser.add_argument("--set", default="", help="only sets of free parameters whose name has this")
+    parser.add_argument("--shots", action="store_true")
     parser.add_argument("--diagnosis", action="store_true")
     chosen = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     if chosen.diagnosis:
         study_diagnosis(chosen.problems, chosen.starts)
+    elif chosen.shots:
+        study_shots(chosen.problems, chosen.starts, chosen.set)
     else:
         study_costs(chosen.problems, chosen.starts, chosen.set)
 

@@ -60,7 +60,9 @@ _CONTEXT = ("enable_x64", "default_matmul_precision", "numpy_dtype_promotion", "
 """Settings of JAX that may be others for a while, or in one thread."""
 _alone = threading.Lock()
 """Held by the thread that has changed the setting of what is worth being kept."""
-_in_memory: list[dict[Any, "_Program | None"]] = []
+_in_memory: list[dict[Any, Any]] = []
+"""Of every function its programs; None for what JAX alone has to run."""
+_UNSEEN: Any = object()
 
 
 def forget_programs() -> None:
@@ -89,7 +91,7 @@ def _jitted(function: _Function, haste: _Options) -> _Function:
     plain = eqx.filter_jit(function)
     options: dict[str, Any] = {"compiler_options": haste}
     hasty = eqx.filter_jit(function, **options) if haste else plain
-    programs: dict[Any, _Program | None] = {}
+    programs: dict[Any, Any] = {}
     _in_memory.append(programs)
 
     @functools.wraps(function)
@@ -107,15 +109,14 @@ def _jitted(function: _Function, haste: _Options) -> _Function:
             return usual(*arguments, **named)
         fixed = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
         key = folder, tree, fixed, tuple(_kind(leaf) for leaf in arrays), *map(_setting, _CONTEXT)
-        try:
-            program = programs[key]
-        except KeyError:
+        program = programs.get(key, _UNSEEN)
+        if program is _UNSEEN:
             asked = _Asked(function, tree, fixed, haste if hurried else {})
-            program, results = _first(asked, folder, arrays)
-            programs[key] = program
-        else:
-            results = None if program is None else program(arrays)
-        return usual(*arguments, **named) if program is None else results
+            programs[key], results = _first(asked, folder, arrays)
+            if results is not _UNSEEN:
+                return results
+            program = None
+        return usual(*arguments, **named) if program is None else program(arrays)
 
     return call  # pyright: ignore[reportReturnType]
 
@@ -184,12 +185,12 @@ def _kind(array: Any) -> tuple[Any, ...]:
 
 
 def _first(asked: _Asked, folder: str, arrays: Sequence[Any]) -> tuple[_Program | None, Any]:
-    """A program that was kept, or is from now on, and its results; None for what JAX alone has to run."""
+    """A program that was kept, or is from now on, and its results; None and nothing if JAX has to run it."""
     try:
         path = Path(folder) / (_name(asked, arrays) + _SUFFIX)
     except Exception:
         # Objects say in their own ways that they cannot be written down.
-        return None, None
+        return None, _UNSEEN
     program = _read(path)
     if program is not None:
         try:
@@ -202,7 +203,7 @@ def _first(asked: _Asked, folder: str, arrays: Sequence[Any]) -> tuple[_Program 
     start = time.perf_counter()
     program = _compiled(asked, arrays)
     if program is None:
-        return None, None
+        return None, _UNSEEN
     if time.perf_counter() - start >= least:
         _write(path, program)
     return program, program(arrays)

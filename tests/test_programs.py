@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from focusjax import _programs
+from focusjax._arguments import ArgumentError
 from focusjax._programs import jit, jit_in_haste
 from focusjax.lens import thin_lens
 from focusjax.lens._base import AbstractLens
@@ -150,6 +151,19 @@ def test_derivatives_and_larger_programs_trace_the_function(folder: Path):
     np.testing.assert_allclose(jax.jit(lambda x: x + by(factor))(1.0), 2.5)
     np.testing.assert_allclose(jax.jit(lambda x: x + by(factor))(1.0), 2.5)
     assert len(files(folder)) == 1
+
+
+def refusing(x: Any) -> Any:
+    """A function that is refused as it is traced."""
+    raise ArgumentError("x is wrong; expected another", "x")
+
+
+def test_what_is_refused_as_it_is_traced_is_refused_as_always(folder: Path):
+    for _ in range(2):
+        with pytest.raises(ArgumentError, match="x is wrong") as refused:
+            jit(refusing)(jnp.array(2.0))
+        assert refused.value.__context__ is None
+    assert not files(folder)
 
 
 def test_programs_that_call_python_are_not_kept(folder: Path):

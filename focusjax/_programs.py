@@ -54,8 +54,6 @@ _LEAST = "persistent_cache_min_compile_time_secs"
 """JAX's setting: seconds from which on a program is worth being kept."""
 _READ = "/jax/core/compile/read_program_duration"
 """An event of JAX's: reading a program counts as compiling it."""
-
-
 _CONTEXT = ("enable_x64", "default_matmul_precision", "numpy_dtype_promotion", "numpy_rank_promotion")
 """Settings of JAX that may be others for a while, or in one thread."""
 _alone = threading.Lock()
@@ -254,20 +252,27 @@ def _surroundings() -> str:
     for path in sorted(each for each in package.rglob("*") if each.is_file() and each.suffix != ".pyc"):
         sources.update(f"{path.relative_to(package)}\0".encode() + path.read_bytes())
     device = jax.devices()[0]
-    processor = Path("/proc/cpuinfo")
-    flags = [line for line in processor.read_text().splitlines()[:40] if line.startswith(("flags", "model"))]
     return repr(
         (
             sources.hexdigest(),
             [version(name) for name in _PACKAGES],
             sys.version,
             platform.machine(),
-            flags if processor.exists() else platform.processor(),
+            _processor(),
             os.environ.get("XLA_FLAGS"),
             (device.platform, device.device_kind, device.client.platform_version),
             (os.cpu_count(), os.environ.get("NPROC")),
         )
     )
+
+
+def _processor() -> list[str]:
+    """Its model and instructions, where the system lists them."""
+    listed = Path("/proc/cpuinfo")
+    if not listed.exists():
+        return [platform.processor()]
+    lines = listed.read_text().splitlines()[:40]
+    return [line for line in lines if line.startswith(("flags", "Features", "model"))]
 
 
 def _settings() -> list[str]:

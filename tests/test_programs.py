@@ -2,6 +2,7 @@
 
 import concurrent.futures
 import os
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -230,6 +231,12 @@ def test_threads_that_compile_at_once_keep_whole_programs(folder: Path):
         seen, result = events(lambda count=count: one(count))
         np.testing.assert_allclose(result, 1.5)
         assert "backend_compile_duration" not in seen
+
+
+def test_a_system_that_does_not_list_its_processor(monkeypatch: pytest.MonkeyPatch):
+    assert any(line.startswith(("flags", "Features")) for line in _programs._processor())
+    monkeypatch.setattr(Path, "exists", lambda path: False)
+    assert _programs._processor() == [platform.processor()]
 
 
 def test_a_folder_that_cannot_be_written_is_no_error(folder: Path):

@@ -17,7 +17,7 @@ from focusjax.focus._bounds import Limits
 from focusjax.focus._checks import require_number
 from focusjax.focus._close_focus import checked_close_focus, refuse_glass
 from focusjax.focus._glass_checks import checked_glass
-from focusjax.focus._image_points import ImagePoints, anonymous, padded, room_for, stacked, together
+from focusjax.focus._image_points import ImagePoints, anonymous, room_for, stacked, together
 from focusjax.focus._priors import Numbers
 from focusjax.focus._refuse import require_lens, require_points
 from focusjax.focus._solution import Plan
@@ -137,7 +137,7 @@ def frames_asked(
             for each, camera, lens in zip(points, cameras, lenses, strict=True)
         ]
     rows = room_for(max(each.disparity.shape[0] for each in points))
-    alike = stacked([padded(each, rows) for each in points])
+    alike = stacked(points, rows)
     sided = not isinstance(alike.signed, Tracer) and bool(np.asarray(alike.signed).all())
     return FramesAsked(
         points=anonymous(alike),

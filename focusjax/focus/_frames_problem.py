@@ -5,20 +5,25 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from focusjax.focus._bounds import Box, Limits
 from focusjax.focus._frames_asked import FramesAsked
+from focusjax.focus._frames_sides import likely_sides
 from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._image_points import ImagePoints
-from focusjax.focus._joint import Joint, JointWalk, Linearised, walk_frames
+from focusjax.focus._joint import Joint, JointWalk, Linearised, rounding, walk_frames
 from focusjax.focus._objective import Objective, make_objective
 from focusjax.focus._parameters import Start, make_start, scales
-from focusjax.focus._path import way_through
+from focusjax.focus._path import answers_of_each, filled, paths_through
 from focusjax.focus._priors import prior_rows
 from focusjax.focus._solution import Result
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens
+
+_ALIKE = 1e-4
+"""Share of the cost by which walks that end alike may differ."""
 
 
 class FramesProblem(eqx.Module):
@@ -75,19 +80,50 @@ def frames_problem(asked: FramesAsked) -> FramesProblem:
     return FramesProblem(joint, filled, start, first, boxes)
 
 
+class _Tried(eqx.Module):
+    """The best walk so far, and its cost."""
+
+    walk: JointWalk
+    cost: Float[Array, ""]
+
+
 def thin_walk(problem: FramesProblem, asked: FramesAsked) -> JointWalk:
-    """The best parameters for an ideal lens, without derivatives."""
+    """The best parameters for an ideal lens, without derivatives.
+
+    A walk starts from a path through the answers of each frame by itself; where wishes leave their side open,
+    others from more such paths, and from the sides that are likely to cost least.
+    """
     problem = jax.lax.stop_gradient(problem)
-    way = way_through(
-        problem.filled,
-        problem.first,
-        problem.boxes,
-        asked.own,
-        many=asked.plan.many,
-        max_steps=asked.plan.max_steps,
-    )
+    joint, boxes, own = problem.filled, problem.boxes, asked.own
+    steps = asked.plan.max_steps
+    answers = answers_of_each(joint, problem.first, boxes, many=asked.plan.many, max_steps=steps)
+    paths = paths_through(joint, answers, problem.first, boxes, own, steps)
     joint = problem.joint
-    return walk_frames(joint, jnp.clip(way, joint.lower, joint.upper), asked.plan.max_steps)
+
+    def walked(first: Float[Array, "t k"], side: Float[Array, "t n"]) -> _Tried:
+        walk = walk_frames(joint, jnp.clip(first, joint.lower, joint.upper), side, steps)
+        return _Tried(walk, joint.cost(walk.pixels, joint.natural_side(walk.pixels)))
+
+    if not asked.plan.many or own.size == 1:
+        return walked(paths[0], joint.natural_side(paths[0])).walk
+    sides, values = likely_sides(problem.filled, answers.values, answers.sides, own)
+    likely = jax.vmap(lambda values: filled(values * joint.scale, own))(values)
+    firsts = jnp.concatenate([paths, likely])
+    sides = jnp.concatenate([jax.vmap(joint.natural_side)(paths), sides])
+    decides = jax.vmap(lambda frame: frame.two_sided)(joint.frames)
+    same = jnp.all((sides[:, None] == sides[None]) | ~decides[None, None], axis=(2, 3))
+    known = jnp.any(same & np.tri(len(sides), k=-1, dtype=bool), axis=1)
+
+    def onward(best: _Tried, start: tuple[Array, Array, Array]) -> tuple[_Tried, None]:
+        first, side, known = start
+        tried = jax.lax.cond(known, lambda: best, lambda: walked(first, side))
+        noise = joint.scale.size * rounding(jnp.max(jnp.abs(tried.walk.pixels))) ** 2
+        better = tried.cost < (1.0 - _ALIKE) * best.cost - noise
+        return jax.tree.map(lambda new, old: jnp.where(better, new, old), tried, best), None
+
+    none = JointWalk(paths[0], sides[0], jnp.array(False), jnp.array(0))
+    best, _ = jax.lax.scan(onward, _Tried(none, jnp.full_like(joint.unit, jnp.inf)), (firsts, sides, known))
+    return best.walk
 
 
 def at_bounds(

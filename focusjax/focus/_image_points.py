@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -143,51 +144,57 @@ def padded(points: ImagePoints, size: int) -> ImagePoints:
 
 def repeated(rows: Array, size: int) -> Array:
     """The rows with the last one repeated, up to `size`."""
-    extra = size - rows.shape[0]
-    if extra == 0:
-        return rows
-    if isinstance(rows, Tracer):
-        return jnp.concatenate([rows, jnp.repeat(rows[-1:], extra, axis=0)])
-    # By numpy, which compiles nothing.
-    return jnp.asarray(np.concatenate([rows, np.repeat(np.asarray(rows)[-1:], extra, axis=0)]))
+    return jnp.asarray(_repeated(rows, size))
 
 
 def unweighted(weight: Float[Array, "n"], size: int) -> Float[Array, "m"]:
     """The weights with zeros, up to `size`."""
-    extra = size - weight.shape[0]
+    return jnp.asarray(_unweighted(weight, size))
+
+
+# By numpy where values are known, which compiles nothing.
+def _repeated(rows: Any, size: int) -> Any:
+    extra = size - rows.shape[0]
     if extra == 0:
-        return weight
+        return rows
+    xp = jnp if isinstance(rows, Tracer) else np
+    rows = xp.asarray(rows)
+    return xp.concatenate([rows, xp.repeat(rows[-1:], extra, axis=0)])
+
+
+def _unweighted(weight: Any, size: int) -> Any:
     pad = jnp.pad if isinstance(weight, Tracer) else np.pad
-    return jnp.asarray(pad(weight, (0, extra)))
+    return pad(weight, (0, size - weight.shape[0]))
 
 
-def stacked(problems: Sequence[ImagePoints]) -> ImagePoints:
+def stacked(problems: Sequence[ImagePoints], size: int = 0) -> ImagePoints:
     """Several problems as one, with a leading axis on every array; the names are the first one's.
 
-    Problems with fewer rows are padded with rows without weight.
+    Problems with fewer rows than another, or than `size`, are padded with rows without weight.
 
     Raises:
         ValueError: no problems.
     """
     if not problems:
         raise ValueError("there are no problems to stack; give at least one")
-    size = max(each.disparity.shape[0] for each in problems)
+    size = max(size, *(each.disparity.shape[0] for each in problems))
     related = any(each.relation is not None for each in problems)
     referring = any(each.reference is not None for each in problems)
     placing = any(each.quantity is not None for each in problems)
-    alike = [
-        dataclasses.replace(
-            padded(with_relations(each, related=related, referring=referring, placing=placing), size),
-            names=problems[0].names,
-            notes=(),
-            partners=problems[0].partners,
-        )
-        for each in problems
-    ]
-    return jax.tree.map(together, *alike)
+    alike = [with_relations(each, related=related, referring=referring, placing=placing) for each in problems]
+
+    def all_of(name: str) -> Array | None:
+        leaves = [getattr(each, name) for each in alike]
+        if leaves[0] is None:
+            return None
+        longer = _unweighted if name == "weight" else _repeated
+        return together(*(longer(leaf, size) for leaf in leaves))
+
+    names = [field.name for field in dataclasses.fields(ImagePoints) if not field.metadata.get("static")]
+    return dataclasses.replace(alike[0], notes=(), **{name: all_of(name) for name in names})
 
 
-def together(*leaves: Array) -> Array:
+def together(*leaves: Any) -> Array:
     """Arrays as one with a leading axis; by numpy where it can be, which compiles nothing."""
     if any(isinstance(leaf, Tracer) for leaf in leaves):
         return jnp.stack(leaves)

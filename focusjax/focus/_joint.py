@@ -103,6 +103,21 @@ class Joint(eqx.Module):
         jacobian = BandedJacobian(slopes, self.bend, self.pace)
         return Linearised(rows, jacobian, jacobian.T.mv(rows), half_squares(rows))
 
+    def curvature(self, pixels: Float[Array, "t k"], side: Float[Array, "t n"]) -> Float[Array, "t k k"]:
+        """Second derivative of every frame's own cost."""
+
+        def own(
+            frame: Objective, scale: Float[Array, "k"], pixels: Float[Array, "k"], side: Float[Array, "n"]
+        ) -> Float[Array, "k k"]:
+            def cost(pixels: Float[Array, "k"]) -> Float[Array, ""]:
+                value = pixels / scale
+                wishes = frame.points.weight @ frame.errors(value, side) ** 2
+                return 0.5 * (wishes + jnp.sum(frame.priors(value) ** 2)) / self.unit
+
+            return jax.hessian(cost)(pixels)
+
+        return jax.vmap(own)(self.frames, self.scale, pixels, side)
+
     def step(
         self,
         here: "Linearised",
@@ -155,8 +170,10 @@ class JointWalk(eqx.Module):
     steps: Int[Array, ""]
 
 
-def walk_frames(joint: Joint, first: Float[Array, "t k"], max_steps: int) -> JointWalk:
-    """The best parameters in the box, downhill from `first`.
+def walk_frames(
+    joint: Joint, first: Float[Array, "t k"], side: Float[Array, "t n"], max_steps: int
+) -> JointWalk:
+    """The best parameters in the box, downhill from `first` with all points on given sides.
 
     Errors are convex for given sides, so a walk comes to rest at the best there is for them. Then points that
     have crossed the focus change sides, which makes no error larger, and it goes on until none does.
@@ -179,6 +196,7 @@ def walk_frames(joint: Joint, first: Float[Array, "t k"], max_steps: int) -> Joi
                 "upper": joint.upper,
                 "linearise": _linearised,
                 "rounding": _rounding,
+                "paths": _paths,
             },
             max_steps=max_steps,
             throw=False,
@@ -188,7 +206,7 @@ def walk_frames(joint: Joint, first: Float[Array, "t k"], max_steps: int) -> Joi
         steps = state.steps + jnp.asarray(found.stats["num_steps"])
         return JointWalk(found.value, natural, at_rest & jnp.all(natural == state.side), steps)
 
-    start = JointWalk(first, joint.natural_side(first), jnp.array(False), jnp.array(0))
+    start = JointWalk(first, side, jnp.array(False), jnp.array(0))
     return jax.lax.while_loop(more, again, start)
 
 
@@ -203,8 +221,31 @@ def _linearised(fn: Any, pixels: Float[Array, "t k"], args: Any) -> tuple[Any, A
     return here.rows, here.jacobian
 
 
+def _paths(
+    pixels: Float[Array, "t k"],
+    change: Float[Array, "t k"],
+    lower: Float[Array, "t k"],
+    upper: Float[Array, "t k"],
+    args: Any,
+) -> tuple[Float[Array, "t k"], Float[Array, "t k"]]:
+    """The step, and Newton's, which arrives in a few where large errors make Gauss and Newton's creep."""
+    from focusjax.solvers import solve_hessian
+
+    joint, side = args
+    here = joint.linearised(pixels, side)
+    stuck = ((pixels <= lower) & (here.gradient > 0.0)) | ((pixels >= upper) & (here.gradient < 0.0))
+    own = joint.curvature(pixels, side)
+    newton = solve_hessian(own, joint.bend, joint.pace, ~stuck, -here.gradient)
+    return pixels + change, pixels + newton
+
+
 def _rounding(fn: Any, pixels: Float[Array, "t k"], args: Any) -> tuple[Array, Array, Array]:
     """A residual in pixels moves by as much as a parameter in pixels may be off."""
     rows = jax.eval_shape(lambda: fn(pixels, args)[0])
-    size = 16.0 * jnp.finfo(pixels.dtype).eps * (1.0 + jnp.max(jnp.abs(pixels)))
+    size = rounding(jnp.max(jnp.abs(pixels)))
     return jax.tree.map(lambda row: jnp.broadcast_to(size, row.shape), rows)
+
+
+def rounding(size: Float[Array, ""]) -> Float[Array, ""]:
+    """How far off a parameter of up to `size` pixels may be."""
+    return 16.0 * jnp.finfo(size.dtype).eps * (1.0 + size)

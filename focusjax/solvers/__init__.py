@@ -8,4 +8,5 @@ from focusjax.solvers._bounded import BoundedLevenbergMarquardt as BoundedLevenb
 from focusjax.solvers._bounded import DampedOperator as DampedOperator
 from focusjax.solvers._bounded import bounded_step as bounded_step
 from focusjax.solvers._bounded import half_squares as half_squares
+from focusjax.solvers._hessian import solve_hessian as solve_hessian
 from focusjax.solvers._jaxopt import JaxoptLBFGSB as JaxoptLBFGSB

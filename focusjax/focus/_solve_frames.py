@@ -46,8 +46,8 @@ def solve_frames(
         sum_t  sum weight x (error in pixels)^2 + squared priors
              + smoothness |x_t - 2 x_(t-1) + x_(t-2)|^2 + steadiness |x_t - x_(t-1)|^2
 
-    within the bounds, by Gauss-Newton steps on the banded system that couples each frame to the two before
-    it. For the last line the parameters are measured in pixels, by how much they change
+    within the bounds, by steps of Gauss and Newton, and of Newton where they help more, on the banded system
+    that couples each frame to the two before it. For the last line the parameters are measured in pixels, by how much they change
     the picture: focus in the change of blur it makes through the starting lens, the aperture in that of a
     blur of 10 px, tilt and swing in that of blur at the picture's edge, the focal length in the shift of the
     edge, shift and rise in that of the picture. So a smoothness of 1 makes
@@ -57,9 +57,9 @@ def solve_frames(
 
     Frames without wishes that count are filled in by smoothness alone. Wishes whose weight rises
     and falls over some frames come and go without a jump (see `focusjax.shot`). Where a wish leaves its side
-    open, all frames together choose, and one frame alone gives what `solve` gives. How sides
-    are best chosen over all frames is searched from the frames' own good answers only, so that a better
-    choice may be missed where wishes contradict each other.
+    open, all frames together choose, and one frame alone gives what `solve` gives. The choice is searched for
+    from paths through the frames' own good answers, and by a beam search over sides; the best may be missed,
+    but is rarely, where wishes contradict each other.
 
     As that of `solve`, the solution is differentiable, by the implicit function theorem, in the points, the
     cameras, the bounds, the priors, the two smoothing weights and whatever of the lenses is not solved for,

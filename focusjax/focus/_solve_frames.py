@@ -47,11 +47,11 @@ def solve_frames(
              + smoothness |x_t - 2 x_(t-1) + x_(t-2)|^2 + steadiness |x_t - x_(t-1)|^2
 
     within the bounds, by steps of Gauss and Newton, and of Newton where they help more, on the banded system
-    that couples each frame to the two before it. For the last line the parameters are measured in pixels, by how much they change
-    the picture: focus in the change of blur it makes through the starting lens, the aperture in that of a
-    blur of 10 px, tilt and swing in that of blur at the picture's edge, the focal length in the shift of the
-    edge, shift and rise in that of the picture. So a smoothness of 1 makes
-    a change of blur that quickens by 1 px per frame^2 cost as much as a wish of weight 1 missed by 1 px.
+    that couples each frame to the two before it. For the last line the parameters are measured in pixels, by
+    how much they change the picture: focus in the change of blur it makes through the starting lens, the
+    aperture in that of a blur of 10 px, tilt and swing in that of blur at the picture's edge, the focal
+    length in the shift of the edge, shift and rise in that of the picture. So a smoothness of 1 makes a
+    change of blur that quickens by 1 px per frame^2 cost as much as a wish of weight 1 missed by 1 px.
     Against wishes of weight 1, a sudden change is spread over about the fourth root of `smoothness` frames,
     and what no wish holds comes to rest within about sqrt(smoothness / steadiness) frames.
 

@@ -91,7 +91,8 @@ def thin_walk(problem: FramesProblem, asked: FramesAsked) -> JointWalk:
     """The best parameters for an ideal lens, without derivatives.
 
     A walk starts from a path through the answers of each frame by itself; where wishes leave their side open,
-    others from more such paths, and from the sides that are likely to cost least.
+    others from more such paths, and from the sides that are likely to cost least. The cheapest counts of
+    those that come to rest.
     """
     problem = jax.lax.stop_gradient(problem)
     joint, boxes, own = problem.filled, problem.boxes, asked.own
@@ -118,7 +119,9 @@ def thin_walk(problem: FramesProblem, asked: FramesAsked) -> JointWalk:
         first, side, known = start
         tried = jax.lax.cond(known, lambda: best, lambda: walked(first, side))
         noise = joint.scale.size * rounding(jnp.max(jnp.abs(tried.walk.pixels))) ** 2
-        better = tried.cost < (1.0 - _ALIKE) * best.cost - noise
+        cheaper = tried.cost < (1.0 - _ALIKE) * best.cost - noise
+        settled = tried.walk.settled
+        better = jnp.where(settled == best.walk.settled, cheaper, settled)
         return jax.tree.map(lambda new, old: jnp.where(better, new, old), tried, best), None
 
     none = JointWalk(paths[0], sides[0], jnp.array(False), jnp.array(0))

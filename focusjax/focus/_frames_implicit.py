@@ -10,7 +10,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from focusjax.focus._joint import Joint
-from focusjax.solvers import solve_hessian
 
 _OPEN_RIDGE = 1e3
 """Rounding steps of H's largest entry that are added for what the wishes leave open, so that it stays."""
@@ -36,6 +35,8 @@ def following(
         kept: values of 0 whose derivatives are those of what the wishes leave open.
         open_: parameters that have a part in what the wishes leave open.
     """
+    from focusjax.solvers import solve_hessian
+
     pinned = at_lower | at_upper
     here = jnp.where(at_lower, joint.lower, jnp.where(at_upper, joint.upper, pixels))
     start = pixels + (here - jax.lax.stop_gradient(here)) + kept

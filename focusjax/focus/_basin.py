@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._entries import entries
 from focusjax.focus._bounds import Box
 from focusjax.focus._global import find_optimum
 from focusjax.focus._image_points import ImagePoints
@@ -25,7 +26,7 @@ def place_of(asked: Asked) -> tuple[Start, PriorRows, Box, Float[Array, "k"]]:
     )
     priors = prior_rows(asked.numbers, plan.free, asked.camera)
     box = asked.box.columns(start.columns)
-    first = jnp.clip(start.vector()[jnp.array(start.columns)], box.lower, box.upper)
+    first = jnp.clip(entries(start.vector(), start.columns), box.lower, box.upper)
     return start, priors, box, first
 
 
@@ -83,7 +84,7 @@ def _exact_basin(points: ImagePoints, start: Start, whole_box: Box) -> Basin:
     own, _ = blur_models(points, start)
     if isinstance(start.lens, TiltShiftLens):
         # A tilted lens blurs a point as an upright one blurs it elsewhere in depth.
-        shift = own.across @ vector[jnp.array([TILT, SWING])]
+        shift = own.across @ vector[TILT : SWING + 1]
         points = dataclasses.replace(points, disparity=points.disparity - shift)
     slope = own.gain
     if start.scale is not None:
@@ -96,7 +97,7 @@ def _exact_basin(points: ImagePoints, start: Start, whole_box: Box) -> Basin:
             weight=points.weight * share**2,
         )
     first = jnp.stack([jnp.clip(vector[FOCUS], box.lower[0], box.upper[0]), radius])
-    scale = scales(start)[jnp.array([FOCUS, RADIUS])]
+    scale = scales(start)[FOCUS : RADIUS + 1]
     found = find_optimum(points, slope, first, scale, box, free_aperture=count == 2)
     return Basin(
         value=found.value[:count],

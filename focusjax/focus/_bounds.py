@@ -11,6 +11,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float
 
 from focusjax._arguments import ArgumentError
+from focusjax._entries import entries, with_entries
 from focusjax.focus._checks import require_number
 from focusjax.geometry import Camera
 from focusjax.lens import MAX_TILT, CloseFocus, focus_scale
@@ -57,8 +58,7 @@ class Box(eqx.Module):
 
     def columns(self, chosen: tuple[int, ...]) -> "Box":
         """The bounds on some of the parameters."""
-        pick = jnp.array(chosen)
-        return Box(self.lower[pick], self.upper[pick])
+        return Box(entries(self.lower, chosen), entries(self.upper, chosen))
 
     def inside(self, value: Float[Array, "k"]) -> Float[Array, "k"]:
         """`value`, cut off at the bounds; what is within rounding of a bound is at it."""
@@ -68,7 +68,7 @@ class Box(eqx.Module):
 
     def at_radius(self, radius: Float[Array, ""]) -> "Box":
         """The box of (focus, aperture radius) without room for the aperture radius to move."""
-        return Box(self.lower.at[1].set(radius), self.upper.at[1].set(radius))
+        return Box(*(with_entries(end, (1,), (radius,)) for end in (self.lower, self.upper)))
 
 
 class Limits(eqx.Module):

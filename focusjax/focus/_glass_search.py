@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._entries import entries
 from focusjax.focus._basin import basin_of, place_of
 from focusjax.focus._bounds import Box
 from focusjax.focus._glass_blur import GlassBlur, Sensed, blank_sensed, sensed
@@ -79,7 +80,7 @@ def best_settings(
         return settable(glass, asked.camera, start.whole(value)[FOCUS])
 
     def thin_again(state: Reached, found: Sensed) -> Reached:
-        setting = start.whole(state.value)[jnp.array([FOCUS, RADIUS])]
+        setting = start.whole(state.value)[FOCUS : RADIUS + 1]
         thin = exchanged(points, asked.camera, setting, jax.tree.map(lambda leaf: leaf[0], found))
         if not is_tilted(glass):
             thin = jax.tree.map(lambda a, b: jnp.where(state.number == 0, a, b), points, thin)
@@ -131,7 +132,7 @@ def best_settings(
 
 def unit_steps(start: Start) -> Float[Array, "k"]:
     """Changes of the free parameters over which curvatures are taken."""
-    return _STEP_PX / jax.lax.stop_gradient(scales(start)[jnp.array(start.columns)])
+    return _STEP_PX / jax.lax.stop_gradient(entries(scales(start), start.columns))
 
 
 def _about(unit: Float[Array, "k"]) -> Float[Array, "v k"]:
@@ -142,7 +143,7 @@ def _about(unit: Float[Array, "k"]) -> Float[Array, "v k"]:
 
 def _settings(start: Start, value: Float[Array, "k"]) -> Float[Array, "v 2"]:
     """Focus and aperture radius of where rays look about `value`."""
-    return jax.vmap(start.whole)(value[None] + _about(unit_steps(start)))[:, jnp.array([FOCUS, RADIUS])]
+    return jax.vmap(start.whole)(value[None] + _about(unit_steps(start)))[:, FOCUS : RADIUS + 1]
 
 
 def exchanged(points: ImagePoints, camera: Camera, setting: Float[Array, "2"], found: Sensed) -> ImagePoints:
@@ -167,7 +168,8 @@ def exchanged(points: ImagePoints, camera: Camera, setting: Float[Array, "2"], f
     if other is None or points.reference is None:
         return changed
     depth = setting[0] - other.signed / gain
-    return dataclasses.replace(changed, reference=points.reference.at[:, 2].set(depth))
+    reference = jnp.concatenate([points.reference[:, :2], depth[:, None]], axis=1)
+    return dataclasses.replace(changed, reference=reference)
 
 
 def sensed_rows(

@@ -15,6 +15,7 @@ iteration and no starting point is involved, hence no local minimum to fall into
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._bounds import Box
@@ -151,7 +152,8 @@ def find_optimum(
             # The first three candidates keep the aperture or change it least: for wishes on one plane only.
             equal = cost - slack <= jnp.min(cost)
             change = jnp.where(equal, jax.vmap(far)(values), jnp.inf)
-            chosen = jnp.where(one_plane, jnp.argmin(change), jnp.argmin(cost.at[:3].set(jnp.inf)))
+            others = jnp.where(np.arange(cost.size) < 3, jnp.inf, cost)
+            chosen = jnp.where(one_plane, jnp.argmin(change), jnp.argmin(others))
         else:
             chosen = 0
         return _Choice(values[chosen], side, cost[chosen], slack[chosen])

@@ -164,7 +164,8 @@ def _bounds(
         products = np.isin(columns, PLANE)
         which = columns.index(RADIUS)
         safe = jnp.where(value[which] > 0.0, value[which], 1.0)
-        rows = rows.at[:, which].add(-jnp.where(np.tile(products, 2), ends / safe, 0.0))
+        carried = jnp.where(np.tile(products, 2), ends / safe, 0.0)
+        rows = rows - carried[:, None] * np.eye(value.size, dtype=rows.dtype)[which][None]
     return rows, jnp.maximum(ends, 0.0)
 
 

@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._entries import entries, with_entries
 from focusjax.focus._image_points import AT_LEAST, AT_MOST, SAME, ImagePoints, one_sided
 from focusjax.focus._parameters import BlurModel, Start, blur_models, scales
 from focusjax.focus._priors import PriorRows
@@ -66,7 +67,7 @@ class Objective(eqx.Module):
 
     def parameters(self, value: Float[Array, "k"]) -> Float[Array, "7"]:
         """All parameters, with `value` for the free ones."""
-        return self.start.at[jnp.array(self.columns)].set(value)
+        return with_entries(self.start, self.columns, value)
 
     def natural_side(self, value: Float[Array, "k"]) -> Float[Array, "n"]:
         """The sides on which the points are with `value`; 1 for those whose side is wished for."""
@@ -146,5 +147,5 @@ class Objective(eqx.Module):
 def make_objective(points: ImagePoints, start: Start, priors: PriorRows) -> Objective:
     """The objective of a solve from `start`."""
     own, other = blur_models(points, start)
-    scale = scales(start)[jnp.array(start.columns)]
+    scale = entries(scales(start), start.columns)
     return Objective(points, own, other, priors, start.vector(), scale, start.columns)

@@ -27,6 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from focusjax._arguments import ArgumentError
+from focusjax._entries import with_entries
 from focusjax._words import did_you_mean
 from focusjax.focus._image_points import ACROSS, BLUR, DOWN, ImagePoints
 from focusjax.geometry import Camera
@@ -96,7 +97,7 @@ class Start(eqx.Module):
 
     def whole(self, value: Float[Array, "k"]) -> Float[Array, "7"]:
         """All parameters, with `value` for the free ones."""
-        return self.vector().at[jnp.array(self.columns)].set(value)
+        return with_entries(self.vector(), self.columns, value)
 
     def camera_at(self, value: Float[Array, "k"]) -> Camera:
         """The camera with `value` for the free parameters."""
@@ -154,9 +155,9 @@ class Start(eqx.Module):
         point, camera = self.camera.principal_point, self.camera
         density = camera.width / camera.sensor_width
         if "shift" in self.free:
-            point = point.at[0].set(camera.width / 2 - density * value[self.free.index("shift")])
+            point = jnp.stack([camera.width / 2 - density * value[self.free.index("shift")], point[1]])
         if "rise" in self.free:
-            point = point.at[1].set(camera.height / 2 + density * value[self.free.index("rise")])
+            point = jnp.stack([point[0], camera.height / 2 + density * value[self.free.index("rise")]])
         return point
 
 

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from focusjax._entries import entries, with_entries
 from focusjax.focus._bounds import Box
 from focusjax.focus._image_points import AT_LEAST, AT_MOST, BLUR, SAME
 from focusjax.focus._objective import Objective
@@ -40,12 +41,12 @@ def plane_starts(
     columns = objective.columns
     turns = tuple(each for each in (TILT, SWING) if each in columns)
     rows, across, disparity = _places(objective)
-    free = jnp.array([each - TILT for each in turns])
+    free = [each - TILT for each in turns]
     parameters = objective.parameters(first)
-    slope = parameters[jnp.array([TILT, SWING])] / parameters[ZOOM]
-    fixed = slope.at[free].set(0.0)
+    slope = parameters[TILT : SWING + 1] / parameters[ZOOM]
+    fixed = jnp.where(np.isin([TILT, SWING], turns), 0.0, slope)
     level = disparity - across @ fixed
-    matrix = jnp.concatenate([jnp.ones_like(level)[:, None], across[:, free]], axis=1)
+    matrix = jnp.stack([jnp.ones_like(level), *(across[:, each] for each in free)], axis=1)
     size = len(turns) + 1
     tuples = np.array(list(itertools.combinations(range(_PLACES), size)))
     flips = np.array(list(itertools.product((1.0, -1.0), repeat=size)))
@@ -55,9 +56,9 @@ def plane_starts(
         a, b = matrix[chosen], level[chosen]
         ridge = jnp.finfo(b.dtype).eps * jnp.eye(size, dtype=b.dtype)
         plane = jnp.linalg.solve(a.T @ a + ridge, a.T @ b)
-        value = first.at[columns.index(FOCUS)].set(plane[0])
-        for number, turn in enumerate(turns):
-            value = value.at[columns.index(turn)].set(plane[number + 1] * parameters[ZOOM])
+        focus, *slopes = plane
+        places = [columns.index(each) for each in (FOCUS, *turns)]
+        value = with_entries(first, places, [focus, *(each * parameters[ZOOM] for each in slopes)])
         side = objective.natural_side(value)
         mine = objective.two_sided[rows[chosen]]
 
@@ -108,8 +109,8 @@ def _best_unbounded(
     def products(unknown: Float[Array, " m"]) -> tuple[Array, Array, Array]:
         """Radius, focus disparity times it, and slopes up and to the right times it."""
         radius, rest = (unknown[0], unknown[1:]) if opens else (start[RADIUS], unknown)
-        slopes = radius * start[jnp.array([TILT, SWING])]
-        return radius, rest[0], slopes.at[jnp.array([each - TILT for each in turns])].set(rest[1:])
+        slopes = radius * start[TILT : SWING + 1]
+        return radius, rest[0], with_entries(slopes, [each - TILT for each in turns], rest[1:])
 
     def miss(unknown: Float[Array, " m"]) -> Float[Array, "n"]:
         radius, focus, slopes = products(unknown)
@@ -138,7 +139,5 @@ def _best_unbounded(
     found = jnp.linalg.solve(normal / jnp.outer(size, size) + ridge, -(weighted.T @ miss(none)) / size) / size
     radius, focus, slopes = products(found)
     radius = jnp.where(radius == 0, jnp.finfo(first.dtype).tiny, radius)
-    best = start.at[jnp.array([FOCUS, RADIUS, TILT, SWING])].set(
-        jnp.stack([focus / radius, radius, *(slopes / radius)])
-    )
-    return jnp.clip(best[jnp.array(columns)], box.lower, box.upper)
+    best = with_entries(start, (FOCUS, RADIUS, TILT, SWING), [focus / radius, radius, *(slopes / radius)])
+    return jnp.clip(entries(best, columns), box.lower, box.upper)

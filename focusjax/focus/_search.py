@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._entries import with_entries
 from focusjax.focus._bounds import Box
 from focusjax.focus._global import nearest_of
 from focusjax.focus._image_points import SAME
@@ -162,7 +163,8 @@ def _other_starts(
             which = columns.index(tilt)
             ends = [box.lower[which] + share * (box.upper[which] - box.lower[which]) for share in turns]
             bases += [
-                first.at[which].set((first[which] + end) / 2.0 if FOCUS in columns else end) for end in ends
+                with_entries(first, (which,), ((first[which] + end) / 2.0 if FOCUS in columns else end,))
+                for end in ends
             ]
     if FOCUS not in columns:
         values = jnp.stack(bases)
@@ -174,7 +176,7 @@ def _other_starts(
     def cut(base: Float[Array, "k"], share: Float[Array, ""]) -> tuple[Array, Array]:
         """The base focused between two points, with that share of the open wishes behind the focus."""
         depth = _cut(objective, base, share)
-        unbounded = base.at[which].set(depth)
+        unbounded = with_entries(base, (which,), (depth,))
         return jnp.clip(unbounded, box.lower, box.upper), objective.natural_side(unbounded)
 
     shares = jnp.linspace(0.0, 1.0, cuts + 1, dtype=first.dtype)
@@ -190,7 +192,7 @@ def _other_starts(
 def _cut(objective: Objective, base: Float[Array, "k"], share: Float[Array, ""]) -> Float[Array, ""]:
     """The focus disparity in 1/m that has that share of the wishes without a side behind it."""
     parameters = objective.parameters(base)
-    slope = parameters[jnp.array([TILT, SWING])] / parameters[ZOOM]
+    slope = parameters[TILT : SWING + 1] / parameters[ZOOM]
 
     def sharp_at(model: BlurModel) -> Float[Array, "n"]:
         """The focus disparity of which blur changes its sign."""

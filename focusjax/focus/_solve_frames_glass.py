@@ -233,7 +233,7 @@ class _Search(eqx.Module):
         """Focus and aperture radius of every frame."""
         problem = self.problem
         whole = jax.vmap(lambda start, value: start.whole(value))(problem.start, pixels / problem.joint.scale)
-        return whole[:, jnp.array([FOCUS, RADIUS])]
+        return whole[:, FOCUS : RADIUS + 1]
 
     def _round(self, state: FramesReached, found: Sensed, again: Bool[Array, ""]) -> FramesReached:
         """The thin lens's problem with points that it blurs as the glass does."""

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._entries import with_entries
 from focusjax.focus._bounds import Box
 from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._objective import Objective
@@ -128,4 +129,4 @@ def with_products(
     which = columns.index(RADIUS)
     wider = jnp.clip(moved[which], box.lower[which], box.upper[which])
     carried = (value[which] * moved + value * change[which]) / wider
-    return jnp.where(products, carried, moved).at[which].set(wider)
+    return with_entries(jnp.where(products, carried, moved), (which,), (wider,))

@@ -1,12 +1,15 @@
 """A camera, wishes straight ahead and the textbook's blur, for solves with a model of close focus."""
 
 import numpy as np
+import pytest
 
 import focusjax as fj
 from focusjax.focus import AtPoint, FocusPoint
 from focusjax.lens import close_focus_lens
 
 MODELS = ("framing", "breathing")
+FRAMING_FIRST = ("framing", pytest.param("breathing", marks=pytest.mark.slow))
+"""For tests that compile much: the other model has the same formulas with another length."""
 STATED, SENSOR, PIXELS = 0.05, 0.036, 640
 CAMERA = fj.look_at((0, 0, 0), (0, 0, -1), width=PIXELS, height=480, focal_length=STATED)
 

@@ -24,6 +24,8 @@ import pytest
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
+# Where in the sources each operation comes from is nowhere looked at, and takes XLA time.
+jax.config.update("jax_traceback_in_locations_limit", 0)
 
 from jaxtyping import install_import_hook
 
@@ -71,7 +73,7 @@ def pytest_configure(config: pytest.Config) -> None:
     else:
         folder = os.environ[_PROGRAMS] = tempfile.mkdtemp(prefix="focusjax_tests_")
     jax.config.update("jax_compilation_cache_dir", folder)
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

@@ -40,4 +40,9 @@ def _jacobians(function: Callable, arguments: tuple) -> tuple[Float[Array, "m n"
     steps = STEP * jnp.maximum(jnp.abs(flat), 1.0)
     moved = jnp.concatenate([jnp.diag(steps), -jnp.diag(steps)])
     ahead, back = jnp.split(jax.vmap(answer)(flat[None] + moved), 2)
-    return jax.jacfwd(answer)(flat), jax.jacrev(answer)(flat), ((ahead - back) / (2 * steps[:, None])).T
+    # Linearised once for both directions, as compiling takes most of the time.
+    here, forwards = jax.linearize(answer, flat)
+    backwards = jax.linear_transpose(forwards, flat)
+    forward = jax.vmap(forwards, out_axes=1)(jnp.eye(flat.size, dtype=flat.dtype))
+    (reverse,) = jax.vmap(backwards)(jnp.eye(here.size, dtype=here.dtype))
+    return forward, reverse, ((ahead - back) / (2 * steps[:, None])).T

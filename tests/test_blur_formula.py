@@ -92,7 +92,7 @@ def test_blur_keeps_the_light(blur: float) -> None:
     assert blurred == pytest.approx(sharp, rel=0.005)
 
 
-@pytest.mark.parametrize("blades", [3, 5])
+@pytest.mark.parametrize("blades", [3, pytest.param(5, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("blur", [-26.0, 26.0])
 def test_shape_stands_upright_behind_the_focus_and_on_its_head_before(blur: float, blades: int) -> None:
     """The n-th moment of an n-gon, E[(x + i y)^n], points n times the angle of its corner."""

@@ -185,12 +185,11 @@ def test_the_sides_of_a_turned_lens_are_found(camera, lens, seed):
 @pytest.mark.parametrize(
     "solver",
     [
-        optx.Dogleg(1e-8, 1e-8),
-        optx.LevenbergMarquardt(1e-8, 1e-8),
-        optx.BFGS(1e-8, 1e-8),
-        JaxoptLBFGSB(atol=1e-8),
+        pytest.param(optx.Dogleg(1e-8, 1e-8), id="dogleg"),
+        pytest.param(optx.LevenbergMarquardt(1e-8, 1e-8), id="levenberg-marquardt", marks=pytest.mark.slow),
+        pytest.param(optx.BFGS(1e-8, 1e-8), id="bfgs", marks=pytest.mark.slow),
+        pytest.param(JaxoptLBFGSB(atol=1e-8), id="jaxopt"),
     ],
-    ids=["dogleg", "levenberg-marquardt", "bfgs", "jaxopt"],
 )
 def test_solvers_agree(camera, lens, solver):
     for seed in range(1, 3):

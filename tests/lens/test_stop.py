@@ -153,7 +153,10 @@ def test_light_through_small_holes_is_all_there():
     assert picture[20, 30] == pytest.approx(0.4, abs=1e-3)
 
 
-@pytest.mark.parametrize("shape", [SHAPES["ring"], HEART], ids=["ring", "heart"])
+@pytest.mark.parametrize(
+    "shape",
+    [pytest.param(SHAPES["ring"], id="ring", marks=pytest.mark.slow), pytest.param(HEART, id="heart")],
+)
 def test_polynomials_know_it(shape):
     lens = gauss(shape)
     fitted = fitted_lens(lens, CAMERA)

@@ -134,7 +134,7 @@ def test_colour_is_interpolated():
     np.testing.assert_allclose(picture.reshape(-1, 3), expected, atol=1e-4)
 
 
-@pytest.mark.parametrize("pixels", [100, 6 * WIDTH * HEIGHT])
+@pytest.mark.parametrize("pixels", [100, pytest.param(6 * WIDTH * HEIGHT, marks=pytest.mark.slow)])
 def test_blocks_do_not_change_the_picture(pixels: int, monkeypatch: pytest.MonkeyPatch):
     """Not even when they do not divide the picture."""
     whole = varied_picture()

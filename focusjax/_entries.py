@@ -1,7 +1,7 @@
 """Entries of short vectors, at places that are known when a program is traced.
 
-An array as an index makes a gather or a scatter, which XLA makes into a loop on a processor: dozens of them
-took a third of the time that compiling a solve takes. These make slices and one concatenation.
+An array as an index makes a gather or a scatter, which XLA makes into a loop on a processor; a solve has
+dozens of these, and would compile for longer. Slices and one concatenation do the same.
 """
 
 from collections.abc import Sequence

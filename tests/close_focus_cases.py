@@ -9,7 +9,7 @@ from focusjax.lens import close_focus_lens
 
 MODELS = ("framing", "breathing")
 FRAMING_FIRST = ("framing", pytest.param("breathing", marks=pytest.mark.slow))
-"""For tests that compile much: the other model has the same formulas with another length."""
+"""For tests that compile much, where the other model, of a length of the other sign, goes the same way."""
 STATED, SENSOR, PIXELS = 0.05, 0.036, 640
 CAMERA = fj.look_at((0, 0, 0), (0, 0, -1), width=PIXELS, height=480, focal_length=STATED)
 

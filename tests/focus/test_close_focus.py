@@ -134,7 +134,7 @@ def test_limits_to_blur_and_shared_blur_are_met_by_a_search(model):
     assert float(found.cost) <= expected * (1 + 1e-6)
 
 
-@pytest.mark.parametrize("model", FRAMING_FIRST)
+@pytest.mark.parametrize("model", MODELS)
 def test_solutions_are_differentiable(model):
     points = locate(ahead((0.2, Blur(5)), (0.3, Blur(10)), (0.6, Sharp())), CAMERA)
 

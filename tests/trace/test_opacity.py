@@ -51,17 +51,7 @@ STACKS = {
 }
 
 
-SLOW = ("one", "slanted downwards")
-"""Those that others have in them."""
-
-
-@pytest.mark.parametrize(
-    "stack",
-    [
-        pytest.param(value, id=key, marks=[pytest.mark.slow] if key in SLOW else [])
-        for key, value in STACKS.items()
-    ],
-)
+@pytest.mark.parametrize("stack", [pytest.param(value, id=key) for key, value in STACKS.items()])
 def test_stacks_of_panes(stack):
     camera = front_camera()
     layers = layers_of([pane(camera, EVERYWHERE, w, colour, share) for w, colour, share in stack])

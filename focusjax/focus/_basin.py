@@ -6,16 +6,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from focusjax._entries import entries
 from focusjax.focus._bounds import Box
 from focusjax.focus._global import find_optimum
 from focusjax.focus._image_points import ImagePoints
 from focusjax.focus._objective import make_objective
-from focusjax.focus._parameters import FOCUS, RADIUS, SWING, TILT, Start, blur_models, make_start, scales
+from focusjax.focus._parameters import FOCUS, RADIUS, Start, blur_models, make_start, scales
 from focusjax.focus._priors import PriorRows, prior_rows
 from focusjax.focus._search import Basin, search
 from focusjax.focus._solution import PARTLY_OPEN, Asked, Result, Solution
-from focusjax.lens import TiltShiftLens
 
 
 def place_of(asked: Asked) -> tuple[Start, PriorRows, Box, Float[Array, "k"]]:
@@ -26,7 +24,7 @@ def place_of(asked: Asked) -> tuple[Start, PriorRows, Box, Float[Array, "k"]]:
     )
     priors = prior_rows(asked.numbers, plan.free, asked.camera)
     box = asked.box.columns(start.columns)
-    first = jnp.clip(entries(start.vector(), start.columns), box.lower, box.upper)
+    first = jnp.clip(start.first(), box.lower, box.upper)
     return start, priors, box, first
 
 
@@ -77,15 +75,14 @@ def _exact_basin(points: ImagePoints, start: Start, whole_box: Box) -> Basin:
     """What `find_optimum` says of focus and aperture radius, for the parameters that are free."""
     count = len(start.free)
     box = whole_box.columns((FOCUS, RADIUS))
-    vector = start.vector()
-    radius = vector[RADIUS]
+    parameters = start.parameters()
+    focus, radius = parameters[FOCUS], parameters[RADIUS]
     if count == 1:
         box = box.at_radius(radius)
     own, _ = blur_models(points, start)
-    if isinstance(start.lens, TiltShiftLens):
+    if own.across is not None:
         # A tilted lens blurs a point as an upright one blurs it elsewhere in depth.
-        shift = own.across @ vector[TILT : SWING + 1]
-        points = dataclasses.replace(points, disparity=points.disparity - shift)
+        points = dataclasses.replace(points, disparity=own.sharp_at(parameters))
     slope = own.gain
     if start.scale is not None:
         # Rows of different gains are rows of one gain with other targets and weights.
@@ -96,7 +93,7 @@ def _exact_basin(points: ImagePoints, start: Start, whole_box: Box) -> Basin:
             target=points.target / share,
             weight=points.weight * share**2,
         )
-    first = jnp.stack([jnp.clip(vector[FOCUS], box.lower[0], box.upper[0]), radius])
+    first = jnp.stack([jnp.clip(focus, box.lower[0], box.upper[0]), radius])
     scale = scales(start)[FOCUS : RADIUS + 1]
     found = find_optimum(points, slope, first, scale, box, free_aperture=count == 2)
     return Basin(

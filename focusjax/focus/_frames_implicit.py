@@ -5,6 +5,9 @@ H dx = -dg: with H the cost's second derivative, and dg the change of g with wis
 is eliminated in time linear in the frames. The sides that wishes have chosen and the active bounds are held.
 """
 
+from typing import Any
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -15,6 +18,7 @@ _OPEN_RIDGE = 1e3
 """Rounding steps of H's largest entry that are added for what the wishes leave open, so that it stays."""
 
 
+@eqx.filter_custom_jvp
 def following(
     joint: Joint,
     pixels: Float[Array, "t k"],
@@ -35,6 +39,24 @@ def following(
         kept: values of 0 whose derivatives are those of what the wishes leave open.
         open_: parameters that have a part in what the wishes leave open.
     """
+    return pixels
+
+
+@following.def_jvp
+def _following_jvp(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Array]:
+    return eqx.filter_jvp(_followed, primals, tangents)
+
+
+def _followed(
+    joint: Joint,
+    pixels: Float[Array, "t k"],
+    side: Float[Array, "t n"],
+    at_lower: Bool[Array, "t k"],
+    at_upper: Bool[Array, "t k"],
+    kept: Float[Array, "t k"],
+    open_: Bool[Array, "k"],
+) -> Float[Array, "t k"]:
+    """`following`, with a derivative that JAX finds."""
     from focusjax.solvers import solve_hessian
 
     pinned = at_lower | at_upper

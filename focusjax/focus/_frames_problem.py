@@ -15,7 +15,7 @@ from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._image_points import ImagePoints
 from focusjax.focus._joint import Joint, JointWalk, Linearised, rounding, walk_frames
 from focusjax.focus._objective import Objective, make_objective
-from focusjax.focus._parameters import Start, make_start, scales
+from focusjax.focus._parameters import Start, make_start
 from focusjax.focus._path import answers_of_each, filled, paths_through
 from focusjax.focus._priors import prior_rows
 from focusjax.focus._solution import Result
@@ -57,12 +57,11 @@ def frames_problem(asked: FramesAsked) -> FramesProblem:
     ) -> tuple[Objective, Start, Float[Array, "k"], Box, Float[Array, "k"]]:
         start = make_start(camera, lens, plan.free, keep_view=plan.keep_view, close_focus=plan.close_focus)
         box = limits.box(camera, plan.close_focus).columns(start.columns)
-        columns = jnp.array(start.columns)
-        given = start.vector()[columns]
+        given = start.first()
         box = Box(jnp.where(held, given, box.lower), jnp.where(held, given, box.upper))
         first = jnp.clip(given, box.lower, box.upper)
         frame = make_objective(points, start, prior_rows(asked.numbers, plan.free, camera))
-        return frame, start, first, box, scales(start)[columns]
+        return frame, start, first, box, frame.scale
 
     each_frame = asked.camera, asked.lens, asked.limits, asked.held
     frames, start, first, boxes, scale = jax.vmap(one)(asked.points, *each_frame)

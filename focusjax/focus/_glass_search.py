@@ -20,7 +20,7 @@ from focusjax.focus._bounds import Box
 from focusjax.focus._glass_blur import GlassBlur, Sensed, blank_sensed, sensed
 from focusjax.focus._glass_rows import GlassRows, Linear
 from focusjax.focus._image_points import BLUR, SAME, ImagePoints
-from focusjax.focus._parameters import FOCUS, RADIUS, Start, scales
+from focusjax.focus._parameters import FOCUS, Start, scales
 from focusjax.focus._search import Basin
 from focusjax.focus._solution import Asked
 from focusjax.geometry import Camera
@@ -80,7 +80,7 @@ def best_settings(
         return settable(glass, asked.camera, start.whole(value)[FOCUS])
 
     def thin_again(state: Reached, found: Sensed) -> Reached:
-        setting = start.whole(state.value)[FOCUS : RADIUS + 1]
+        setting = start.setting(state.value)
         thin = exchanged(points, asked.camera, setting, jax.tree.map(lambda leaf: leaf[0], found))
         if not is_tilted(glass):
             thin = jax.tree.map(lambda a, b: jnp.where(state.number == 0, a, b), points, thin)
@@ -143,7 +143,7 @@ def _about(unit: Float[Array, "k"]) -> Float[Array, "v k"]:
 
 def _settings(start: Start, value: Float[Array, "k"]) -> Float[Array, "v 2"]:
     """Focus and aperture radius of where rays look about `value`."""
-    return jax.vmap(start.whole)(value[None] + _about(unit_steps(start)))[:, FOCUS : RADIUS + 1]
+    return jax.vmap(start.setting)(value[None] + _about(unit_steps(start)))
 
 
 def exchanged(points: ImagePoints, camera: Camera, setting: Float[Array, "2"], found: Sensed) -> ImagePoints:

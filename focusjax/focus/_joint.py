@@ -130,7 +130,7 @@ class Joint(eqx.Module):
 
         lower, upper = (jnp.where(kept[None], pixels, bound) for bound in (self.lower, self.upper))
         root = jnp.broadcast_to(jnp.sqrt(damping), pixels.shape)
-        change, _ = bounded_step(pixels, here.rows, here.jacobian, lower, upper, root, BandedQR())
+        change = bounded_step(pixels, here.rows, here.jacobian, lower, upper, root, BandedQR()).change
         return jnp.clip(pixels + change, lower, upper)
 
     def natural_side(self, pixels: Float[Array, "t k"]) -> Float[Array, "t n"]:
@@ -222,21 +222,15 @@ def _linearised(fn: Any, pixels: Float[Array, "t k"], args: Any) -> tuple[Any, A
 
 
 def _paths(
-    pixels: Float[Array, "t k"],
-    change: Float[Array, "t k"],
-    lower: Float[Array, "t k"],
-    upper: Float[Array, "t k"],
-    args: Any,
+    pixels: Float[Array, "t k"], step: Any, lower: Float[Array, "t k"], upper: Float[Array, "t k"], args: Any
 ) -> tuple[Float[Array, "t k"], Float[Array, "t k"]]:
     """The step, and Newton's, which arrives in a few where large errors make Gauss and Newton's creep."""
     from focusjax.solvers import solve_hessian
 
     joint, side = args
-    here = joint.linearised(pixels, side)
-    stuck = ((pixels <= lower) & (here.gradient > 0.0)) | ((pixels >= upper) & (here.gradient < 0.0))
     own = joint.curvature(pixels, side)
-    newton = solve_hessian(own, joint.bend, joint.pace, ~stuck, -here.gradient)
-    return pixels + change, pixels + newton
+    newton = solve_hessian(own, joint.bend, joint.pace, step.moves > 0.0, -step.gradient)
+    return pixels + step.change, pixels + newton
 
 
 def _rounding(fn: Any, pixels: Float[Array, "t k"], args: Any) -> tuple[Array, Array, Array]:

@@ -38,14 +38,15 @@ def nearest(
 
     Where errors are not linear in what is free a step may leave the set of solutions; a walk leads back.
     """
-    cost, slack = objective.cost(value, side), objective.slack(value, side)
+    cost, slack = objective.cost_and_slack(value, side)
 
     def round_(start: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], None]:
         value, side = start
         back = step_back(objective, value, side, first, box, _MOST_STEPS)
         again = walk(objective, side, back, box, max_steps).value
         natural = objective.natural_side(again)
-        good = objective.cost(again, natural) - objective.slack(again, natural) <= cost + slack
+        least, rounding = objective.cost_and_slack(again, natural)
+        good = least - rounding <= cost + slack
         return (jnp.where(good, again, value), jnp.where(good, natural, side)), None
 
     (value, side), _ = jax.lax.scan(round_, (value, side), length=2)
@@ -53,9 +54,20 @@ def nearest(
 
 
 class _Back(eqx.Module):
-    """Where the way back is, the share of its next step that is taken, whether it is there, and its steps."""
+    """Where the way back is, and how it goes on.
+
+    Attributes:
+        value: free parameters.
+        cost: there.
+        slack: what of it can be rounding.
+        share: of the next step that is taken.
+        arrived: whether it is there.
+        steps: so far.
+    """
 
     value: Float[Array, "k"]
+    cost: Float[Array, ""]
+    slack: Float[Array, ""]
     share: Float[Array, ""]
     arrived: Bool[Array, ""]
     steps: Int[Array, ""]
@@ -79,11 +91,13 @@ def step_back(
         change = share * _to_nearest(objective, value, side, first, box)
         back = box.inside(with_products(value, change, box, objective.columns))
         nearer = objective.change(back, first) <= objective.change(value, first)
-        worse = objective.cost(back, side) - objective.cost(value, side)
-        nearer &= worse <= objective.slack(value, side) + objective.slack(back, side)
+        cost, slack = objective.cost_and_slack(back, side)
+        nearer &= cost - state.cost <= state.slack + slack
         moved = objective.change(back, value)
         return _Back(
             value=jnp.where(nearer, back, value),
+            cost=jnp.where(nearer, cost, state.cost),
+            slack=jnp.where(nearer, slack, state.slack),
             share=jnp.where(nearer, jnp.minimum(2.0 * share, 1.0), 0.5 * share),
             arrived=moved <= _ARRIVED_PX,
             steps=state.steps + 1,
@@ -92,7 +106,8 @@ def step_back(
     def more(state: _Back) -> Bool[Array, ""]:
         return ~state.arrived & (state.steps < most)
 
-    none = _Back(value, jnp.ones((), value.dtype), jnp.array(False), jnp.array(0))
+    cost, slack = objective.cost_and_slack(value, side)
+    none = _Back(value, cost, slack, jnp.ones((), value.dtype), jnp.array(False), jnp.array(0))
     return jax.lax.while_loop(more, step, none).value
 
 

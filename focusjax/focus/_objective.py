@@ -5,9 +5,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from focusjax._entries import entries, with_entries
+from focusjax._entries import entries
 from focusjax.focus._image_points import AT_LEAST, AT_MOST, SAME, ImagePoints, one_sided
-from focusjax.focus._parameters import BlurModel, Start, blur_models, scales
+from focusjax.focus._parameters import BlurModel, Parameters, Start, blur_models, scales, with_free
 from focusjax.focus._priors import PriorRows
 
 # Rounding steps that a computed blur may be off by, relative to its largest term.
@@ -35,7 +35,7 @@ class Objective(eqx.Module):
     own: BlurModel
     other: BlurModel | None
     priors: PriorRows
-    start: Float[Array, "7"]
+    start: Parameters
     scale: Float[Array, "k"]
     columns: tuple[int, ...] = eqx.field(static=True)
 
@@ -65,9 +65,9 @@ class Objective(eqx.Module):
         open_ = ~self.points.signed & self.counted
         return open_ if self.relation is None else open_ & (self.relation != AT_MOST)
 
-    def parameters(self, value: Float[Array, "k"]) -> Float[Array, "7"]:
+    def parameters(self, value: Float[Array, "k"]) -> Parameters:
         """All parameters, with `value` for the free ones."""
-        return with_entries(self.start, self.columns, value)
+        return with_free(self.start, self.columns, value)
 
     def natural_side(self, value: Float[Array, "k"]) -> Float[Array, "n"]:
         """The sides on which the points are with `value`; 1 for those whose side is wished for."""
@@ -106,14 +106,17 @@ class Objective(eqx.Module):
 
     def cost(self, value: Float[Array, "k"], side: Float[Array, "n"]) -> Float[Array, ""]:
         """Weighted mean of squared errors plus expectations, in px^2."""
-        return self.share @ self.errors(value, side) ** 2 + self.prior_share * jnp.sum(
-            self.priors(value) ** 2
-        )
+        return self._cost_of(self.errors(value, side), value)
 
-    def slack(self, value: Float[Array, "k"], side: Float[Array, "n"]) -> Float[Array, ""]:
-        """How much of the cost can be rounding."""
-        noise = self.noise(value)
-        return self.share @ (2.0 * jnp.abs(self.errors(value, side)) * noise + noise**2)
+    def cost_and_slack(
+        self, value: Float[Array, "k"], side: Float[Array, "n"]
+    ) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """The cost, and how much of it can be rounding."""
+        error, noise = self.errors(value, side), self.noise(value)
+        return self._cost_of(error, value), self.share @ ((2.0 * jnp.abs(error) + noise) * noise)
+
+    def _cost_of(self, error: Float[Array, "n"], value: Float[Array, "k"]) -> Float[Array, ""]:
+        return self.share @ error**2 + self.prior_share * jnp.sum(self.priors(value) ** 2)
 
     def change(self, value: Float[Array, "k"], start: Float[Array, "k"]) -> Float[Array, ""]:
         """How much a picture changes from `start` to `value`, in pixels."""
@@ -148,4 +151,4 @@ def make_objective(points: ImagePoints, start: Start, priors: PriorRows) -> Obje
     """The objective of a solve from `start`."""
     own, other = blur_models(points, start)
     scale = entries(scales(start), start.columns)
-    return Objective(points, own, other, priors, start.vector(), scale, start.columns)
+    return Objective(points, own, other, priors, start.parameters(), scale, start.columns)

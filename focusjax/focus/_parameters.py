@@ -20,6 +20,7 @@ that above, of a point at w / (1 + k w), with the gain 1 + k w; an upright lens 
 
 import dataclasses
 from collections.abc import Iterable, Sequence
+from typing import TypeAlias
 
 import equinox as eqx
 import jax
@@ -27,7 +28,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from focusjax._arguments import ArgumentError
-from focusjax._entries import with_entries
 from focusjax._words import did_you_mean
 from focusjax.focus._image_points import ACROSS, BLUR, DOWN, ImagePoints
 from focusjax.geometry import Camera
@@ -52,6 +52,17 @@ FOCUS, RADIUS, TILT, SWING, ZOOM, SHIFT, RISE = range(7)
 
 REFERENCE_BLUR = 10.0
 """Diameter in pixels of the blur whose change stands for that of the aperture."""
+
+
+Parameters: TypeAlias = tuple[Float[Array, ""], ...]
+"""All of them, one by one: what is not free then has no slopes, and costs a program nothing."""
+
+
+def with_free(parameters: Parameters, columns: tuple[int, ...], value: Float[Array, "k"]) -> Parameters:
+    """All parameters, with `value` for those at `columns`."""
+    return tuple(
+        value[columns.index(column)] if column in columns else each for column, each in enumerate(parameters)
+    )
 
 
 class Start(eqx.Module):
@@ -82,7 +93,7 @@ class Start(eqx.Module):
         """Positions of the free parameters in the vector."""
         return tuple(PARAMETERS.index(name) for name in self.free)
 
-    def vector(self) -> Float[Array, "7"]:
+    def parameters(self) -> Parameters:
         """All parameters, where the start has them."""
         across = self.lens.plane[:2] if isinstance(self.lens, TiltShiftLens) else jnp.zeros(2)
         radius = self.lens.aperture_radius
@@ -93,11 +104,21 @@ class Start(eqx.Module):
                 radius = radius / scale.share(focus)
         slide = (self.camera.shift, self.camera.rise)
         rest = (across[1], across[0], jnp.ones_like(radius), *slide)
-        return jnp.stack([focus, radius, *(one.astype(radius.dtype) for one in rest)])
+        return focus, radius, *(one.astype(radius.dtype) for one in rest)
 
-    def whole(self, value: Float[Array, "k"]) -> Float[Array, "7"]:
+    def first(self) -> Float[Array, "k"]:
+        """The free parameters, where the start has them."""
+        parameters = self.parameters()
+        return jnp.stack([parameters[column] for column in self.columns])
+
+    def whole(self, value: Float[Array, "k"]) -> Parameters:
         """All parameters, with `value` for the free ones."""
-        return with_entries(self.vector(), self.columns, value)
+        return with_free(self.parameters(), self.columns, value)
+
+    def setting(self, value: Float[Array, "k"]) -> Float[Array, "2"]:
+        """Focus disparity and aperture radius, with `value` for the free parameters."""
+        whole = self.whole(value)
+        return jnp.stack([whole[FOCUS], whole[RADIUS]])
 
     def camera_at(self, value: Float[Array, "k"]) -> Camera:
         """The camera with `value` for the free parameters."""
@@ -189,7 +210,7 @@ def scales(start: Start) -> Float[Array, "7"]:
     focal length   half the picture's width, the shift of its edge;
     shift, rise    pixels per metre of sensor, the shift of the picture.
     """
-    camera, radius = start.camera, start.vector()[RADIUS]
+    camera, radius = start.camera, start.parameters()[RADIUS]
     safe = jnp.where(radius > 0, radius, 1.0)
     length = camera.focal_length
     density = camera.width / camera.sensor_width
@@ -240,16 +261,16 @@ class FrameModel(eqx.Module):
     away: Float[Array, "n"]
     zooms: bool = eqx.field(static=True)
 
-    def place(self, parameters: Float[Array, "7"]) -> Float[Array, "n"]:
+    def place(self, parameters: Parameters) -> Float[Array, "n"]:
         """Pixels across or down."""
-        return self.middle + self.slide @ parameters[SHIFT:] + self._scale(parameters) * self.away
+        return self.middle + self.slide @ jnp.stack(parameters[SHIFT:]) + self._scale(parameters) * self.away
 
-    def size(self, parameters: Float[Array, "7"]) -> Float[Array, "n"]:
+    def size(self, parameters: Parameters) -> Float[Array, "n"]:
         """Sum of the sizes of the terms of `place`."""
-        moved = jnp.abs(self.slide) @ jnp.abs(parameters[SHIFT:])
+        moved = jnp.abs(self.slide) @ jnp.abs(jnp.stack(parameters[SHIFT:]))
         return self.middle + moved + self._scale(parameters) * jnp.abs(self.away)
 
-    def _scale(self, parameters: Float[Array, "7"]) -> Float[Array, ""] | float:
+    def _scale(self, parameters: Parameters) -> Float[Array, ""] | float:
         return parameters[ZOOM] if self.zooms else 1.0
 
 
@@ -258,46 +279,66 @@ class BlurModel(eqx.Module):
 
     Attributes:
         gain: 2 f in pixels, or that of every point.
-        across: factors of (n_y, n_x): view tangents of every point, up and to the right.
+        across: factors of (n_y, n_x): view tangents of every point, up and to the right; None for a lens
+            that does not turn.
         disparity: of every point, in 1/m, on the scale of the parameters' focus.
         frame: for rows about places in the picture; None when there are none.
-        power: exponent of the zoom (static).
+        power: exponent of the zoom; None where the focal length is not free, so that the zoom is 1 (static).
     """
 
     gain: Float[Array, "*n"]
-    across: Float[Array, "n 2"]
+    across: Float[Array, "n 2"] | None
     disparity: Float[Array, "n"]
     frame: FrameModel | None
-    power: int = eqx.field(static=True)
+    power: int | None = eqx.field(static=True)
 
-    def value(self, parameters: Float[Array, "7"]) -> Float[Array, "n"]:
+    def value(self, parameters: Parameters) -> Float[Array, "n"]:
         """Signed diameters, or places, in pixels."""
-        focus, radius, up, right, zoom = parameters[:SHIFT]
-        tilted = self.across @ (jnp.stack([up, right]) / zoom)
-        scale = self.gain * radius * zoom**self.power
-        blur = scale * (focus + tilted - self.disparity)
+        focus = parameters[FOCUS] - self.disparity
+        if self.across is not None:
+            focus = focus + self.across @ self.tangents(parameters)
+        blur = self.scale(parameters) * focus
         if self.frame is None:
             return blur
         return jnp.where(self.frame.shown, self.frame.place(parameters), blur)
 
-    def size(self, parameters: Float[Array, "7"]) -> Float[Array, "n"]:
+    def size(self, parameters: Parameters) -> Float[Array, "n"]:
         """Sum of the sizes of the terms of `value`, of which rounding is a share."""
-        focus, radius, up, right, zoom = jnp.abs(parameters[:SHIFT])
-        tilted = jnp.abs(self.across) @ (jnp.stack([up, right]) / zoom)
-        scale = self.gain * radius * zoom**self.power
-        blur = scale * (focus + tilted + jnp.abs(self.disparity))
+        focus = jnp.abs(parameters[FOCUS]) + jnp.abs(self.disparity)
+        if self.across is not None:
+            focus = focus + jnp.abs(self.across) @ jnp.abs(self.tangents(parameters))
+        blur = jnp.abs(self.scale(parameters)) * focus
         if self.frame is None:
             return blur
         return jnp.where(self.frame.shown, self.frame.size(parameters), blur)
 
+    def sharp_at(self, parameters: Parameters) -> Float[Array, "n"]:
+        """The focus disparity at which every blur changes its sign."""
+        if self.across is None:
+            return self.disparity
+        return self.disparity - self.across @ self.tangents(parameters)
+
+    def scale(self, parameters: Parameters) -> Float[Array, "*n"]:
+        """Pixels of blur per 1/m from the plane in focus."""
+        scale = self.gain * parameters[RADIUS]
+        return scale if self.power is None else scale * parameters[ZOOM] ** self.power
+
+    def tangents(self, parameters: Parameters) -> Float[Array, "2"]:
+        """(n_y, n_x) at the focal length of the parameters."""
+        turned = jnp.stack(parameters[TILT : SWING + 1])
+        return turned if self.power is None else turned / parameters[ZOOM]
+
 
 def blur_models(points: ImagePoints, start: Start) -> tuple[BlurModel, BlurModel | None]:
     """What the points are about, and the blur of their references, if there are any."""
+    power = (1 if start.keep_view else 2) if "focal_length" in start.free else None
 
     def model(
         xy: Float[Array, "n 2"], disparity: Float[Array, "n"], frame: FrameModel | None = None
     ) -> BlurModel:
-        tangents = jax.vmap(lambda one: view_tangents(start.camera, one))(xy)
+        across = None
+        if isinstance(start.lens, TiltShiftLens):
+            across = jax.vmap(lambda one: view_tangents(start.camera, one))(xy)[:, ::-1]
         gain = 2.0 * start.camera.focal_px
         if (scale := start.scale) is not None:
             # Rows that do not count may be behind the lens, where the scale ends.
@@ -305,10 +346,10 @@ def blur_models(points: ImagePoints, start: Start) -> tuple[BlurModel, BlurModel
             gain, disparity = gain * scale.gain(disparity), scale.setting(disparity)
         return BlurModel(
             gain=gain,
-            across=tangents[:, ::-1],
+            across=across,
             disparity=disparity,
             frame=frame,
-            power=1 if start.keep_view else 2,
+            power=power,
         )
 
     own = model(points.xy, points.disparity, _frame_model(points, start))

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from focusjax._entries import entries, with_entries
+from focusjax._entries import with_entries
 from focusjax.focus._bounds import Box
 from focusjax.focus._image_points import AT_LEAST, AT_MOST, BLUR, SAME
 from focusjax.focus._objective import Objective
@@ -43,8 +43,7 @@ def plane_starts(
     rows, across, disparity = _places(objective)
     free = [each - TILT for each in turns]
     parameters = objective.parameters(first)
-    slope = parameters[TILT : SWING + 1] / parameters[ZOOM]
-    fixed = jnp.where(np.isin([TILT, SWING], turns), 0.0, slope)
+    fixed = jnp.where(np.isin([TILT, SWING], turns), 0.0, objective.own.tangents(parameters))
     level = disparity - across @ fixed
     matrix = jnp.stack([jnp.ones_like(level), *(across[:, each] for each in free)], axis=1)
     size = len(turns) + 1
@@ -81,9 +80,11 @@ def plane_starts(
 def _places(objective: Objective) -> tuple[Int[Array, " p"], Float[Array, "p 2"], Float[Array, " p"]]:
     """Rows, view tangents and disparities of places whose side is open, spread over their distances."""
     own, pending = objective.own, objective.two_sided
+    assert own.across is not None
     rows, across, disparity = jnp.arange(own.disparity.size), own.across, own.disparity
     if objective.other is not None:
         other = objective.other
+        assert other.across is not None
         rows = jnp.concatenate([rows, rows])
         across = jnp.concatenate([across, other.across])
         disparity = jnp.concatenate([disparity, other.disparity])
@@ -109,15 +110,17 @@ def _best_unbounded(
     def products(unknown: Float[Array, " m"]) -> tuple[Array, Array, Array]:
         """Radius, focus disparity times it, and slopes up and to the right times it."""
         radius, rest = (unknown[0], unknown[1:]) if opens else (start[RADIUS], unknown)
-        slopes = radius * start[TILT : SWING + 1]
+        slopes = radius * jnp.stack(start[TILT : SWING + 1])
         return radius, rest[0], with_entries(slopes, [each - TILT for each in turns], rest[1:])
 
     def miss(unknown: Float[Array, " m"]) -> Float[Array, "n"]:
         radius, focus, slopes = products(unknown)
 
         def blur(model: BlurModel) -> Float[Array, "n"]:
+            assert model.across is not None
             tilted = model.across @ (slopes / zoom)
-            return model.gain * zoom**model.power * (focus + tilted - radius * model.disparity)
+            gain = model.gain if model.power is None else model.gain * zoom**model.power
+            return gain * (focus + tilted - radius * model.disparity)
 
         off = side * blur(objective.own) - points.target
         if objective.other is not None:
@@ -139,5 +142,5 @@ def _best_unbounded(
     found = jnp.linalg.solve(normal / jnp.outer(size, size) + ridge, -(weighted.T @ miss(none)) / size) / size
     radius, focus, slopes = products(found)
     radius = jnp.where(radius == 0, jnp.finfo(first.dtype).tiny, radius)
-    best = with_entries(start, (FOCUS, RADIUS, TILT, SWING), [focus / radius, radius, *(slopes / radius)])
-    return jnp.clip(entries(best, columns), box.lower, box.upper)
+    best = focus / radius, radius, *(slopes / radius), *start[ZOOM:]
+    return jnp.clip(jnp.stack([best[column] for column in columns]), box.lower, box.upper)

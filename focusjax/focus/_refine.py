@@ -54,7 +54,8 @@ class _Face(eqx.Module):
     to the start x_0 is right, too.
 
     What is open changes with x: it is the null space of the residuals' Jacobian J. To first order about the
-    solution, with a projection P on it there, that is Z = P - J^+ J(x) P, with J^+ held.
+    solution, with a projection P on it there, that is Z = P - J^+ J(x) P, with J^+ held. Derivatives go by Z,
+    and so do solvers that start elsewhere; from the solution, where P is Z, P will do.
     """
 
     problem: Problem
@@ -71,23 +72,40 @@ class _Face(eqx.Module):
     def value(self, variables: Float[Array, "k"]) -> Float[Array, "k"]:
         return jnp.where(self.pinned, self.pin, variables * self.unit)
 
-    def along_open(self, value: Float[Array, "k"]) -> Float[Array, "k"]:
+    def residuals(self, variables: Float[Array, "k"], *, turning: bool) -> Float[Array, "m"]:
+        """All rows, with Z if `turning`, and else with P for what is open."""
+        value = self.value(variables)
+        rows = self.problem.residuals(value)
+        along = jnp.where(self.pinned, variables - self.pin / self.unit, 0.0)
+        # What is open of one parameter is all of it: then it is pinned.
+        if value.size > 1:
+            directions = self._directions(value) if turning else self.open
+            along = along + jnp.where(self.pinned, 0.0, self.slope(directions, value) - self.reached)
+        return jnp.concatenate([rows, along])
+
+    def condition(self, variables: Float[Array, "k"]) -> Float[Array, "k"]:
+        """The slope of half the sum of squares, which is 0 at the solution."""
+        from focusjax.solvers import half_squares
+
+        return jax.grad(lambda at: half_squares(self.residuals(at, turning=True)))(variables)
+
+    def slope(self, directions: Float[Array, "k k"], value: Float[Array, "k"]) -> Float[Array, "k"]:
         """The slope of the change of the picture along what is open, over its largest factor."""
-        if value.size == 1:
-            # What is open of one parameter is all of it: then it is pinned.
-            return jnp.zeros_like(value)
-        jacobian = jax.jacfwd(self.problem.residuals)(value) * self.width[None]
-        directions = self.open - self.inverse @ (jacobian @ self.open)
         pixels = self.scale * self.width
-        slope = directions.T @ (pixels * self.scale * (value - self.first)) / jnp.max(pixels)
-        return slope - self.reached
+        return directions.T @ (pixels * self.scale * (value - self.first)) / jnp.max(pixels)
+
+    def _directions(self, value: Float[Array, "k"]) -> Float[Array, "k k"]:
+        """Z."""
+        jacobian = jax.jacfwd(self.problem.residuals)(value) * self.width[None]
+        return self.open - self.inverse @ (jacobian @ self.open)
 
 
-def _residuals_on_face(variables: Float[Array, "k"], face: _Face) -> Float[Array, "m"]:
-    value = face.value(variables)
-    off_pin = jnp.where(face.pinned, variables - face.pin / face.unit, 0.0)
-    along_open = jnp.where(face.pinned, 0.0, face.along_open(value))
-    return jnp.concatenate([face.problem.residuals(value), off_pin + along_open])
+def _near_rows(variables: Float[Array, "k"], face: _Face) -> Float[Array, "m"]:
+    return face.residuals(variables, turning=False)
+
+
+def _far_rows(variables: Float[Array, "k"], face: _Face) -> Float[Array, "m"]:
+    return face.residuals(variables, turning=True)
 
 
 def refined(
@@ -109,14 +127,14 @@ def refined(
     """
     import optimistix as optx
 
-    from focusjax.solvers import BoundedLevenbergMarquardt
+    from focusjax.solvers import BoundedLevenbergMarquardt, ConditionAdjoint
 
     face = _face(problem, basin, first, box)
     tolerance = _ROUNDINGS * float(jnp.finfo(first.dtype).eps)
     start = basin.value if solver is None else jnp.where(basin.held, basin.value, first)
     free = ~jax.lax.stop_gradient(face.pinned)
     found = optx.least_squares(
-        _residuals_on_face,
+        _near_rows if solver is None else _far_rows,
         BoundedLevenbergMarquardt(tolerance, tolerance) if solver is None else solver,
         jax.lax.stop_gradient(jnp.where(face.pinned, face.pin, start) / face.unit),
         args=face,
@@ -126,6 +144,7 @@ def refined(
             "upper": jnp.where(free, jax.lax.stop_gradient(box.upper / face.unit), jnp.inf),
         },
         max_steps=max_steps,
+        adjoint=ConditionAdjoint(),
         throw=False,
     )
     result = Result.where(found.result == optx.RESULTS.successful, Result.solved, Result.not_finite)
@@ -169,5 +188,4 @@ def _face(problem: Problem, basin: Basin, first: Float[Array, "k"], box: Box) ->
         first=first,
         reached=jnp.zeros_like(first),
     )
-    reached = jax.lax.stop_gradient(face.along_open(basin.value))
-    return dataclasses.replace(face, reached=reached)
+    return dataclasses.replace(face, reached=jax.lax.stop_gradient(face.slope(open_, basin.value)))

@@ -21,7 +21,7 @@ from focusjax.focus._global import nearest_of
 from focusjax.focus._image_points import SAME
 from focusjax.focus._nearest import nearest, step_back, weak_directions
 from focusjax.focus._objective import Objective
-from focusjax.focus._parameters import FOCUS, SWING, TILT, ZOOM, BlurModel
+from focusjax.focus._parameters import FOCUS, SWING, TILT
 from focusjax.focus._plane_starts import plane_starts
 from focusjax.focus._walk import Walk, walk
 
@@ -125,7 +125,7 @@ def walks(
         side, value = start
         found = walk(objective, side, value, box, max_steps)
         natural = objective.natural_side(found.value)
-        cost, slack = objective.cost(found.value, natural), objective.slack(found.value, natural)
+        cost, slack = objective.cost_and_slack(found.value, natural)
         back = step_back(objective, found.value, natural, first, box, _STEPS_OF_EACH)
         return (natural, back), (found, natural, cost, slack)
 
@@ -192,15 +192,9 @@ def _other_starts(
 def _cut(objective: Objective, base: Float[Array, "k"], share: Float[Array, ""]) -> Float[Array, ""]:
     """The focus disparity in 1/m that has that share of the wishes without a side behind it."""
     parameters = objective.parameters(base)
-    slope = parameters[TILT : SWING + 1] / parameters[ZOOM]
-
-    def sharp_at(model: BlurModel) -> Float[Array, "n"]:
-        """The focus disparity of which blur changes its sign."""
-        return model.disparity - model.across @ slope
-
-    changes, pending = sharp_at(objective.own), objective.two_sided
+    changes, pending = objective.own.sharp_at(parameters), objective.two_sided
     if objective.other is not None:
-        changes = jnp.concatenate([changes, sharp_at(objective.other)])
+        changes = jnp.concatenate([changes, objective.other.sharp_at(parameters)])
         pending = jnp.concatenate([pending, pending & (objective.relation == SAME)])
     count = jnp.sum(pending)
     ordered = jnp.sort(jnp.where(pending, changes, jnp.inf))

@@ -38,7 +38,7 @@ from focusjax.focus._glass_rows import GlassRows
 from focusjax.focus._glass_search import exchanged
 from focusjax.focus._image_points import ImagePoints
 from focusjax.focus._joint import Linearised
-from focusjax.focus._parameters import FOCUS, RADIUS, Start
+from focusjax.focus._parameters import Start
 from focusjax.focus._priors import PriorRows
 from focusjax.focus._solution import PARTLY_OPEN
 from focusjax.lens import AbstractLens, ThinLens, is_tilted
@@ -232,8 +232,7 @@ class _Search(eqx.Module):
     def _settings(self, pixels: Float[Array, "t k"]) -> Float[Array, "t 2"]:
         """Focus and aperture radius of every frame."""
         problem = self.problem
-        whole = jax.vmap(lambda start, value: start.whole(value))(problem.start, pixels / problem.joint.scale)
-        return whole[:, FOCUS : RADIUS + 1]
+        return jax.vmap(Start.setting)(problem.start, pixels / problem.joint.scale)
 
     def _round(self, state: FramesReached, found: Sensed, again: Bool[Array, ""]) -> FramesReached:
         """The thin lens's problem with points that it blurs as the glass does."""

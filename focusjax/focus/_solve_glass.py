@@ -28,7 +28,6 @@ from focusjax.focus._glass_search import (
     unit_steps,
 )
 from focusjax.focus._image_points import ImagePoints, errors_of
-from focusjax.focus._parameters import FOCUS, RADIUS
 from focusjax.focus._search import Basin
 from focusjax.focus._solution import Asked, Result, Solution
 from focusjax.geometry import Camera
@@ -93,7 +92,7 @@ def _optimum_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, GlassBlu
         return GlassRows(asked.points).gradient(found, value, jnp.array(start.columns), priors)
 
     def followed(asked: Asked, widest: Float[Array, ""], value: Float[Array, "k"]) -> tuple:
-        setting = place_of(asked)[0].whole(value)[FOCUS : RADIUS + 1]
+        setting = place_of(asked)[0].setting(value)
         return asked.camera, widest, *rows_and_references(asked.points), setting
 
     by = changes(glass, *followed(asked, widest, value))
@@ -194,7 +193,7 @@ def _thin_again(
     asked = _no_wider(asked, pupil_radius(glass))
     thin = exchanged(asked.points, asked.camera, setting, found)
     basin = basin_of(dataclasses.replace(asked, points=thin))
-    return place_of(asked)[0].whole(basin.value)[FOCUS : RADIUS + 1]
+    return place_of(asked)[0].setting(basin.value)
 
 
 def _errors_of(points: ImagePoints, found: Sensed) -> Float[Array, "n"]:

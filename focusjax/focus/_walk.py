@@ -75,9 +75,9 @@ def _linearised(fn: Any, value: Float[Array, "k"], args: Any) -> tuple[Float[Arr
     import lineax as lx
 
     objective, side, box = args
-    residual, _ = fn(value, args)
-    _, slopes = objective.slopes(value, side)
+    error, slopes = objective.slopes(value, side)
     root, prior_root = jnp.sqrt(objective.share), jnp.sqrt(objective.prior_share)
+    residual = jnp.concatenate([root * error, prior_root * objective.priors(value)])
     effect = jnp.linalg.norm(jnp.where(objective.counted[:, None], slopes, 0.0), axis=0)
     idle = (effect * (box.upper - box.lower) < UNDETERMINED_PX) & (objective.priors.inverse == 0)
     jacobian = jnp.concatenate([root[:, None] * slopes, prior_root * jnp.diag(objective.priors.inverse)])
@@ -96,18 +96,14 @@ def _rounding(fn: Any, value: Float[Array, "k"], args: Any) -> Float[Array, "m"]
 
 
 def _paths(
-    value: Float[Array, "k"],
-    change: Float[Array, "k"],
-    lower: Float[Array, "k"],
-    upper: Float[Array, "k"],
-    args: Any,
+    value: Float[Array, "k"], step: Any, lower: Float[Array, "k"], upper: Float[Array, "k"], args: Any
 ) -> tuple[Float[Array, "k"], ...]:
     """A step in (E, E n), and one in (E, n): the first may be cut off at a bound so that it does not help."""
     columns = args[0].columns
-    straight = value + change
+    straight = value + step.change
     if not has_products(columns):
         return (straight,)
-    return with_products(value, change, Box(lower, upper), columns), straight
+    return with_products(value, step.change, Box(lower, upper), columns), straight
 
 
 def has_products(columns: tuple[int, ...]) -> bool:

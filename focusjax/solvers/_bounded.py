@@ -31,11 +31,13 @@ class BoundedState(eqx.Module):
     """Between two steps.
 
     Attributes:
+        found: what the function returns at y: its residuals, and what it has beside them.
         cost: half the sum of squared residuals.
         damping: of the next step.
         arrived: whether the last step changed nothing beyond the tolerance.
     """
 
+    found: tuple[PyTree[Array], PyTree[Array]]
     cost: Float[Array, ""]
     damping: Float[Array, ""]
     arrived: Bool[Array, ""]
@@ -75,8 +77,8 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
       as if damping were divided by its square. By default J is dense, with its longest column scaled to 1;
     - `rounding`: a function of (fn, y, args) that returns the size of rounding in each residual: the solve
       ends when a step changes no residual by more, instead of by the tolerances;
-    - `paths`: a function of (y, d, lower, upper, args) that returns several ends of the step d, of which the
-      best is taken. By default y + d alone.
+    - `paths`: a function of (y, step, lower, upper, args) that returns several ends of a `BoundedStep`, of
+      which the best is taken. By default y + d alone.
 
     Example:
         >>> import optimistix as optx
@@ -104,8 +106,9 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         unknown = sorted(set(options) - _OPTIONS)
         if unknown:
             raise ValueError(f"there is no option {unknown[0]!r}; expected some of {sorted(_OPTIONS)}")
-        cost = _cost(fn(_inside(y, *bounds_of(options, y)), args)[0])
-        return BoundedState(cost, jnp.full_like(cost, _least(cost)), jnp.array(False))
+        found = fn(_inside(y, *bounds_of(options, y)), args)
+        cost = _cost(found[0])
+        return BoundedState(found, cost, jnp.full_like(cost, _least(cost)), jnp.array(False))
 
     def step(
         self, fn: Any, y: Any, args: Any, options: Any, state: BoundedState, tags: Any
@@ -115,16 +118,19 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         y = _inside(y, lower, upper)
         residual, jacobian = options.get("linearise", _dense)(fn, y, args)
         root = jax.tree.map(lambda s: jnp.sqrt(state.damping) * s, _like(options.get("scale", 1.0), y))
-        change, moves = bounded_step(y, residual, jacobian, lower, upper, root, self.linear_solver)
-        ends = options["paths"](y, change, lower, upper, args) if "paths" in options else (_sum(y, change),)
+        step = bounded_step(y, residual, jacobian, lower, upper, root, self.linear_solver)
+        ends = (
+            options["paths"](y, step, lower, upper, args) if "paths" in options else (_sum(y, step.change),)
+        )
         # What is held by a bound stays, whatever path the rest takes.
         ends = [
-            jax.tree.map(lambda y, m, end: jnp.where(m > 0.0, end, y), y, moves, _inside(end, lower, upper))
+            jax.tree.map(
+                lambda y, m, end: jnp.where(m > 0.0, end, y), y, step.moves, _inside(end, lower, upper)
+            )
             for end in ends
         ]
         moved, new, cost = _best_of(fn, ends, args)
-        old = fn(y, args)
-        shift = jax.tree.map(jnp.subtract, new[0], old[0])
+        shift = jax.tree.map(jnp.subtract, new[0], state.found[0])
         better = cost < state.cost
         calmer = jnp.maximum(16.0 * state.damping, _GENTLE)
         damping = jnp.where(better, jnp.maximum(state.damping / 32.0, _least(cost)), calmer)
@@ -135,9 +141,9 @@ class BoundedLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
             # Near the optimum the gradient is more exact than the cost, in which rounding hides its fall.
             better |= cost - state.cost <= _NOISE * jnp.finfo(cost.dtype).eps * state.cost
         better &= jnp.isfinite(cost)
-        y, (_, aux) = jax.tree.map(ft.partial(jnp.where, better), (moved, new), (y, old))
+        y, found = jax.tree.map(ft.partial(jnp.where, better), (moved, new), (y, state.found))
         least = jnp.minimum(cost, state.cost)
-        return y, BoundedState(least, damping, arrived | (damping > _HOPELESS)), aux
+        return y, BoundedState(found, least, damping, arrived | (damping > _HOPELESS)), found[1]
 
     def terminate(
         self, fn: Any, y: Any, args: Any, options: Any, state: BoundedState, tags: Any
@@ -174,6 +180,23 @@ class BoundedImplicitAdjoint(optx.AbstractAdjoint):
         return optx.ImplicitAdjoint(self.linear_solver).apply(primal_fn, _optimality, inputs, tags)
 
 
+class ConditionAdjoint(optx.AbstractAdjoint):
+    """Derivatives of a solve by the implicit function theorem, from a condition that its answer y meets.
+
+    For a function, quick to evaluate, that has another derivative than the problem for which it stands. The
+    solve's `args` have a method `condition` of y, which is 0 at the answer, and of the structure of y.
+
+    Attributes:
+        linear_solver: of Lineax, for the system with the condition's derivative by y.
+    """
+
+    linear_solver: lx.AbstractLinearSolver = lx.AutoLinearSolver(well_posed=None)
+
+    def apply(self, primal_fn: Any, rewrite_fn: Any, inputs: Any, tags: frozenset[object]) -> Any:
+        """Runs the solve, and says how its answer follows what it depends on."""
+        return optx.ImplicitAdjoint(self.linear_solver).apply(primal_fn, _condition, inputs, tags)
+
+
 def _optimality(optimum: Any, _: Any, inputs: Any) -> Any:
     """What vanishes at the optimum: the gradient, or the distance from an active bound."""
     fn, _, _, args, options, *_ = inputs
@@ -187,8 +210,14 @@ def _optimality(optimum: Any, _: Any, inputs: Any) -> Any:
     return jax.tree.map(one, optimum, lower, upper, gradient)
 
 
+def _condition(optimum: Any, _: Any, inputs: Any) -> Any:
+    """What the arguments say is 0 at the optimum."""
+    args = inputs[3]
+    return args.condition(optimum)
+
+
 # Optimistix takes plain functions only; annotations that are checked as tests run wrap them.
-_optimality = getattr(_optimality, "__wrapped__", _optimality)
+_optimality, _condition = (getattr(each, "__wrapped__", each) for each in (_optimality, _condition))
 
 
 def without_symmetry(operator: _Operator) -> _Operator:
@@ -232,6 +261,20 @@ class DampedOperator(lx.AbstractLinearOperator):
         return self.jacobian.out_structure(), self.in_structure()
 
 
+class BoundedStep(eqx.Module):
+    """A step from y; all of its structure.
+
+    Attributes:
+        change: d.
+        moves: 1 for what may change, and 0 for what a bound holds.
+        gradient: of |r|^2 / 2, by the residuals and J that the step was made of.
+    """
+
+    change: PyTree[Array]
+    moves: PyTree[Array]
+    gradient: PyTree[Array]
+
+
 def bounded_step(
     y: PyTree[Array],
     residual: PyTree[Array],
@@ -240,8 +283,8 @@ def bounded_step(
     upper: PyTree[Array],
     root: PyTree[Array],
     linear_solver: lx.AbstractLinearSolver,
-) -> tuple[PyTree[Array], PyTree[Array]]:
-    """A damped Gauss-Newton step of what no bound holds back, and 1 for each element that moves.
+) -> BoundedStep:
+    """A damped Gauss-Newton step of what no bound holds back.
 
     Args:
         y: where it starts.
@@ -261,7 +304,7 @@ def bounded_step(
     moves = jax.tree.map(free, y, lower, upper, gradient)
     right = jax.tree.map(jnp.negative, residual), jax.tree.map(jnp.zeros_like, y)
     change = lx.linear_solve(DampedOperator(jacobian, moves, root), right, linear_solver, throw=False).value
-    return jax.tree.map(jnp.multiply, change, moves), moves
+    return BoundedStep(jax.tree.map(jnp.multiply, change, moves), moves, gradient)
 
 
 def half_squares(residual: PyTree[Array]) -> Float[Array, ""]:

@@ -1,5 +1,6 @@
 """The bounded solver against SciPy's, and its derivatives at bounds against those of solving again."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
@@ -13,6 +14,8 @@ from focusjax.solvers import (
     BandedQR,
     BoundedImplicitAdjoint,
     BoundedLevenbergMarquardt,
+    BoundedStep,
+    ConditionAdjoint,
     DampedOperator,
     JaxoptLBFGSB,
     half_squares,
@@ -210,6 +213,54 @@ def test_what_has_no_room_follows_its_bounds():
 def test_options_that_mean_nothing_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
         optx.least_squares(lambda y, _: y, BoundedLevenbergMarquardt(), jnp.zeros(2), options=options)
+
+
+class Cubed(eqx.Module):
+    """What y is for a size: its third power, and 0."""
+
+    size: jax.Array
+
+    def condition(self, y):
+        return y - jnp.stack([self.size**3, 0.0])
+
+
+def test_a_condition_gives_the_derivative():
+    """The function that is solved says nothing of the derivative."""
+
+    def found(size):
+        still = jax.lax.stop_gradient(size) ** 3
+        return optx.least_squares(
+            lambda y, _: y - jnp.stack([still, 0.0]),
+            BoundedLevenbergMarquardt(),
+            jnp.ones(2),
+            args=Cubed(size),
+            adjoint=ConditionAdjoint(),
+        ).value
+
+    at = jnp.array(2.0)
+    np.testing.assert_allclose(found(at), [8.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(jax.jacfwd(found)(at), [12.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(jax.jacrev(found)(at), [12.0, 0.0], atol=1e-9)
+
+
+def test_steps_may_go_several_ways():
+    """The best of the step's ends is taken, which arrives at once where the plain one would creep."""
+    asked = []
+
+    def paths(y, step, lower, upper, _):
+        asked.append(step)
+        return y + step.change, jnp.full_like(y, 3.0)
+
+    found = optx.least_squares(
+        lambda y, _: (y - 3.0) ** 4,
+        BoundedLevenbergMarquardt(),
+        jnp.zeros(2),
+        options={"paths": paths},
+        throw=False,
+    )
+    np.testing.assert_array_equal(found.value, 3.0)
+    assert int(found.stats["num_steps"]) <= 3
+    assert all(isinstance(step, BoundedStep) for step in asked)
 
 
 def test_nothing_to_solve_for_is_solved():

@@ -366,6 +366,8 @@ def _set_up_jax() -> None:
 
     By JAX's environment variables, as it is not imported yet.
     """
+    # Nobody reads where in the sources a program's operations come from, and XLA takes time for it.
+    os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
     off = os.environ.get("JAX_ENABLE_COMPILATION_CACHE") in ("0", "false")
     if "JAX_COMPILATION_CACHE_DIR" in os.environ or off:
         return

@@ -40,8 +40,10 @@ def _in_lanes(volume: Volume, paths: Path, passing: Passing | None) -> Int[Array
 
 
 def _compacting(volume: Volume, paths: Path, passing: Passing | None) -> Int[Array, " n"]:
-    """The first steps together, the others in parts."""
+    """The first steps together, the others in parts; few rays as one part."""
     count = paths.steps.shape[0]
+    if count <= _PART:
+        return _in_lanes(volume, paths, passing)
     # A loop, as XLA would otherwise work out anew in it what paths are made of.
     hits, passing = _walked(volume, paths, passing, jnp.int32(0), jnp.int32(_FIRST_STEPS))
     lanes, going = compacted((hits < 0) & (paths.steps > _FIRST_STEPS))

@@ -79,7 +79,9 @@ def test_seidel_sums_are_the_same(name):
 
 def test_indices_are_the_same():
     assert len(REFERENCES["indices"]) == 1580
+    wavelengths = jnp.asarray(REFERENCES["wavelengths_nm"])
+    indices = eqx.filter_jit(lambda glass: jax.vmap(glass.index)(wavelengths))
     for name, wanted in REFERENCES["indices"].items():
-        found = [float(find_glass(name).index(jnp.asarray(w))) for w in REFERENCES["wavelengths_nm"]]
+        found = indices(find_glass(name))
         # Observed: 3e-16, of 1,580.
         np.testing.assert_allclose(found, wanted, rtol=1e-12, err_msg=name)

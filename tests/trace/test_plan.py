@@ -22,7 +22,7 @@ def larger():
 def truth():
     layers = larger()
     return np.mean(
-        [np.asarray(render(layers, layers.lens, rays=512, smooth=False, seed=50 + k)) for k in range(4)],
+        [np.asarray(render(layers, layers.lens, rays=512, smooth=False, seed=50 + k)) for k in range(2)],
         axis=0,
     )
 

@@ -54,18 +54,19 @@ def frames_problem(asked: FramesAsked) -> FramesProblem:
         lens: ThinLens | TiltShiftLens,
         limits: Limits,
         held: Bool[Array, "k"],
-    ) -> tuple[Objective, Start, Float[Array, "k"], Box, Float[Array, "k"]]:
+    ) -> tuple[Objective, Start, Float[Array, "k"], Box]:
         start = make_start(camera, lens, plan.free, keep_view=plan.keep_view, close_focus=plan.close_focus)
         box = limits.box(camera, plan.close_focus).columns(start.columns)
         given = start.first()
         box = Box(jnp.where(held, given, box.lower), jnp.where(held, given, box.upper))
         first = jnp.clip(given, box.lower, box.upper)
         frame = make_objective(points, start, prior_rows(asked.numbers, plan.free, camera))
-        return frame, start, first, box, frame.scale
+        return frame, start, first, box
 
     each_frame = asked.camera, asked.lens, asked.limits, asked.held
-    frames, start, first, boxes, scale = jax.vmap(one)(asked.points, *each_frame)
-    scale = jnp.where(jnp.array([name == "focus" for name in plan.free]), jnp.mean(scale, axis=0), scale)
+    frames, start, first, boxes = jax.vmap(one)(asked.points, *each_frame)
+    is_focus = jnp.array([name == "focus" for name in plan.free])
+    scale = jnp.where(is_focus, jnp.mean(frames.scale, axis=0), frames.scale)
     joint = Joint(
         frames=frames,
         scale=scale,

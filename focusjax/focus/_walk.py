@@ -66,8 +66,13 @@ def walk(
 def _residuals(value: Float[Array, "k"], args: Any) -> Float[Array, "m"]:
     """Errors and expectations, of which `Objective.cost` is the sum of squares."""
     objective, side, _ = args
-    rows = jnp.sqrt(objective.share) * objective.errors(value, side)
-    return jnp.concatenate([rows, jnp.sqrt(objective.prior_share) * objective.priors(value)])
+    return _rows(objective, value, objective.errors(value, side))
+
+
+def _rows(objective: Objective, value: Float[Array, "k"], error: Float[Array, "n"]) -> Float[Array, "m"]:
+    """The residuals at `value`, where the errors are these."""
+    priors = jnp.sqrt(objective.prior_share) * objective.priors(value)
+    return jnp.concatenate([jnp.sqrt(objective.share) * error, priors])
 
 
 def _linearised(fn: Any, value: Float[Array, "k"], args: Any) -> tuple[Float[Array, "m"], Any]:
@@ -77,14 +82,13 @@ def _linearised(fn: Any, value: Float[Array, "k"], args: Any) -> tuple[Float[Arr
     objective, side, box = args
     error, slopes = objective.slopes(value, side)
     root, prior_root = jnp.sqrt(objective.share), jnp.sqrt(objective.prior_share)
-    residual = jnp.concatenate([root * error, prior_root * objective.priors(value)])
     effect = jnp.linalg.norm(jnp.where(objective.counted[:, None], slopes, 0.0), axis=0)
     idle = (effect * (box.upper - box.lower) < UNDETERMINED_PX) & (objective.priors.inverse == 0)
     jacobian = jnp.concatenate([root[:, None] * slopes, prior_root * jnp.diag(objective.priors.inverse)])
     jacobian = jnp.where(idle[None], 0.0, jacobian)
     size = jnp.sqrt(jnp.max(jnp.sum((jacobian / objective.scale[None]) ** 2, axis=0)))
     over = 1.0 / jnp.where(size > 0.0, size, 1.0)
-    return over * residual, lx.MatrixLinearOperator(over * jacobian)
+    return over * _rows(objective, value, error), lx.MatrixLinearOperator(over * jacobian)
 
 
 def _rounding(fn: Any, value: Float[Array, "k"], args: Any) -> Float[Array, "m"]:

@@ -43,7 +43,7 @@ def test_alike_pixels_have_all_as_many_rays_as_the_picture_holds():
     camera = front_camera()
     wall = patch("wall", camera, (-60, -60, 90, 90), 0.5, (0.8, 0.8, 0.8))
     layers = peel(make_scene([wall], unlit=True), camera, wide_lens(camera))
-    for rays in (8, 64):
+    for rays in (4, 8, 16, 64):
         np.testing.assert_allclose(render(layers, layers.lens, rays=rays), 0.8, rtol=1e-5)
 
 

@@ -1,5 +1,6 @@
 """The command line: `focusjax run`, `render`, `refocus`, `batch`, `shot`, `studio`, `export`, and more."""
 
+import gc
 import importlib.metadata
 import logging
 import os
@@ -332,6 +333,8 @@ def schema(
 
 def main() -> None:
     """Entry point of the `focusjax` command."""
+    # Importing and tracing make millions of objects that stay, which Python would go through again and again.
+    gc.set_threshold(50_000, 20, 50)
     _set_up_jax()
     _quieten()
     app()

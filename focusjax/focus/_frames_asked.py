@@ -17,7 +17,15 @@ from focusjax.focus._bounds import Limits
 from focusjax.focus._checks import require_number
 from focusjax.focus._close_focus import checked_close_focus, refuse_glass
 from focusjax.focus._glass_checks import checked_glass
-from focusjax.focus._image_points import ImagePoints, anonymous, room_for, stacked, together
+from focusjax.focus._image_points import (
+    ImagePoints,
+    anonymous,
+    padded,
+    repeated,
+    room_for,
+    stacked,
+    together,
+)
 from focusjax.focus._priors import Numbers
 from focusjax.focus._refuse import require_lens, require_points
 from focusjax.focus._solution import Plan
@@ -40,6 +48,7 @@ class FramesAsked(eqx.Module):
         smoothness: weight of second differences.
         steadiness: weight of first differences.
         held: frames in which a free parameter stays where the start has it, in the order of `plan.free`.
+        present: the frames of the shot; others, after them, only fill it up (see `padded_frames`).
         glass: the real lenses that make the pictures, as wide as they open; None for ideal lenses.
         names: of the wishes (static).
         plan: what else is static.
@@ -53,6 +62,7 @@ class FramesAsked(eqx.Module):
     smoothness: Float[Array, ""]
     steadiness: Float[Array, ""]
     held: Bool[Array, "t k"]
+    present: Bool[Array, "t"]
     glass: AbstractLens | None
     names: tuple[str, ...] = eqx.field(static=True)
     plan: Plan = eqx.field(static=True)
@@ -147,10 +157,39 @@ def frames_asked(
         numbers=frames[0].numbers,
         **over_time,
         held=_held(held, plan.free, count),
+        present=jnp.asarray(np.ones(count, dtype=bool)),
         glass=None if through is None else stacked_glass(glasses),
         names=points[0].names,
         plan=dataclasses.replace(plan, exact=False, many=not sided),
     )
+
+
+def padded_frames(asked: FramesAsked) -> FramesAsked:
+    """The shot with its last frame repeated, so that few lengths compile anew: 1, 4, 6, 8, 12, 16, 24, ...
+
+    In repeated frames no wish counts, nothing moves, and no smoothness ties them to the shot.
+    """
+    count = asked.present.size
+    size = 1 if count == 1 else room_for(count, least=4)
+    by_frame = ("camera", "lens", "limits", "glass")
+    longer = {
+        name: jax.tree.map(lambda leaf: repeated(leaf, size), getattr(asked, name)) for name in by_frame
+    }
+    return dataclasses.replace(
+        asked,
+        **longer,
+        points=padded(asked.points, size),
+        held=more_frames(asked.held, size, fill=True),
+        present=more_frames(asked.present, size, fill=False),
+    )
+
+
+def more_frames(flags: Bool[ArrayLike, "t *n"], size: int, *, fill: bool) -> Bool[Array, "s *n"]:
+    """Flags of frames with those of frames that fill up; by numpy where it can be, which compiles nothing."""
+    xp = jnp if isinstance(flags, Tracer) else np
+    flags = xp.asarray(flags)
+    extra = ((0, size - len(flags)), *((0, 0) for _ in flags.shape[1:]))
+    return jnp.asarray(xp.pad(flags, extra, constant_values=fill))
 
 
 def _refuse_plan(plan: Plan, through: Any) -> None:

@@ -13,7 +13,7 @@ from focusjax.focus._frames_asked import FramesAsked
 from focusjax.focus._frames_sides import likely_sides
 from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._image_points import ImagePoints
-from focusjax.focus._joint import Joint, JointWalk, Linearised, rounding, walk_frames
+from focusjax.focus._joint import Joint, JointWalk, Linearised, mean_of, rounding, walk_frames
 from focusjax.focus._objective import Objective, make_objective
 from focusjax.focus._parameters import Start, make_start
 from focusjax.focus._path import answers_of_each, filled, paths_through
@@ -54,19 +54,22 @@ def frames_problem(asked: FramesAsked) -> FramesProblem:
         lens: ThinLens | TiltShiftLens,
         limits: Limits,
         held: Bool[Array, "k"],
+        present: Bool[Array, ""],
     ) -> tuple[Objective, Start, Float[Array, "k"], Box]:
         start = make_start(camera, lens, plan.free, keep_view=plan.keep_view, close_focus=plan.close_focus)
         box = limits.box(camera, plan.close_focus).columns(start.columns)
         given = start.first()
         box = Box(jnp.where(held, given, box.lower), jnp.where(held, given, box.upper))
         first = jnp.clip(given, box.lower, box.upper)
-        frame = make_objective(points, start, prior_rows(asked.numbers, plan.free, camera))
+        priors = prior_rows(asked.numbers, plan.free, camera)
+        priors = dataclasses.replace(priors, inverse=jnp.where(present, priors.inverse, 0.0))
+        frame = make_objective(points, start, priors)
         return frame, start, first, box
 
-    each_frame = asked.camera, asked.lens, asked.limits, asked.held
+    each_frame = asked.camera, asked.lens, asked.limits, asked.held, asked.present
     frames, start, first, boxes = jax.vmap(one)(asked.points, *each_frame)
     is_focus = jnp.array([name == "focus" for name in plan.free])
-    scale = jnp.where(is_focus, jnp.mean(frames.scale, axis=0), frames.scale)
+    scale = jnp.where(is_focus, mean_of(frames.scale, asked.present), frames.scale)
     joint = Joint(
         frames=frames,
         scale=scale,
@@ -75,6 +78,7 @@ def frames_problem(asked: FramesAsked) -> FramesProblem:
         smoothness=asked.smoothness,
         steadiness=asked.steadiness,
         unit=jnp.max(jnp.sum(asked.points.weight, axis=1)),
+        present=asked.present,
     )
     filled = dataclasses.replace(joint, frames=jax.vmap(one)(asked.filled(), *each_frame)[0])
     return FramesProblem(joint, filled, start, first, boxes)
@@ -111,8 +115,7 @@ def thin_walk(problem: FramesProblem, asked: FramesAsked) -> JointWalk:
     likely = jax.vmap(lambda values: filled(values * joint.scale, own))(values)
     firsts = jnp.concatenate([paths, likely])
     sides = jnp.concatenate([jax.vmap(joint.natural_side)(paths), sides])
-    decides = jax.vmap(lambda frame: frame.two_sided)(joint.frames)
-    same = jnp.all((sides[:, None] == sides[None]) | ~decides[None, None], axis=(2, 3))
+    same = jnp.all((sides[:, None] == sides[None]) | ~joint.two_sided[None, None], axis=(2, 3))
     known = jnp.any(same & np.tri(len(sides), k=-1, dtype=bool), axis=1)
 
     def onward(best: _Tried, start: tuple[Array, Array, Array]) -> tuple[_Tried, None]:
@@ -144,7 +147,7 @@ def openness(joint: Joint, here: Linearised) -> Float[Array, "k"]:
     Open are directions that could go through their whole range in all frames at once, and change no blur by
     much.
     """
-    slopes = here.jacobian.slopes * jnp.mean(joint.upper - joint.lower, axis=0)[None, None]
+    slopes = here.jacobian.slopes * mean_of(joint.upper - joint.lower, joint.present)[None, None]
     rows = slopes.reshape(-1, slopes.shape[2])
     short = max(0, rows.shape[1] - rows.shape[0])
     small = jnp.linalg.qr(jnp.pad(rows, ((0, short), (0, 0))), mode="r")

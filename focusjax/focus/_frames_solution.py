@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 from focusjax._arguments import ArgumentError
 from focusjax.focus._frames_asked import FramesAsked
 from focusjax.focus._image_points import ImagePoints, together
-from focusjax.focus._solution import Result, WishResult, html_of, one_row, text_of, wish_table
+from focusjax.focus._solution import Result, WishResult, first_rows, html_of, one_row, text_of, wish_table
 from focusjax.geometry import Camera
 from focusjax.lens import (
     AbstractLens,
@@ -187,6 +187,15 @@ class FramesSolution(eqx.Module):
                 None if own is None else largest_change(own, 2),
             )
         return found
+
+
+def without_padding(solution: FramesSolution, count: int) -> FramesSolution:
+    """The solution of the first `count` frames, which are those of the shot."""
+    by_frame = ("lens", "camera", "points", "blur", "error", "pixels", "at_lower", "at_upper")
+    shorter = {
+        name: jax.tree.map(lambda leaf: first_rows(leaf, count), getattr(solution, name)) for name in by_frame
+    }
+    return dataclasses.replace(solution, **shorter)
 
 
 def unsolved(

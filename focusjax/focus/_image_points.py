@@ -130,10 +130,13 @@ def root_weight(weight: Float[Array, "n"]) -> Float[Array, "n"]:
     return jnp.where(counts, jnp.sqrt(jnp.where(counts, weight, 1.0)), 0.0)
 
 
-def room_for(count: int) -> int:
-    """The rows that are made of `count`, so that few counts compile anew: 8, 12, 16, 24, 32, 48, ..."""
-    power = max(8, 1 << (count - 1).bit_length())
-    return power * 3 // 4 if count <= power * 3 // 4 and power > 8 else power
+def room_for(count: int, least: int = 8) -> int:
+    """The rows that are made of `count`, so that few counts compile anew: 8, 12, 16, 24, 32, 48, ...
+
+    `least` is the fewest, a power of 2.
+    """
+    power = max(least, 1 << (count - 1).bit_length())
+    return power * 3 // 4 if count <= power * 3 // 4 and power > least else power
 
 
 def padded(points: ImagePoints, size: int) -> ImagePoints:
@@ -147,7 +150,7 @@ def repeated(rows: Array, size: int) -> Array:
     return jnp.asarray(_repeated(rows, size))
 
 
-def unweighted(weight: Float[Array, "n"], size: int) -> Float[Array, "m"]:
+def unweighted(weight: Float[Array, "n *r"], size: int) -> Float[Array, "m *r"]:
     """The weights with zeros, up to `size`."""
     return jnp.asarray(_unweighted(weight, size))
 
@@ -164,7 +167,7 @@ def _repeated(rows: Any, size: int) -> Any:
 
 def _unweighted(weight: Any, size: int) -> Any:
     pad = jnp.pad if isinstance(weight, Tracer) else np.pad
-    return pad(weight, (0, size - weight.shape[0]))
+    return pad(weight, ((0, size - weight.shape[0]), *((0, 0) for _ in weight.shape[1:])))
 
 
 def stacked(problems: Sequence[ImagePoints], size: int = 0) -> ImagePoints:

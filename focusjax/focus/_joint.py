@@ -27,6 +27,7 @@ class Joint(eqx.Module):
         smoothness: weight of a squared second difference of 1 px per frame^2.
         steadiness: weight of a squared first difference of 1 px per frame.
         unit: weight that counts as 1, so that the numbers stay near it.
+        present: the frames of the shot; those that fill it up come after them.
     """
 
     frames: Objective
@@ -36,6 +37,7 @@ class Joint(eqx.Module):
     smoothness: Float[Array, ""]
     steadiness: Float[Array, ""]
     unit: Float[Array, ""]
+    present: Bool[Array, "t"]
 
     @property
     def bend(self) -> Float[Array, "t k"]:
@@ -49,7 +51,7 @@ class Joint(eqx.Module):
 
     def _from_frame(self, first: int, weight: Float[Array, ""]) -> Float[Array, "t k"]:
         count = self.scale.shape[0]
-        factor = jnp.sqrt(weight / self.unit) * (jnp.arange(count) >= first)
+        factor = jnp.sqrt(weight / self.unit) * (self.present & (jnp.arange(count) >= first))
         return factor.astype(self.scale.dtype)[:, None] * jnp.ones_like(self.scale)
 
     def own(self, pixels: Float[Array, "t k"], side: Float[Array, "t n"]) -> Float[Array, "t m"]:
@@ -133,9 +135,19 @@ class Joint(eqx.Module):
         change = bounded_step(pixels, here.rows, here.jacobian, lower, upper, root, BandedQR()).change
         return jnp.clip(pixels + change, lower, upper)
 
+    @property
+    def two_sided(self) -> Bool[Array, "t n"]:
+        """Rows that leave their side open, and for which it makes a difference."""
+        return jax.vmap(lambda frame: frame.two_sided)(self.frames)
+
     def natural_side(self, pixels: Float[Array, "t k"]) -> Float[Array, "t n"]:
         """The sides on which all points are."""
         return jax.vmap(Objective.natural_side)(self.frames, pixels / self.scale)
+
+
+def mean_of(of_frames: Float[Array, "t k"], present: Bool[Array, "t"]) -> Float[Array, "k"]:
+    """The mean over the frames of the shot."""
+    return jnp.mean(of_frames, axis=0, where=present[:, None])
 
 
 class Linearised(eqx.Module):
@@ -204,8 +216,10 @@ def walk_frames(
         natural = joint.natural_side(found.value)
         at_rest = found.result == optx.RESULTS.successful
         steps = state.steps + jnp.asarray(found.stats["num_steps"])
-        return JointWalk(found.value, natural, at_rest & jnp.all(natural == state.side), steps)
+        stay = jnp.all((natural == state.side) | ~decides)
+        return JointWalk(found.value, natural, at_rest & stay, steps)
 
+    decides = joint.two_sided
     start = JointWalk(first, side, jnp.array(False), jnp.array(0))
     return jax.lax.while_loop(more, again, start)
 

@@ -94,6 +94,7 @@ def paths_through(
     pixels = values * joint.scale[:, None]
     # A jump is spread over about (smoothness / weight)^(1/4) frames and costs about as much per px^2.
     toll = jnp.maximum(joint.steadiness / joint.unit, (joint.smoothness / joint.unit) ** 0.25)
+    toll = jnp.where(joint.present, toll, 0.0)
 
     def path(price: float, reach: int) -> Float[Array, "t k"]:
         chosen = cheapest_path(pixels, jnp.where(distance[None] <= reach, cost, jnp.inf), price * toll)
@@ -117,10 +118,11 @@ def _candidates(
     """Answers of every frame and of those around it, what each costs here, and how many frames away it is."""
     values, cost = jax.vmap(_different)(joint.frames, answers.values, answers.cost)
     frames, many, _ = values.shape
+    last = jnp.sum(joint.present) - 1
     reach = min(max(reach for _, reach in PRICES), frames - 1)
 
     def lent(shift: int) -> tuple[Float[Array, "t a k"], Float[Array, "t a"]]:
-        which = jnp.clip(jnp.arange(frames) + shift, 0, frames - 1)
+        which = jnp.clip(jnp.arange(frames) + shift, 0, last)
 
         def costs(frame: Objective, values: Float[Array, "a k"], box: Box) -> tuple[Array, Array]:
             inside = jax.vmap(box.inside)(values)
@@ -154,19 +156,19 @@ def _different(
 
 
 def cheapest_path(
-    places: Float[Array, "t s k"], cost: Float[Array, "t s"], toll: Float[Array, ""]
+    places: Float[Array, "t s k"], cost: Float[Array, "t s"], toll: Float[Array, "t"]
 ) -> Int[Array, "t"]:
-    """Which of the places to be at in every frame: the least sum of costs and of toll x (jump)^2."""
+    """Which of the places to be at in every frame: the least sum of costs and of toll x (jump to it)^2."""
 
     def arrive(
-        so_far: Float[Array, "s"], frame: tuple[Array, Array, Array]
+        so_far: Float[Array, "s"], frame: tuple[Array, Array, Array, Array]
     ) -> tuple[Float[Array, "s"], Int[Array, "s"]]:
-        before, here, cost = frame
+        before, here, cost, toll = frame
         jumps = jnp.sum((here[:, None] - before[None]) ** 2, axis=-1)
         total = so_far[None] + toll * jumps
         return cost + jnp.min(total, axis=1), jnp.argmin(total, axis=1)
 
-    total, came_from = jax.lax.scan(arrive, cost[0], (places[:-1], places[1:], cost[1:]))
+    total, came_from = jax.lax.scan(arrive, cost[0], (places[:-1], places[1:], cost[1:], toll[1:]))
 
     def back(at: Int[Array, ""], came_from: Int[Array, "s"]) -> tuple[Array, Array]:
         return came_from[at], came_from[at]

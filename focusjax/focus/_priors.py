@@ -62,12 +62,15 @@ class PriorRows(eqx.Module):
         return (value - self.centre) * self.inverse
 
 
-Numbers = Mapping[str, tuple[Float[Array, ""], Float[Array, ""]]]
-"""Value and sigma for names of parameters."""
+Numbers = Mapping[str, tuple[Float[Array, "*p"], Float[Array, "*p"]]]
+"""Value and 1 / sigma of every free parameter by name; 0 of those of which nothing is expected.
+
+Of many problems with a leading axis.
+"""
 
 
 def checked_priors(priors: Mapping[str, Prior], free: tuple[str, ...]) -> Numbers:
-    """The priors as arrays, so that other numbers do not compile the solve again.
+    """The priors as arrays for all free parameters, so that other priors do not compile the solve again.
 
     Raises:
         ArgumentError: a prior of something that is not free, one that no lens has, or what is no prior.
@@ -91,33 +94,35 @@ def checked_priors(priors: Mapping[str, Prior], free: tuple[str, ...]) -> Number
             )
         if name != "focus" and not math.isfinite(prior.value):
             raise ArgumentError(f"the prior of {name} is {shown(prior.value)}; expected a finite number", key)
-    return {
-        name: (jnp.asarray(prior.value, dtype=float), jnp.asarray(prior.sigma, dtype=float))
-        for name, prior in priors.items()
-    }
+    return {name: _numbers(priors.get(name)) for name in free}
+
+
+def _numbers(prior: Prior | None) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    value, inverse = (1.0, 0.0) if prior is None else (prior.value, 1.0 / prior.sigma)
+    return jnp.asarray(value, dtype=float), jnp.asarray(inverse, dtype=float)
 
 
 def prior_rows(priors: Numbers, free: tuple[str, ...], camera: Camera) -> PriorRows:
     """The expectations in the solve's own parameters (see `_parameters`)."""
     length = camera.focal_length
-    rows = [_row(name, *priors[name], length) if name in priors else (0.0 * length,) * 2 for name in free]
+    rows = [_row(name, *priors[name], length) for name in free]
     centre, inverse = zip(*rows, strict=True)
     return PriorRows(jnp.stack(centre), jnp.stack(inverse))
 
 
 def _row(
-    name: str, value: Float[Array, ""], sigma: Float[Array, ""], length: Float[Array, ""]
+    name: str, value: Float[Array, ""], inverse: Float[Array, ""], length: Float[Array, ""]
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """Centre and 1 / scale of one parameter."""
     assert name in PARAMETERS
     if name == "focus":
-        return 1.0 / value, 1.0 / sigma
+        return 1.0 / value, inverse
     if name == "f_number":
         radius = length / (2.0 * value)
-        return radius, 1.0 / (_STOP * radius * sigma)
+        return radius, inverse / (_STOP * radius)
     if name == "focal_length":
-        return value / length, length / sigma
+        return value / length, length * inverse
     if name in ("shift", "rise"):
-        return value, 1.0 / sigma
+        return value, inverse
     slope = jnp.sin(value) / length
-    return (-slope if name == "tilt" else slope), length / (jnp.cos(value) * sigma)
+    return (-slope if name == "tilt" else slope), length * inverse / jnp.cos(value)

@@ -223,8 +223,8 @@ def prepared(
     points = checked_points(points)
     check_start(camera, lens, limits, free, close_focus)
     if close_focus != "ignored":
-        points = checked_close_focus(points, camera, lens, free, tuple(numbers), close_focus)
-    plain = points.relation is None and points.quantity is None and not numbers
+        points = checked_close_focus(points, camera, lens, free, tuple(priors or {}), close_focus)
+    plain = points.relation is None and points.quantity is None and not priors
     exact = plain and free in (("focus",), ("focus", "f_number"))
     plan = Plan(
         free=free,

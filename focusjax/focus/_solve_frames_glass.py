@@ -13,10 +13,11 @@ from collections.abc import Sequence
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax._programs import jit
-from focusjax.focus._frames_asked import FramesAsked, stacked_glass
+from focusjax.focus._frames_asked import FramesAsked, more_frames, padded_frames, stacked_glass
 from focusjax.focus._frames_glass import (
     FramesGlass,
     frames_glass,
@@ -32,11 +33,11 @@ from focusjax.focus._frames_problem import (
     result_of,
     thin_walk,
 )
-from focusjax.focus._frames_solution import FramesSolution
+from focusjax.focus._frames_solution import FramesSolution, without_padding
 from focusjax.focus._glass_blur import Sensed
 from focusjax.focus._glass_rows import GlassRows
 from focusjax.focus._glass_search import exchanged
-from focusjax.focus._image_points import ImagePoints
+from focusjax.focus._image_points import ImagePoints, repeated
 from focusjax.focus._joint import Linearised
 from focusjax.focus._parameters import Start
 from focusjax.focus._priors import PriorRows
@@ -100,11 +101,14 @@ def solve_frames_through(asked: FramesAsked, near: FramesSolution | None = None)
         near: the solution of one that differs in weights or smoothness: two rounds from there are done, and
             no steps. The rows that had weight are looked at.
     """
-    count = asked.points.disparity.shape[0], len(asked.plan.free)
+    count, longer = asked.present.size, padded_frames(dataclasses.replace(asked, names=()))
+    size = longer.present.size
     again = near is not None
-    first = jnp.zeros(count, dtype=asked.points.disparity.dtype) if near is None else near.pixels
-    reported = jnp.ones(asked.points.weight.shape, dtype=bool) if near is None else near.points.weight > 0.0
-    solution = _solve(dataclasses.replace(asked, names=()), first, jnp.asarray(again), reported)
+    none = jnp.asarray(np.zeros((count, len(asked.plan.free)), dtype=asked.points.disparity.dtype))
+    first = repeated(none if near is None else near.pixels, size)
+    reported = np.ones(asked.points.weight.shape, dtype=bool) if near is None else near.points.weight > 0.0
+    solution = _solve(longer, first, jnp.asarray(again), more_frames(reported, size, fill=False))
+    solution = without_padding(solution, count)
     points = dataclasses.replace(solution.points, names=asked.names)
     return dataclasses.replace(solution, points=points, asked=asked, glass=asked.glass)
 
@@ -245,7 +249,8 @@ class _Search(eqx.Module):
         problem = frames_problem(asked)
         walked = thin_walk(problem, asked)
         here = problem.joint.linearised(walked.pixels, walked.side)
-        change = jnp.max(jnp.abs(walked.pixels - state.pixels))
+        moved = jnp.abs(walked.pixels - state.pixels)
+        change = jnp.max(moved, where=problem.joint.present[:, None], initial=0.0)
         most = jnp.where(again, 1 + _AGAIN, _ROUNDS)
         ended = ((state.number > 0) & (change < _SAME_PX)) | (state.number + 1 == most)
         return dataclasses.replace(

@@ -13,7 +13,9 @@ from focusjax.focus import AT_MOST, Prior, Result, diagnose, solve, solve_frames
 from focusjax.lens import thin_lens
 from focusjax.solvers import JaxoptLBFGSB
 
-FRAMES = 48
+FRAMES = 45
+"""Three fewer than there is room for, so that every test has frames that fill the shot up."""
+
 GAIN = 2.0 * 0.05 / 0.036 * 640
 RADIUS = 0.0125
 
@@ -167,13 +169,14 @@ def test_large_errors_do_not_make_it_creep(make_setup, make_frames):
     camera, lens = make_setup()
     rng = np.random.default_rng(5)
     signed = [True, True, False]
-    target = np.where(signed, rng.normal(0, 6, (7, 3)), rng.uniform(2, 12, (7, 3)))
-    points = make_frames(rng.uniform(0.2, 1.2, (7, 3)), target, signed, rng.uniform(0.2, 2, (7, 3)))
+    target = np.where(signed, rng.normal(0, 6, (5, 3)), rng.uniform(2, 12, (5, 3)))
+    points = make_frames(rng.uniform(0.2, 1.2, (5, 3)), target, signed, rng.uniform(0.2, 2, (5, 3)))
     solution = solve_frames(
         points, camera, lens, free=("focus", "f_number"), min_focus_distance=0.35,
-        f_number_range=(2.0, 16.0), smoothness=20.0, steadiness=1.0, max_steps=100,
+        f_number_range=(2.0, 16.0), smoothness=20.0, steadiness=1.0,
     )  # fmt: skip
     assert solution.result == Result.solved
+    assert int(solution.steps) <= 100
 
 
 def test_a_rack_focus_is_smooth_and_arrives(make_setup, make_frames):
@@ -326,10 +329,21 @@ def test_frames_that_do_not_fit_are_refused(make_setup, make_frames):
         solve_frames([points[0], other], camera, lens)
 
 
+def test_other_lengths_and_priors_do_not_compile(make_setup, make_frames, caplog):
+    camera, lens = make_setup()
+    points = make_frames(np.linspace(0.3, 0.9, 6)[:, None])
+    priors = {"f_number": Prior(2.8, 1.0)}
+    solve_frames(points, camera, lens, free=("focus", "f_number"))
+    with jax.log_compiles():
+        found = solve_frames(points[:5], camera, lens, free=("focus", "f_number"), priors=priors)
+    assert found.count == len(found.points.weight) == len(found.settings()["f_number"]) == 5
+    assert "Compiling" not in caplog.text
+
+
 def test_too_few_steps_are_reported(make_setup, make_frames):
     camera, lens = make_setup()
     points = make_frames(np.linspace(0.3, 0.9, FRAMES)[:, None], target=5.0, signed=False)
-    with pytest.raises(RuntimeError, match="the solve of 48 frames failed after 1 steps"):
+    with pytest.raises(RuntimeError, match="the solve of 45 frames failed after 1 steps"):
         solve_frames(points, camera, lens, free=("focus", "f_number"), max_steps=1)
     solution = solve_frames(points, camera, lens, free=("focus", "f_number"), max_steps=1, throw=False)
     assert solution.result == Result.max_steps_reached
@@ -366,9 +380,9 @@ def test_diagnosis_says_when_what_is_missed_and_why(make_setup, make_frames):
     held = diagnose(
         solve_focus(make_frames(near), camera, lens, smoothness=1.0, steadiness=0.0, min_focus_distance=1.25)
     )
-    # From 0.8 dioptres on: frame 30 of 48.
+    # From 0.8 dioptres on: frame 28 of 45.
     ((first, last),) = held.active_bounds["min_focus_distance"]
-    assert (abs(first - 30) <= 2, last) == (True, FRAMES)
+    assert (abs(first - 28) <= 2, last) == (True, FRAMES)
     (out,) = held.unreachable
     assert out.best == pytest.approx(0.2 * GAIN * RADIUS, rel=0.02)
     assert any(

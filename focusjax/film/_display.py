@@ -4,6 +4,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, UInt8, UInt16
 
+from focusjax._device import device_array
+from focusjax._programs import jit
+
 
 def expose(image: Float[Array, "*shape"], stops: float) -> Float[Array, "*shape"]:
     """Linear `image` times 2 ** `stops`: one stop more doubles the light.
@@ -29,14 +32,22 @@ def encode_srgb(linear: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
 
 def to_bytes(image: Float[Array, "h w 3"], *, exposure: float = 0.0) -> UInt8[np.ndarray, "h w 3"]:
     """Linear `image` [h, w, 3] as 8-bit sRGB: exposed by stops, encoded, cut to 0..1, rounded."""
-    return np.asarray(jnp.round(_displayed(image, exposure) * 255.0)).astype(np.uint8)
+    return _whole_numbers(image, exposure, 255.0).astype(np.uint8)
 
 
 def to_words(image: Float[Array, "h w 3"], *, exposure: float = 0.0) -> UInt16[np.ndarray, "h w 3"]:
     """As `to_bytes`, with 16 bits per channel."""
-    return np.asarray(jnp.round(_displayed(image, exposure) * 65535.0)).astype(np.uint16)
+    return _whole_numbers(image, exposure, 65535.0).astype(np.uint16)
 
 
-def _displayed(image: Float[Array, "h w 3"], exposure: float) -> Float[Array, "h w 3"]:
+def _whole_numbers(image: Float[Array, "h w 3"], exposure: float, white: float) -> Float[np.ndarray, "h w 3"]:
+    factors = (device_array(factor, image.dtype) for factor in (2.0**exposure, white))
+    return np.asarray(_displayed(image, *factors))
+
+
+@jit
+def _displayed(
+    image: Float[Array, "h w 3"], factor: Float[Array, ""], white: Float[Array, ""]
+) -> Float[Array, "h w 3"]:
     # A screen has a darkest and a brightest value; the linear picture keeps what is cut here.
-    return jnp.clip(encode_srgb(expose(image, exposure)), 0.0, 1.0)
+    return jnp.round(white * jnp.clip(encode_srgb(factor * image), 0.0, 1.0))

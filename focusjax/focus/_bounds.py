@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from focusjax._arguments import ArgumentError
 from focusjax._entries import entries, with_entries
-from focusjax.focus._checks import require_number
+from focusjax.focus._checks import known, require_number
 from focusjax.geometry import Camera
 from focusjax.lens import MAX_TILT, CloseFocus, focus_scale
 
@@ -147,7 +147,7 @@ def make_limits(
     )
     longest = require_number(
         longest,
-        lambda v: (v >= shortest) & (v < np.inf),
+        lambda v: (v >= known(shortest)) & (v < np.inf),
         "the focal length range's end in metres",
         "a finite length, not below the range's start",
         "focal_length_range.1",
@@ -155,11 +155,11 @@ def make_limits(
     # A lens that keeps its image distance as it focuses is never as long as that, nor as its focus distance.
     kept = close_focus == "framing"
     if min_focus_distance is None:
-        min_focus_distance = (1.0 if kept else LIFE_SIZE) * longest
+        min_focus_distance = (1.0 if kept else LIFE_SIZE) * known(longest)
     widest, narrowest = _ends("f_number_range", F_NUMBERS if f_number_range is None else f_number_range)
     near = require_number(
         min_focus_distance,
-        lambda v: (v > (0.0 if kept else longest)) & (v < np.inf),
+        lambda v: (v > (0.0 if kept else known(longest))) & (v < np.inf),
         "minimum focus distance in metres",
         "a finite distance above 0"
         if kept
@@ -168,7 +168,7 @@ def make_limits(
     )
     far = require_number(
         np.inf if max_focus_distance is None else max_focus_distance,
-        lambda v: v > near,
+        lambda v: v > known(near),
         "maximum focus distance in metres",
         "more than the minimum, or infinity",
         "max_focus_distance",
@@ -182,7 +182,7 @@ def make_limits(
     )
     narrowest = require_number(
         narrowest,
-        lambda v: (v > widest) & (v < np.inf),
+        lambda v: (v > known(widest)) & (v < np.inf),
         "the f-number range's end",
         "a finite number above the range's start; to hold the f-number, leave it out of what is free",
         "f_number_range.1",
@@ -242,7 +242,7 @@ def _slides(name: str, ends: Range | None, camera: Camera) -> Ends:
     )
     most = require_number(
         most,
-        lambda v: (v >= least) & (v < np.inf),
+        lambda v: (v >= known(least)) & (v < np.inf),
         f"the {name} range's end in metres",
         "a finite length, not below the range's start",
         f"{name}_range.1",
@@ -261,7 +261,7 @@ def _angles(name: str, ends: Range | None) -> Ends:
     )
     most = require_number(
         most,
-        lambda v: (v >= least) & (v < np.pi / 2),
+        lambda v: (v >= known(least)) & (v < np.pi / 2),
         f"the {name} range's end in radians",
         "an angle from the range's start to less than pi/2",
         f"{name}_range.1",

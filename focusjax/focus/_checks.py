@@ -44,6 +44,11 @@ def require(
     return value
 
 
+def known(value: Any) -> Any:
+    """A value as numpy has it, to compare with; one that is traced as it is."""
+    return value if isinstance(value, Tracer) else np.asarray(value)
+
+
 def require_number(
     value: Any, holds: Callable[[Any], Any], what: str, expected: str, argument: str
 ) -> Float[Array, ""]:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from focusjax._arguments import ArgumentError
+from focusjax._device import device_array
 from focusjax._words import listed
 from focusjax.focus._diagnose_picture import idle_sentences, missed_sentences, picture_verdict, weightiest
 from focusjax.focus._findings import (
@@ -106,7 +107,7 @@ def _changed(asked: SurfaceAsked, alone: bool, index: int) -> Errors:
     weight = np.asarray(asked.points.weight)
     counts = (np.asarray(asked.points.wish) == index) == alone
     points = dataclasses.replace(
-        asked.points, weight=jnp.asarray(np.where(counts, weight, 0.0), dtype=asked.points.weight.dtype)
+        asked.points, weight=device_array(np.where(counts, weight, 0.0), asked.points.weight.dtype)
     )
     return _errors(dataclasses.replace(asked, points=points))
 

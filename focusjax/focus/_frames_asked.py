@@ -12,6 +12,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from focusjax._arguments import ArgumentError, require_kind
+from focusjax._device import device_array
 from focusjax._words import kind_of
 from focusjax.focus._bounds import Limits
 from focusjax.focus._checks import require_number
@@ -157,7 +158,7 @@ def frames_asked(
         numbers=frames[0].numbers,
         **over_time,
         held=_held(held, plan.free, count),
-        present=jnp.asarray(np.ones(count, dtype=bool)),
+        present=device_array(np.ones(count, dtype=bool)),
         glass=None if through is None else stacked_glass(glasses),
         names=points[0].names,
         plan=dataclasses.replace(plan, exact=False, many=not sided),
@@ -189,7 +190,7 @@ def more_frames(flags: Bool[ArrayLike, "t *n"], size: int, *, fill: bool) -> Boo
     xp = jnp if isinstance(flags, Tracer) else np
     flags = xp.asarray(flags)
     extra = ((0, size - len(flags)), *((0, 0) for _ in flags.shape[1:]))
-    return jnp.asarray(xp.pad(flags, extra, constant_values=fill))
+    return device_array(xp.pad(flags, extra, constant_values=fill))
 
 
 def _refuse_plan(plan: Plan, through: Any) -> None:
@@ -244,7 +245,7 @@ def _held(held: Mapping[str, Sequence[bool]], free: tuple[str, ...], count: int)
         if column.all():
             raise ArgumentError(f"{name!r} is free and held in all frames; leave it out of one", "held")
         columns.append(column)
-    return jnp.asarray(np.stack(columns, axis=1))
+    return device_array(np.stack(columns, axis=1))
 
 
 def _smoothing(name: str, weight: ArrayLike) -> Float[Array, ""]:

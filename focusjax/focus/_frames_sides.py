@@ -74,9 +74,9 @@ def likely_sides(
 
     own, which = jax.vmap(choices)(joint.frames, joint.scale, joint.upper - joint.lower, values, sides)
     own = jax.tree.map(lambda leaf: jnp.where(counts.reshape(-1, *[1] * (leaf.ndim - 1)), leaf, 0.0), own)
-    # Frames without wishes have one choice, lest histories differ in nothing else.
+    # Frames that fill the shot up have one choice, lest the best differ in nothing else.
     only = jnp.where(jnp.arange(own.rest.shape[1]) > 0, jnp.inf, 0.0)
-    own = eqx.tree_at(lambda q: q.rest, own, jnp.where(counts[:, None], own.rest, only[None]))
+    own = eqx.tree_at(lambda q: q.rest, own, jnp.where(joint.present[:, None], own.rest, only[None]))
     frame = jnp.arange(len(values))[None]
     chosen = which[frame, _search(own, joint.bend, joint.pace)]
     return sides[frame, chosen], values[frame, chosen]

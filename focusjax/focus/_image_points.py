@@ -11,6 +11,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._device import device_array
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 
@@ -147,12 +148,12 @@ def padded(points: ImagePoints, size: int) -> ImagePoints:
 
 def repeated(rows: Array, size: int) -> Array:
     """The rows with the last one repeated, up to `size`."""
-    return jnp.asarray(_repeated(rows, size))
+    return device_array(_repeated(rows, size))
 
 
 def unweighted(weight: Float[Array, "n *r"], size: int) -> Float[Array, "m *r"]:
     """The weights with zeros, up to `size`."""
-    return jnp.asarray(_unweighted(weight, size))
+    return device_array(_unweighted(weight, size))
 
 
 # By numpy where values are known, which compiles nothing.
@@ -201,7 +202,7 @@ def together(*leaves: Any) -> Array:
     """Arrays as one with a leading axis; by numpy where it can be, which compiles nothing."""
     if any(isinstance(leaf, Tracer) for leaf in leaves):
         return jnp.stack(leaves)
-    return jnp.asarray(np.stack([np.asarray(leaf) for leaf in leaves]))
+    return device_array(np.stack([np.asarray(leaf) for leaf in leaves]))
 
 
 def with_relations(points: ImagePoints, *, related: bool, referring: bool, placing: bool) -> ImagePoints:

@@ -17,6 +17,7 @@ from focusjax._arguments import (
     require_kind,
     require_known,
 )
+from focusjax._device import device_array
 from focusjax._words import did_you_mean, kind_of, shown
 from focusjax.focus._framing import Row, ends, frames, framing_rows
 from focusjax.focus._image_points import AT_LEAST, AT_MOST, BLUR, EQUAL, SAME, ImagePoints
@@ -110,18 +111,18 @@ def locate(
         weight = weight * (1.0 + favour_near * _nearness(rows[:, 2]))
     reference = _references(places, others)
     return ImagePoints(
-        xy=jnp.asarray(rows[:, :2], dtype=float),
-        disparity=jnp.asarray(rows[:, 2], dtype=float),
-        target=jnp.asarray(_column(targets, meaning), dtype=float),
-        signed=jnp.asarray(np.array(signed)[meaning]),
-        weight=jnp.asarray(weight, dtype=float),
-        tolerance=jnp.asarray(_column(tolerances, wish), dtype=float),
-        wish=jnp.asarray(wish),
+        xy=device_array(rows[:, :2], dtype=float),
+        disparity=device_array(rows[:, 2], dtype=float),
+        target=device_array(_column(targets, meaning), dtype=float),
+        signed=device_array(np.array(signed)[meaning]),
+        weight=device_array(weight, dtype=float),
+        tolerance=device_array(_column(tolerances, wish), dtype=float),
+        wish=device_array(wish),
         names=names,
-        relation=jnp.asarray(np.array(relations)[meaning]) if any(relations) or any(quantities) else None,
-        reference=None if reference is None else jnp.asarray(reference, dtype=float),
+        relation=device_array(np.array(relations)[meaning]) if any(relations) or any(quantities) else None,
+        reference=None if reference is None else device_array(reference, dtype=float),
         notes=tuple(_note(place, share) for place, share in zip(places, shares, strict=True)),
-        quantity=jnp.asarray(np.array(quantities)[meaning]) if any(quantities) else None,
+        quantity=device_array(np.array(quantities)[meaning]) if any(quantities) else None,
         partners=tuple(point.wish.other if isinstance(point.wish, SameBlur) else "" for point in points),
     )
 

@@ -10,6 +10,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float, Integer
 
 from focusjax._arguments import real_numbers
+from focusjax._device import device_array
 from focusjax._programs import jit
 from focusjax._words import did_you_mean, shown
 from focusjax.focus._points import (
@@ -231,7 +232,7 @@ def _project_all(camera: Camera, positions: Float[Array, "n 3"]) -> Float[Array,
 
 def _project(camera: Camera, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """Image position and disparity of world points, in float64 rows."""
-    return np.asarray(_project_all(camera, jnp.asarray(positions, dtype=float))).astype(float)
+    return np.asarray(_project_all(camera, device_array(positions, dtype=float))).astype(float)
 
 
 def _along_z_curve(

@@ -11,6 +11,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
 from focusjax._arguments import ArgumentError
+from focusjax._device import device_array
 from focusjax.focus._bounds import LOWER_NAMES, UPPER_NAMES, Box, Limits
 from focusjax.focus._image_points import ACROSS, AT_LEAST, AT_MOST, BLUR, EQUAL, SAME, ImagePoints
 from focusjax.focus._parameters import PARAMETERS
@@ -316,11 +317,11 @@ def html_of(solution: Any) -> str:
 
 def one_row(leaf: Array, index: int) -> Array:
     """One entry of the leading axis; by numpy where it can be, which compiles nothing."""
-    return leaf[index] if isinstance(leaf, Tracer) else jnp.asarray(np.asarray(leaf)[index])
+    return leaf[index] if isinstance(leaf, Tracer) else device_array(np.asarray(leaf)[index])
 
 
 def first_rows(leaf: Array, count: int) -> Array:
     """`leaf` without its padding; by numpy where it can be, which compiles nothing."""
     if leaf.shape[0] == count:
         return leaf
-    return leaf[:count] if isinstance(leaf, Tracer) else jnp.asarray(np.asarray(leaf)[:count])
+    return leaf[:count] if isinstance(leaf, Tracer) else device_array(np.asarray(leaf)[:count])

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._device import device_array
 from focusjax._programs import jit
 from focusjax.focus._frames_asked import FramesAsked, more_frames, padded_frames, stacked_glass
 from focusjax.focus._frames_glass import (
@@ -104,7 +105,7 @@ def solve_frames_through(asked: FramesAsked, near: FramesSolution | None = None)
     count, longer = asked.present.size, padded_frames(dataclasses.replace(asked, names=()))
     size = longer.present.size
     again = near is not None
-    none = jnp.asarray(np.zeros((count, len(asked.plan.free)), dtype=asked.points.disparity.dtype))
+    none = device_array(np.zeros((count, len(asked.plan.free))), asked.points.disparity.dtype)
     first = repeated(none if near is None else near.pixels, size)
     reported = np.ones(asked.points.weight.shape, dtype=bool) if near is None else near.points.weight > 0.0
     solution = _solve(longer, first, jnp.asarray(again), more_frames(reported, size, fill=False))

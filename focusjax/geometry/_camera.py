@@ -11,10 +11,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
+
+from focusjax._device import device_array
 
 FULL_FRAME_WIDTH = 0.036
 """Width in metres of the 36 mm x 24 mm sensor, used where only a field of view is given."""
@@ -92,7 +93,7 @@ class Camera(eqx.Module):
 
 def _real(value: Any) -> Array:
     """`value` as a device array of the default real type."""
-    return jnp.asarray(np.asarray(value, dtype=jax.dtypes.canonicalize_dtype(np.float64)))
+    return device_array(value, dtype=float)
 
 
 def make_camera(

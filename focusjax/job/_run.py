@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax._device import device_array
 from focusjax._freed import return_freed, returned_after_compiling
 from focusjax._programs import jit
 from focusjax._stopwatch import Stopwatch
@@ -189,7 +190,7 @@ def _run(
         del scene
         made = _make(config, settled, glass, grey, handed_over, moving, like, watch)
     exact = settled.lens if glass is None else glass.exact
-    blur = blur_map(exact, settled.camera, jnp.asarray(settled.disparity, dtype=float))
+    blur = blur_map(exact, settled.camera, device_array(settled.disparity, dtype=float))
     return Outcome(
         config=config,
         camera=settled.camera,

@@ -3,12 +3,12 @@
 from collections.abc import Callable
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from focusjax._arguments import ArgumentError, real_number, require_kind
+from focusjax._device import device_array
 from focusjax._programs import jit
 from focusjax.geometry import Camera, filter_radius
 from focusjax.layers._blocks import coarse_number, pad_rows, padded_length
@@ -113,7 +113,7 @@ def _reach(
 
     def reach(disparity: np.ndarray) -> np.ndarray:
         flat = pad_rows(disparity.reshape(-1), max(1024, padded_length(disparity.size)))
-        radius = np.asarray(_reaches(lens, camera, jnp.asarray(flat, dtype=camera.focal_px.dtype)))
+        radius = np.asarray(_reaches(lens, camera, device_array(flat, dtype=camera.focal_px.dtype)))
         strays = radius[: disparity.size].reshape(disparity.shape) + beyond
         return strays * supersampling + supersampling / 2 + _BORDER
 

@@ -5,6 +5,7 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int, UInt
 
 from focusjax._programs import jit
@@ -120,7 +121,7 @@ class Layers(eqx.Module):
     @property
     def filled(self) -> int:
         """Number of layers that hold anything; one at least."""
-        return max(1, int((self.cells > 0).any(axis=(1, 2)).sum()))
+        return max(1, int((np.asarray(self.cells) > 0).any(axis=(1, 2)).sum()))
 
     @property
     def extent(self) -> Extent:
@@ -130,7 +131,7 @@ class Layers(eqx.Module):
     @property
     def samples_kept(self) -> int:
         """Samples that hold a surface at their centre, over all layers."""
-        return int((self.samples.triangle >= 0).sum())
+        return int((np.asarray(self.samples.triangle) >= 0).sum())
 
     @property
     def nbytes(self) -> int:

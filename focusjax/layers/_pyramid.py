@@ -15,6 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt
 
+from focusjax._device import device_array
+
 _FINE_LEVELS = 3
 _COARSE_WIDTH = (1 << (_FINE_LEVELS - 1)) + 1
 """Coarsened blocks over which an answer of a coarse level holds."""
@@ -127,10 +129,10 @@ def build_ranges(
     ]
     overall = (least.min() * scale, most.max() * scale) if len(cell) else (np.inf, 0.0)
     return RangePyramid(
-        answers=jnp.asarray(np.concatenate(answers)),
-        scale=jnp.asarray(scale, dtype=real),
-        overall=jnp.asarray(overall, dtype=real),
-        most_layers=jnp.asarray(most_layers, dtype=jnp.int32),
+        answers=device_array(np.concatenate(answers)),
+        scale=device_array(scale, dtype=real),
+        overall=device_array(overall, dtype=real),
+        most_layers=device_array(most_layers, dtype=jnp.int32),
         block=block,
         shapes=tuple(level.shape for level in tables[0]),
     )

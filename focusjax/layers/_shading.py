@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt
 
+from focusjax._device import device_array
 from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.layers._blocks import in_blocks
@@ -76,5 +77,5 @@ def _background_radiance(background: AbstractBackground, camera: Camera, grid: G
 def background(scene: Scene, camera: Camera, grid: Grid) -> Float[Array, "h w 3"] | Float[Array, "3"]:
     """What is seen at infinity through every sample of the grid; one colour if it is the same all over."""
     if isinstance(scene.background, ConstantBackground):
-        return jnp.asarray(np.asarray(scene.background.colour))
+        return device_array(scene.background.colour)
     return _background_radiance(scene.background, camera, grid)

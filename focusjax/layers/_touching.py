@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt
 
 from focusjax import _parallel
+from focusjax._device import device_array
 from focusjax._parallel import in_parallel
 from focusjax._programs import jit
 from focusjax.layers._blocks import in_blocks, pad_rows
@@ -256,7 +257,7 @@ def _table(edges: Edges, w: Sequence[np.ndarray]) -> Float[Array, "14 boxes"]:
     with np.errstate(invalid="ignore"):
         plane = [sum(edge[k] * edge[3] for edge in edges) for k in (2, 0, 1)]
     rows = [*(values for edge in edges for values in edge[:3]), *plane, *_extremes(w)]
-    return jnp.asarray(np.stack([pad_rows(row.astype(np.float32), _BOXES_AT_ONCE) for row in rows]))
+    return device_array(np.stack([pad_rows(row.astype(np.float32), _BOXES_AT_ONCE) for row in rows]))
 
 
 @jit

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from focusjax._arguments import real_number
+from focusjax._device import device_array
 from focusjax.lens._length import root
 
 
@@ -190,7 +191,7 @@ def polygon(blades: int, *, rotation: SupportsFloat = 0.0, roundness: SupportsFl
     if not math.isfinite(real_number(rotation, "blade rotation", "a finite angle in radians")):
         raise ValueError(f"blade rotation is {rotation}; expected a finite angle in radians")
     return Polygon(
-        rotation=jnp.asarray(float(rotation), dtype=float),
-        roundness=jnp.asarray(float(roundness), dtype=float),
+        rotation=device_array(float(rotation), dtype=float),
+        roundness=device_array(float(roundness), dtype=float),
         blades=blades,
     )

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from focusjax._arguments import real_number, real_numbers
+from focusjax._programs import jit
 from focusjax.geometry import Camera
 
 MAX_TILT = math.pi / 4
@@ -72,6 +73,7 @@ def lens_axis(plane: Float[Array, "3"], focal_length: Float[Array, ""]) -> Float
     return jnp.concatenate([across, ahead[None]])
 
 
+@jit
 def movements_of(plane: Float[Array, "3"], focal_length: Float[Array, ""]) -> Movements:
     """Tilt, swing and distances that focus a lens of `focal_length` (metres) on `plane` (n, 1/m)."""
     axis = lens_axis(plane, focal_length)

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._arguments import real_number, require_kind
+from focusjax._device import device_array
 from focusjax._programs import jit
 from focusjax.optics._glass import FRAUNHOFER, AbstractGlass, air
 from focusjax.optics._height_field import HeightField
@@ -131,8 +132,8 @@ def make_prescription(
         )
     lens = Prescription(
         tuple(surfaces),
-        jnp.asarray(np.asarray(thicknesses, dtype=float), dtype=float),
-        jnp.asarray(np.asarray(semi_diameters, dtype=float), dtype=float),
+        device_array(thicknesses, dtype=float),
+        device_array(semi_diameters, dtype=float),
         tuple(glasses),
         stop,
         name,

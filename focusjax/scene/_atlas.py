@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from focusjax._device import device_array
 from focusjax._kept import kept
 
 
@@ -131,10 +132,10 @@ def atlas_of(pyramids: Sequence[Sequence[Float[np.ndarray, "_ _ c"]]]) -> Atlas:
     area = sizes.prod(axis=1)
 
     def plane(channel: int) -> Float[Array, " n"]:
-        return jnp.asarray(np.concatenate([level[..., channel].ravel() for level in levels]), dtype=float)
+        return device_array(np.concatenate([level[..., channel].ravel() for level in levels]), dtype=float)
 
     def table(values: Sequence[int] | np.ndarray) -> Int[Array, "_"]:
-        return jnp.asarray(values, dtype=jnp.int32)
+        return device_array(values, dtype=jnp.int32)
 
     return Atlas(
         texels=tuple(plane(channel) for channel in range(levels[0].shape[2])),

@@ -5,9 +5,11 @@ from collections.abc import Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from focusjax._arguments import real_numbers
+from focusjax._device import device_array
 from focusjax.scene._vectors import norm, unit
 
 
@@ -73,7 +75,7 @@ def directional_light(
         ([0.0, -1.0, 0.0], [0.5, 0.5, 0.5])
     """
     travel = _vector(direction, "direction of a directional light")
-    if not bool(jnp.any(travel != 0)):
+    if not np.asarray(travel).any():
         raise ValueError("the direction of a directional light is zero; expected where its light travels")
     return DirectionalLight(travel, light_colour(colour, "colour of a directional light"))
 
@@ -103,16 +105,16 @@ def light_colour(value: ArrayLike | Sequence[float], what: str) -> Float[Array, 
         ValueError: another number of values, a negative one, or one that is not finite.
     """
     expected = "one number or three (red, green, blue)"
-    colour = jnp.asarray(real_numbers(value, f"the {what}", expected), dtype=float)
+    colour = np.asarray(real_numbers(value, f"the {what}", expected), dtype=float)
     if colour.shape not in ((), (3,)):
         raise ValueError(f"the {what} is {value}; expected {expected}")
-    if not bool(jnp.all(jnp.isfinite(colour))) or not bool(jnp.all(colour >= 0)):
+    if not np.isfinite(colour).all() or not (colour >= 0).all():
         raise ValueError(f"the {what} is {value}; expected finite values of at least 0")
-    return jnp.broadcast_to(colour, (3,))
+    return device_array(np.broadcast_to(colour, (3,)), dtype=float)
 
 
 def _vector(value: ArrayLike | Sequence[float], what: str) -> Float[Array, "3"]:
-    vector = jnp.asarray(real_numbers(value, f"the {what}", "three finite numbers"), dtype=float)
-    if vector.shape != (3,) or not bool(jnp.all(jnp.isfinite(vector))):
+    vector = np.asarray(real_numbers(value, f"the {what}", "three finite numbers"), dtype=float)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ValueError(f"the {what} is {value}; expected three finite numbers")
-    return vector
+    return device_array(vector, dtype=float)

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from focusjax._arguments import require_kind, require_switches
+from focusjax._device import device_array
 from focusjax._kept import kept
 from focusjax._words import did_you_mean
 from focusjax.scene._atlas import atlas_of, make_atlas
@@ -87,7 +88,7 @@ class Scene:
             values = np.stack([getattr(material, field) for material in self.materials])
             # What is grey in all materials is looked up once, not three times.
             columns = values.T[:1] if (values == values[:, :1]).all() else values.T
-            return tuple(jnp.asarray(column, dtype=float) for column in columns) if values.any() else None
+            return tuple(device_array(column, dtype=float) for column in columns) if values.any() else None
 
         specular = planes("specular") if self.lights else None
         reflectance = planes("reflectance")
@@ -116,8 +117,8 @@ class Scene:
         if any(material.opacity_texture >= 0 for material in self.materials):
             pictures = self._opacity_pictures()
         return Opacity(
-            faces=tuple(jnp.asarray(corner, dtype=jnp.int32) for corner in self.faces.T),
-            face_material=jnp.asarray(self.face_material, dtype=jnp.int32),
+            faces=tuple(device_array(corner, dtype=jnp.int32) for corner in self.faces.T),
+            face_material=device_array(self.face_material, dtype=jnp.int32),
             factor=jnp.asarray([material.opacity for material in self.materials], dtype=float),
             vertex=None if self.vertex_opacity is None else jnp.asarray(self.vertex_opacity, dtype=float),
             pictures=pictures,
@@ -132,23 +133,23 @@ class Scene:
         sizes = [self.opacities[k].shape if k >= 0 else (0, 0) for k, _ in kinds]
         return OpacityPictures(
             atlas=atlas,
-            texture=jnp.asarray([pictured.index(k) + 1 if k[0] >= 0 else 0 for k in kinds], dtype=jnp.int32),
+            texture=device_array([pictured.index(k) + 1 if k[0] >= 0 else 0 for k in kinds], dtype=jnp.int32),
             cutoff=jnp.asarray([cutoff_code(cutoff) for _, cutoff in kinds], dtype=float),
-            uv=tuple(jnp.asarray(column, dtype=float) for column in self.uv.T),
-            texels_per_metre=jnp.asarray(_texel_density(self, sizes), dtype=float),
+            uv=tuple(device_array(column, dtype=float) for column in self.uv.T),
+            texels_per_metre=device_array(_texel_density(self, sizes), dtype=float),
         )
 
     def shader(self, eye: ArrayLike | Sequence[float]) -> Shader:
         """The shader of this scene for a camera at `eye` (world metres)."""
         # Its tables do not depend on the eye, but on the type that numbers have in compiled programs.
         real = jnp.zeros(()).dtype
-        return replace(kept(self, ("shader", real), self._shader), eye=jnp.asarray(eye, dtype=real))
+        return replace(kept(self, ("shader", real), self._shader), eye=device_array(eye, dtype=real))
 
     def _shader(self) -> Shader:
         """The same for an eye at the origin."""
 
         def planes(rows: np.ndarray) -> tuple[Float[Array, "_"], ...]:
-            return tuple(jnp.asarray(column, dtype=float) for column in rows.T)
+            return tuple(device_array(column, dtype=float) for column in rows.T)
 
         def materials(field: str) -> tuple[Float[Array, "_"], ...]:
             return planes(np.stack([getattr(material, field) for material in self.materials]))
@@ -162,24 +163,24 @@ class Scene:
             texturing = Texturing(
                 atlas=make_atlas(self.textures),
                 # The atlas has a white picture at 0 for materials that have none.
-                texture=jnp.asarray([material.texture + 1 for material in self.materials], dtype=jnp.int32),
+                texture=device_array([material.texture + 1 for material in self.materials], dtype=jnp.int32),
                 uv=planes(self.uv),
-                texels_per_metre=jnp.asarray(_texel_density(self, sizes), dtype=float),
-                pixels=jnp.asarray([m.pixels for m in self.materials]) if used("pixels") else None,
+                texels_per_metre=device_array(_texel_density(self, sizes), dtype=float),
+                pixels=device_array([m.pixels for m in self.materials]) if used("pixels") else None,
             )
         return Shader(
-            faces=tuple(jnp.asarray(corner, dtype=jnp.int32) for corner in self.faces.T),
+            faces=tuple(device_array(corner, dtype=jnp.int32) for corner in self.faces.T),
             positions=planes(self.vertices),
             normals=None if self.unlit else planes(self.normals),
             colours=planes(self.colours) if (self.colours != 1.0).any() else None,
-            face_material=jnp.asarray(self.face_material, dtype=jnp.int32),
+            face_material=device_array(self.face_material, dtype=jnp.int32),
             base_colour=materials("base_colour"),
             emission=materials("emission") if used("emission") else None,
             gloss=self.gloss(),
             texturing=texturing,
             lights=() if self.unlit else self.lights,
-            ambient=jnp.asarray(self.ambient, dtype=float),
-            eye=jnp.zeros(3),
+            ambient=device_array(self.ambient, dtype=float),
+            eye=device_array(np.zeros(3)),
         )
 
 

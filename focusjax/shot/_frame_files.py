@@ -8,6 +8,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
+from focusjax._device import device_array
 from focusjax.film import LongExposure, start_exposure
 from focusjax.geometry import Camera
 from focusjax.io import json_text, load_exr, replace_file, save_exr, save_png
@@ -139,7 +140,7 @@ def exposed_together(frames: Sequence[Path]) -> LongExposure:
     exposure = None
     for path in frames:
         channels = load_exr(path)
-        frame = jnp.asarray(np.stack([channels[name] for name in "RGB"], axis=-1))
+        frame = device_array(np.stack([channels[name] for name in "RGB"], axis=-1))
         if exposure is None:
             exposure = start_exposure(frame.shape[1], frame.shape[0], dtype=frame.dtype)
         exposure = exposure.add(frame)

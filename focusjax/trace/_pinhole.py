@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt
 
+from focusjax._device import device_array
 from focusjax._programs import jit
 from focusjax.layers import Layers, RowsOfLayers, by_rows, covered, interval
 from focusjax.trace._gloss import radiance_from_centre
@@ -34,7 +35,7 @@ def render_pinhole(layers: Layers) -> Float[Array, "h w 3"]:
     )
     seen = np.asarray(_seen(layers))[*edges]
     blocks = seen.reshape(grid.height, grid.supersampling, grid.width, grid.supersampling, 3)
-    return jnp.asarray(blocks.mean(axis=(1, 3)))
+    return device_array(blocks.mean(axis=(1, 3)))
 
 
 @jit

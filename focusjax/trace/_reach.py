@@ -93,7 +93,7 @@ def _measures(
     the layers' range, 0 where the layers hold nothing.
     """
     least, largest = overall
-    at = least + jnp.linspace(0.0, 1.0, _LOOKS).astype(least.dtype) * (largest - least)
+    at = least + np.linspace(0.0, 1.0, _LOOKS, dtype=least.dtype) * (largest - least)
 
     def strays(lens: AbstractLens) -> Float[Array, " n"]:
         return jax.vmap(lambda disparity: lens.reach(camera, disparity))(at)

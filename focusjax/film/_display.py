@@ -41,8 +41,9 @@ def to_words(image: Float[Array, "h w 3"], *, exposure: float = 0.0) -> UInt16[n
 
 
 def _whole_numbers(image: Float[Array, "h w 3"], exposure: float, white: float) -> Float[np.ndarray, "h w 3"]:
-    factors = (device_array(factor, image.dtype) for factor in (2.0**exposure, white))
-    return np.asarray(_displayed(image, *factors))
+    shown = device_array(image)
+    factors = (device_array(factor, shown.dtype) for factor in (2.0**exposure, white))
+    return np.asarray(_displayed(shown, *factors))
 
 
 @jit

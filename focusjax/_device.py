@@ -21,6 +21,7 @@ def device_array(values: Any, dtype: Any = None) -> Array:
     """
     if isinstance(values, jax.Array):
         return jnp.asarray(values, dtype=dtype)
-    known = np.asarray(values)
-    wanted = jax.dtypes.canonicalize_dtype(known.dtype if dtype is None else dtype)
-    return jax.device_put(np.array(known, dtype=wanted))
+    wanted = None if dtype is None else jax.dtypes.canonicalize_dtype(dtype)
+    # What is no array is refused where it does not fit, as `jnp.asarray` does.
+    known = values if isinstance(values, np.ndarray) else np.asarray(values, dtype=wanted)
+    return jax.device_put(np.array(known, dtype=wanted or jax.dtypes.canonicalize_dtype(known.dtype)))

@@ -43,3 +43,13 @@ def test_values_are_copied():
 def test_traced_values_stay_traced():
     slope = jax.grad(lambda value: jnp.sum(device_array(value, dtype=float) ** 2))(jnp.ones(3))
     np.testing.assert_array_equal(slope, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "dtype", "error"),
+    [(2**40, jnp.int32, OverflowError), (float("nan"), jnp.int32, ValueError), (1j, float, TypeError)],
+)
+def test_what_does_not_fit_is_refused(value, dtype, error):
+    for make in (device_array, jnp.asarray):
+        with pytest.raises(error):
+            make(value, dtype)

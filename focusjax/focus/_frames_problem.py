@@ -13,7 +13,7 @@ from focusjax.focus._frames_asked import FramesAsked
 from focusjax.focus._frames_sides import likely_sides
 from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._image_points import ImagePoints
-from focusjax.focus._joint import Joint, JointWalk, Linearised, mean_of, rounding, walk_frames
+from focusjax.focus._joint import Joint, JointWalk, Linearised, mean_of, walk_frames
 from focusjax.focus._objective import Objective, make_objective
 from focusjax.focus._parameters import Start, make_start
 from focusjax.focus._path import answers_of_each, filled, paths_through
@@ -121,7 +121,8 @@ def thin_walk(problem: FramesProblem, asked: FramesAsked) -> JointWalk:
     def onward(best: _Tried, start: tuple[Array, Array, Array]) -> tuple[_Tried, None]:
         first, side, known = start
         tried = jax.lax.cond(known, lambda: best, lambda: walked(first, side))
-        noise = joint.scale.size * rounding(jnp.max(jnp.abs(tried.walk.pixels))) ** 2
+        count = jnp.sum(joint.present) * joint.scale.shape[1]
+        noise = count * joint.rounding(tried.walk.pixels) ** 2
         cheaper = tried.cost < (1.0 - _ALIKE) * best.cost - noise
         settled = tried.walk.settled
         better = jnp.where(settled == best.walk.settled, cheaper, settled)

@@ -140,6 +140,11 @@ class Joint(eqx.Module):
         """Rows that leave their side open, and for which it makes a difference."""
         return jax.vmap(lambda frame: frame.two_sided)(self.frames)
 
+    def rounding(self, pixels: Float[Array, "t k"]) -> Float[Array, ""]:
+        """How far off a parameter in pixels may be."""
+        largest = jnp.max(jnp.abs(pixels), where=self.present[:, None], initial=0.0)
+        return 16.0 * jnp.finfo(pixels.dtype).eps * (1.0 + largest)
+
     def natural_side(self, pixels: Float[Array, "t k"]) -> Float[Array, "t n"]:
         """The sides on which all points are."""
         return jax.vmap(Objective.natural_side)(self.frames, pixels / self.scale)
@@ -249,11 +254,7 @@ def _paths(
 
 def _rounding(fn: Any, pixels: Float[Array, "t k"], args: Any) -> tuple[Array, Array, Array]:
     """A residual in pixels moves by as much as a parameter in pixels may be off."""
+    joint, _ = args
     rows = jax.eval_shape(lambda: fn(pixels, args)[0])
-    size = rounding(jnp.max(jnp.abs(pixels)))
+    size = joint.rounding(pixels)
     return jax.tree.map(lambda row: jnp.broadcast_to(size, row.shape), rows)
-
-
-def rounding(size: Float[Array, ""]) -> Float[Array, ""]:
-    """How far off a parameter of up to `size` pixels may be."""
-    return 16.0 * jnp.finfo(size.dtype).eps * (1.0 + size)

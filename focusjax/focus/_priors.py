@@ -98,7 +98,7 @@ def checked_priors(priors: Mapping[str, Prior], free: tuple[str, ...]) -> Number
 
 
 def _numbers(prior: Prior | None) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    value, inverse = (1.0, 0.0) if prior is None else (prior.value, 1.0 / prior.sigma)
+    value, inverse = (1.0, 0.0) if prior is None else (prior.value, 1.0 / float(prior.sigma))
     return jnp.asarray(value, dtype=float), jnp.asarray(inverse, dtype=float)
 
 

@@ -77,5 +77,6 @@ def _background_radiance(background: AbstractBackground, camera: Camera, grid: G
 def background(scene: Scene, camera: Camera, grid: Grid) -> Float[Array, "h w 3"] | Float[Array, "3"]:
     """What is seen at infinity through every sample of the grid; one colour if it is the same all over."""
     if isinstance(scene.background, ConstantBackground):
-        return device_array(scene.background.colour)
+        # In the precision of now, whatever it was made in.
+        return device_array(np.asarray(scene.background.colour))
     return _background_radiance(scene.background, camera, grid)

@@ -4,6 +4,7 @@ import abc
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
@@ -105,16 +106,22 @@ def light_colour(value: ArrayLike | Sequence[float], what: str) -> Float[Array, 
         ValueError: another number of values, a negative one, or one that is not finite.
     """
     expected = "one number or three (red, green, blue)"
-    colour = np.asarray(real_numbers(value, f"the {what}", expected), dtype=float)
+    colour = _known(real_numbers(value, f"the {what}", expected))
     if colour.shape not in ((), (3,)):
         raise ValueError(f"the {what} is {value}; expected {expected}")
     if not np.isfinite(colour).all() or not (colour >= 0).all():
         raise ValueError(f"the {what} is {value}; expected finite values of at least 0")
-    return device_array(np.broadcast_to(colour, (3,)), dtype=float)
+    return device_array(np.broadcast_to(colour, (3,)))
 
 
 def _vector(value: ArrayLike | Sequence[float], what: str) -> Float[Array, "3"]:
-    vector = np.asarray(real_numbers(value, f"the {what}", "three finite numbers"), dtype=float)
+    vector = _known(real_numbers(value, f"the {what}", "three finite numbers"))
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ValueError(f"the {what} is {value}; expected three finite numbers")
-    return device_array(vector, dtype=float)
+    return device_array(vector)
+
+
+def _known(values: ArrayLike) -> Float[np.ndarray, "*shape"]:
+    """Known numbers in the precision of the device, in which what is too large is infinite."""
+    with np.errstate(over="ignore"):
+        return np.asarray(values, dtype=jax.dtypes.canonicalize_dtype(float))

@@ -1,5 +1,6 @@
 """Joining objects to a scene, and what is refused."""
 
+import jax
 import numpy as np
 import pytest
 
@@ -40,6 +41,9 @@ def test_bad_scenes_are_refused():
         make_scene([make_object("a", *TRIANGLE), make_object("a", *TRIANGLE)])
     with pytest.raises(ValueError, match=r"ambient light is -1\.0; expected finite values of at least 0"):
         make_scene([make_object("a", *TRIANGLE)], ambient=-1.0)
+    # More than single precision holds.
+    with jax.enable_x64(False), pytest.raises(ValueError, match=r"ambient light is 1e\+39; expected finite"):
+        make_scene([make_object("a", *TRIANGLE)], ambient=1e39)
 
 
 @pytest.mark.parametrize(

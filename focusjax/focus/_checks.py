@@ -34,8 +34,7 @@ def require(
             transformation, the error is raised when the compiled code runs, without the value.
     """
     # Known values are tested by numpy: a dozen checks are then too quick to notice in a solve.
-    known = not isinstance(value, Tracer)
-    ok = holds(np.asarray(value) if known else value)
+    ok = holds(known(value))
     if isinstance(ok, Tracer):
         return eqx.error_if(value, ~jnp.all(ok), f"{what} is out of range; expected {expected}")
     if not np.all(ok):

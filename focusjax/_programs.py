@@ -2,10 +2,11 @@
 
 JAX keeps what XLA compiles in the folder `jax_compilation_cache_dir`, if it has one, and finds it by its
 text. So every process traces and lowers each function again, which takes several times as long as to read its
-program. Here a program is found by all that tracing depends on: the sources of focusjax, versions of the
-packages that it is built on, settings of JAX, the processor, and the arguments but for the values of arrays.
-What belongs to other packages or to a script, as a lens of its own, is not known by that: functions of it
-are traced as always, and so are programs that call Python.
+program. Here a program is found by all that tracing depends on: the sources that its function and the classes
+of its arguments are made of (`_sources.py`), versions of the packages that focusjax is built on, settings of
+JAX, the processor, and the arguments but for the values of arrays. What belongs to other packages or to a
+script, as a lens of its own, is not known by that: functions of it are traced as always, and so are programs
+that call Python.
 """
 
 import functools
@@ -31,6 +32,8 @@ from jax.core import Tracer
 from jax.experimental import serialize_executable
 from jax.extend.core import ClosedJaxpr, Jaxpr
 from jax.stages import Compiled
+
+from focusjax._sources import sources_of
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _Options = dict[str, Any]
@@ -223,15 +226,27 @@ def _name(asked: _Asked, arrays: Sequence[Any]) -> str:
         raise pickle.PicklingError(f"{function!r} is not of a module of a known package")
     name = function.__module__, function.__qualname__, sorted(asked.options.items())
     described.dump((_surroundings(), _settings(), name, kinds, marked))
-    return f"{asked.function.__name__.strip('_')}-{hashlib.sha256(text.getvalue()).hexdigest()[:40]}"
+    sources = sources_of({function.__module__, *described.modules})
+    hashed = hashlib.sha256(text.getvalue() + sources.encode()).hexdigest()
+    return f"{function.__name__.strip('_')}-{hashed[:40]}"
 
 
 class _Described(pickle.Pickler):
-    """Writes down values of known packages, equal ones alike."""
+    """Writes down values of known packages, equal ones alike.
+
+    Attributes:
+        modules: that hold the classes and functions among them.
+    """
+
+    def __init__(self, file: io.BytesIO):
+        super().__init__(file)
+        self.modules: set[str] = set()
 
     def persistent_id(self, obj: Any) -> Any:
-        if isinstance(obj, type | types.FunctionType | types.BuiltinFunctionType) and not _is_known(obj):
-            raise pickle.PicklingError(f"{obj!r} is of another package")
+        if isinstance(obj, type | types.FunctionType | types.BuiltinFunctionType):
+            if not _is_known(obj):
+                raise pickle.PicklingError(f"{obj!r} is of another package")
+            self.modules.add(obj.__module__ or "builtins")
         return None
 
     def reducer_override(self, obj: Any) -> Any:
@@ -247,14 +262,9 @@ def _is_known(obj: Any) -> bool:
 @functools.cache
 def _surroundings() -> str:
     """What tracing and compiling depend on and a process has for good."""
-    sources = hashlib.sha256()
-    package = Path(__file__).parent
-    for path in sorted(each for each in package.rglob("*") if each.is_file() and each.suffix != ".pyc"):
-        sources.update(f"{path.relative_to(package)}\0".encode() + path.read_bytes())
     device = jax.devices()[0]
     return repr(
         (
-            sources.hexdigest(),
             [version(name) for name in _PACKAGES],
             sys.version,
             platform.machine(),
@@ -358,20 +368,19 @@ def _write(path: Path, program: _Program) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         new.write_bytes(packed)
         os.replace(new, path)
-        _forget_the_oldest(path.parent)
+        forget_the_oldest(path.parent, "*" + _SUFFIX, _LARGEST)
     except Exception:
         # The disk is full, the folder cannot be written, or JAX cannot write the program down.
         return
 
 
-def _forget_the_oldest(folder: Path) -> None:
-    files = sorted(
-        ((each.stat(), each) for each in folder.glob("*" + _SUFFIX)), key=lambda pair: -pair[0].st_mtime
-    )
+def forget_the_oldest(folder: Path, pattern: str, most: int) -> None:
+    """Removes those files of `folder` like `pattern` that were not used for longest, but for `most` bytes."""
+    files = [(each.stat(), each) for each in folder.glob(pattern)]
     total = 0
-    for stat, path in files:
+    for stat, path in sorted(files, key=lambda pair: -max(pair[0].st_mtime, pair[0].st_atime)):
         total += stat.st_size
-        if total > _LARGEST:
+        if total > most:
             path.unlink(missing_ok=True)
 
 

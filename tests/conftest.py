@@ -2,8 +2,6 @@
 
 import gc
 import os
-import shutil
-import tempfile
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
@@ -36,6 +34,8 @@ gc.set_threshold(50_000, 20, 50)
 
 _MOST_MEMORY = 2 << 30
 """Bytes of a process after which its programs are let go: most of its memory is what compiling left."""
+_MOST_ON_DISK = 2 << 30
+"""Bytes of programs that are kept for the next run."""
 _PROGRAMS = "FOCUSJAX_TESTS_PROGRAMS"
 """The variable that gives the processes of one run the folder of the programs that they share."""
 
@@ -64,22 +64,24 @@ def programs_of_their_own(request: pytest.FixtureRequest) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Every program is compiled once in a run, whichever process and test ask for it.
+    """Every program is compiled once, whichever process and test ask for it, and whichever run.
 
-    No run shares with another.
+    Programs lie in pytest's own folder, which `--cache-clear` empties, and none of them stays when what it is
+    made of changes. Without pytest's cache every process compiles what it needs.
     """
-    if _is_worker(config):
-        folder = os.environ[_PROGRAMS]
-    else:
-        folder = os.environ[_PROGRAMS] = tempfile.mkdtemp(prefix="focusjax_tests_")
-    jax.config.update("jax_compilation_cache_dir", folder)
+    if not _is_worker(config):
+        kept = getattr(config, "cache", None)
+        os.environ[_PROGRAMS] = "" if kept is None else str(kept.mkdir("programs"))
+    jax.config.update("jax_compilation_cache_dir", os.environ[_PROGRAMS] or None)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
-    """Nothing is left for the next run."""
-    if not _is_worker(config):
-        shutil.rmtree(os.environ.pop(_PROGRAMS), ignore_errors=True)
+    """What was not used for longest goes where there is too much."""
+    if not _is_worker(config) and (folder := os.environ.pop(_PROGRAMS)):
+        from focusjax._programs import forget_the_oldest
+
+        forget_the_oldest(Path(folder), "*", _MOST_ON_DISK)
 
 
 def _resident() -> int:

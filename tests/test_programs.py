@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from focusjax import _programs
+from focusjax import _programs, _sources
 from focusjax._arguments import ArgumentError
 from focusjax._programs import jit, jit_in_haste
 from focusjax.lens import thin_lens
@@ -125,6 +125,24 @@ def test_other_values_use_the_same_program_and_everything_else_another(folder: P
     assert len(files(folder)) == 3
     compiled(lens, np.asarray(factor), kinds)
     assert len(files(folder)) == 3
+
+
+@pytest.mark.parametrize(("changed", "programs"), [("optics", 2), ("lens", 2), ("focus", 1), ("job", 1)])
+def test_other_sources_of_an_argument_are_another_program(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, changed: str, programs: int
+):
+    """Lenses are made of optics; neither is made of what solves or of commands."""
+    monkeypatch.setattr(_programs, "_folder", lambda: str(folder))
+    jit(answers)(*arguments())
+    read = _sources._read
+
+    def another(part: str) -> tuple[frozenset[str], str]:
+        imported, contents = read(part)
+        return imported, "another" if part == changed else contents
+
+    monkeypatch.setattr(_sources, "_read", another)
+    jit(answers)(*arguments())
+    assert len(files(folder)) == programs
 
 
 def test_other_settings_of_jax_are_another_program(folder: Path):

@@ -1,5 +1,6 @@
 """What `run`, `solve`, `render`, `refocus` and `shot` do, from a config to an exit status."""
 
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,12 +20,13 @@ from focusjax._console import (
     say,
     warnings_printed,
 )
+from focusjax._program_files import reading_ahead
 from focusjax._progress import progress
 from focusjax._summary import print_outcome, print_shot
 from focusjax.config import Config, ConfigError
 from focusjax.io import staged_folder
 from focusjax.many import ManyError, chosen_workers
-from focusjax.report import FILES, save_outcome
+from focusjax.report import FILES, import_drawing, save_outcome
 from focusjax.shot import film
 
 
@@ -69,14 +71,21 @@ def carry_out(
 ) -> None:
     """What a config asks for, into `folder`, to exit status; `reword` is for what is wrong with the input."""
     console, errors = Console(), Console(stderr=True)
+
+    def begun(stage: str, share: float | None) -> None:
+        report(stage, share)
+        if stage == "render":
+            threading.Thread(target=import_drawing).start()
+
     with _failures(errors, folder, talk, reword=reword):
         config = read()
         with (
             staged_folder(folder, owned=FILES) as stage,
             progress(errors, talk) as report,
             warnings_printed(errors),
+            reading_ahead(f"{folder.resolve()} {solving} {rendering}"),
         ):
-            outcome = job.run(config, solving=solving, rendering=rendering, progress=report)
+            outcome = job.run(config, solving=solving, rendering=rendering, progress=begun)
             report("save", None)
             save_outcome(stage, outcome)
     if talk is not Talk.QUIET:
@@ -113,7 +122,11 @@ def carry_out_shot(
         workers = chosen_workers(errors, jobs, scheduler)
         config = read()
         chosen = None if frames is None else _frames(frames)
-        with progress(errors, talk) as report, warnings_printed(errors):
+        with (
+            progress(errors, talk) as report,
+            warnings_printed(errors),
+            reading_ahead(f"{folder.resolve()} shot {rendering}"),
+        ):
             solved, _ = film(
                 config,
                 folder,

@@ -18,8 +18,6 @@ import platform
 import sys
 import threading
 import time
-import types
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -29,11 +27,10 @@ from typing import Any, TypeVar
 import equinox as eqx
 import jax
 from jax.core import Tracer
-from jax.experimental import serialize_executable
 from jax.extend.core import ClosedJaxpr, Jaxpr
-from jax.stages import Compiled
 
-from focusjax._sources import sources_of
+from focusjax._program_files import SUFFIX, Mark, Program, read, write
+from focusjax._sources import are_as_begun, sources_of
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _Options = dict[str, Any]
@@ -50,13 +47,8 @@ _PACKAGES = ("jax", "jaxlib", "equinox", "jaxtyping", "lineax", "numpy", "optimi
 """What functions are traced from, by their versions; focusjax itself goes by its sources."""
 _KNOWN = {"focusjax", *_PACKAGES, *sys.stdlib_module_names} - {"__main__"}
 """Modules whose functions are known, and whose classes and functions arguments may hold."""
-_LARGEST = 512 << 20
-"""Bytes of programs that are kept; those not used for longest go."""
-_SUFFIX = ".focusjax"
 _LEAST = "persistent_cache_min_compile_time_secs"
 """JAX's setting: seconds from which on a program is worth being kept."""
-_READ = "/jax/core/compile/read_program_duration"
-"""An event of JAX's: reading a program counts as compiling it."""
 _CONTEXT = ("enable_x64", "default_matmul_precision", "numpy_dtype_promotion", "numpy_rank_promotion")
 """Settings of JAX that may be others for a while, or in one thread."""
 _alone = threading.Lock()
@@ -144,23 +136,6 @@ class _Asked:
         return jax.tree.unflatten(self.tree, leaves)
 
 
-@dataclass(frozen=True)
-class _Program:
-    """A program, and what it makes: a tree with marks in place of arrays."""
-
-    compiled: Compiled
-    made: Any
-
-    def __call__(self, arrays: Sequence[Any]) -> Any:
-        """What the function makes of its arguments' arrays."""
-        results = iter(self.compiled(*arrays))
-        return jax.tree.map(lambda leaf: next(results) if isinstance(leaf, _Mark) else leaf, self.made)
-
-
-class _Mark:
-    """Stands for an array."""
-
-
 def _folder() -> str | None:
     """Where programs are kept; None where they are not."""
     folder = _setting("compilation_cache_dir")
@@ -185,14 +160,18 @@ def _kind(array: Any) -> tuple[Any, ...]:
     return kind.shape, kind.dtype, kind.weak_type
 
 
-def _first(asked: _Asked, folder: str, arrays: Sequence[Any]) -> tuple[_Program | None, Any]:
+def _first(asked: _Asked, folder: str, arrays: Sequence[Any]) -> tuple[Program | None, Any]:
     """A program that was kept, or is from now on, and its results; None and nothing if JAX has to run it."""
     try:
-        path = Path(folder) / (_name(asked, arrays) + _SUFFIX)
+        name, modules = _name(asked, arrays)
+        kept = are_as_begun(modules)
     except Exception:
         # Objects say in their own ways that they cannot be written down.
         return None, _UNSEEN
-    program = _read(path)
+    if not kept:
+        return None, _UNSEEN
+    path = Path(folder) / (name + SUFFIX)
+    program = read(path)
     if program is not None:
         try:
             return program, jax.block_until_ready(program(arrays))
@@ -205,13 +184,13 @@ def _first(asked: _Asked, folder: str, arrays: Sequence[Any]) -> tuple[_Program 
     program = _compiled(asked, arrays)
     if program is None:
         return None, _UNSEEN
-    if time.perf_counter() - start >= least:
-        _write(path, program)
+    if time.perf_counter() - start >= least and are_as_begun(modules):
+        write(path, program)
     return program, program(arrays)
 
 
-def _name(asked: _Asked, arrays: Sequence[Any]) -> str:
-    """What is different for different programs.
+def _name(asked: _Asked, arrays: Sequence[Any]) -> tuple[str, set[str]]:
+    """What is different for different programs, and the modules that hold their functions and classes.
 
     Raises:
         PicklingError: something belongs to an unknown package.
@@ -220,22 +199,22 @@ def _name(asked: _Asked, arrays: Sequence[Any]) -> str:
     described = _Described(text)
     described.fast = True
     kinds = [repr(_kind(each)) for each in arrays]
-    marked = asked.with_arrays([_Mark()] * len(arrays))
+    marked = asked.with_arrays([Mark()] * len(arrays))
     function = asked.function
     if "<" in function.__qualname__ or not _is_known(function):
         raise pickle.PicklingError(f"{function!r} is not of a module of a known package")
     name = function.__module__, function.__qualname__, sorted(asked.options.items())
     described.dump((_surroundings(), _settings(), name, kinds, marked))
-    sources = sources_of({function.__module__, *described.modules})
-    hashed = hashlib.sha256(text.getvalue() + sources.encode()).hexdigest()
-    return f"{function.__name__.strip('_')}-{hashed[:40]}"
+    modules = {function.__module__, *described.modules}
+    hashed = hashlib.sha256(text.getvalue() + sources_of(modules).encode()).hexdigest()
+    return f"{function.__name__.strip('_')}-{hashed[:40]}", modules
 
 
 class _Described(pickle.Pickler):
     """Writes down values of known packages, equal ones alike.
 
     Attributes:
-        modules: that hold the classes and functions among them.
+        modules: that hold them, their classes and functions.
     """
 
     def __init__(self, file: io.BytesIO):
@@ -243,10 +222,11 @@ class _Described(pickle.Pickler):
         self.modules: set[str] = set()
 
     def persistent_id(self, obj: Any) -> Any:
-        if isinstance(obj, type | types.FunctionType | types.BuiltinFunctionType):
+        module = getattr(obj, "__module__", None)
+        if isinstance(module, str):
             if not _is_known(obj):
                 raise pickle.PicklingError(f"{obj!r} is of another package")
-            self.modules.add(obj.__module__ or "builtins")
+            self.modules.add(module)
         return None
 
     def reducer_override(self, obj: Any) -> Any:
@@ -294,14 +274,14 @@ def _settings() -> list[str]:
     return [f"{name}={getattr(jax.config, name, values[name])}" for name in names]
 
 
-def _compiled(asked: _Asked, arrays: Sequence[Any]) -> _Program | None:
+def _compiled(asked: _Asked, arrays: Sequence[Any]) -> Program | None:
     """The program, traced and compiled; None if it calls Python, which is not to be kept."""
     made = []
 
     def flat(*arrays: jax.Array) -> list[jax.Array]:
         arguments, named = asked.with_arrays(arrays)
         leaves, tree = jax.tree.flatten(asked.function(*arguments, **named))
-        marked = [_Mark() if eqx.is_array(leaf) else leaf for leaf in leaves]
+        marked = [Mark() if eqx.is_array(leaf) else leaf for leaf in leaves]
         made[:] = [jax.tree.unflatten(tree, marked)]
         return [leaf for leaf in leaves if eqx.is_array(leaf)]
 
@@ -315,7 +295,7 @@ def _compiled(asked: _Asked, arrays: Sequence[Any]) -> _Program | None:
         least = _setting(_LEAST)
         jax.config.update(f"jax_{_LEAST}", sys.float_info.max)
         try:
-            return _Program(lowered.compile(compiler_options=asked.options or None), made[0])
+            return Program(lowered.compile(compiler_options=asked.options or None), made[0])
         finally:
             jax.config.update(f"jax_{_LEAST}", least)
 
@@ -331,57 +311,6 @@ def _inner(parameters: dict[str, Any]) -> Iterator[Jaxpr]:
     for leaf in jax.tree.leaves(parameters, is_leaf=lambda each: isinstance(each, Jaxpr | ClosedJaxpr)):
         if isinstance(leaf, Jaxpr | ClosedJaxpr):
             yield leaf.jaxpr if isinstance(leaf, ClosedJaxpr) else leaf
-
-
-def _read(path: Path) -> _Program | None:
-    """A program that was kept; None if there is none, or none that can be read."""
-    start = time.perf_counter()
-    try:
-        text = path.read_bytes()
-        program, inputs, made = pickle.loads(zlib.decompress(text))
-        _load_lapack()
-        # Results have no tree but a list, whose length is that of the marks.
-        marks = [leaf for leaf in jax.tree.leaves(made) if isinstance(leaf, _Mark)]
-        outputs = jax.tree.structure([0] * len(marks))
-        inputs = jax.tree.structure(((0,) * inputs, {}))
-        compiled = serialize_executable.deserialize_and_load(program, inputs, outputs)
-        os.utime(path)
-    except Exception:
-        # There is none, or a damaged one, or one of another version of JAX.
-        return None
-    jax.monitoring.record_event_duration_secs(_READ, time.perf_counter() - start)
-    return _Program(compiled, made)
-
-
-@functools.cache
-def _load_lapack() -> None:
-    """Programs jump to LAPACK, which JAX loads when it first lowers such a function."""
-    jax.jit(jax.lax.linalg.cholesky).lower(jax.ShapeDtypeStruct((1, 1), jax.numpy.float32))
-
-
-def _write(path: Path, program: _Program) -> None:
-    """Keep a program, if that can be done."""
-    try:
-        text, inputs, _ = serialize_executable.serialize(program.compiled)
-        packed = zlib.compress(pickle.dumps((text, inputs.num_leaves, program.made)), 1)
-        new = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        new.write_bytes(packed)
-        os.replace(new, path)
-        forget_the_oldest(path.parent, "*" + _SUFFIX, _LARGEST)
-    except Exception:
-        # The disk is full, the folder cannot be written, or JAX cannot write the program down.
-        return
-
-
-def forget_the_oldest(folder: Path, pattern: str, most: int) -> None:
-    """Removes those files of `folder` like `pattern` that were not used for longest, but for `most` bytes."""
-    files = [(each.stat(), each) for each in folder.glob(pattern)]
-    total = 0
-    for stat, path in sorted(files, key=lambda pair: -max(pair[0].st_mtime, pair[0].st_atime)):
-        total += stat.st_size
-        if total > most:
-            path.unlink(missing_ok=True)
 
 
 @functools.cache

@@ -7,9 +7,13 @@ stays as it is while the others change.
 import functools
 import hashlib
 import re
+import time
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NamedTuple
 
+_BEGUN = time.time()
+"""When this process took up the first sources."""
 _ROOT = Path(__file__).parent
 _IMPORT = re.compile(r"^[ \t]*(?:from|import)[ \t]+focusjax\b(?:\.(\w+)|(.*))", re.MULTILINE)
 """An import at any place of a file: of a package or module of focusjax, or of what follows from focusjax."""
@@ -20,18 +24,28 @@ def sources_of(modules: Iterable[str]) -> str:
 
     Files that are no Python belong to the package whose folder they are in.
     """
-    parts = sorted(_needed({part for module in modules for part in _parts_of(module)}))
-    return hashlib.sha256("".join(f"{part}={_read(part)[1]};" for part in parts).encode()).hexdigest()
+    contents = "".join(f"{part}={_read(part).contents};" for part in _needed(modules))
+    return hashlib.sha256(contents.encode()).hexdigest()
 
 
-def _needed(parts: set[str]) -> set[str]:
-    """`parts` and all that they import."""
-    found, left = set(parts), list(parts)
+def are_as_begun(modules: Iterable[str]) -> bool:
+    """Whether no file that `modules` are made of has changed since the process began.
+
+    Otherwise what was imported and what `sources_of` read may be before and after the change.
+    """
+    stats = [path.stat() for part in _needed(modules) for path in _read(part).files]
+    return all(max(stat.st_mtime, stat.st_ctime) <= _BEGUN for stat in stats)
+
+
+def _needed(modules: Iterable[str]) -> list[str]:
+    """Of `_all_parts`, those that `modules` are in, and all that these import."""
+    left = [part for module in modules for part in _parts_of(module)]
+    found = set(left)
     while left:
-        new = _read(left.pop())[0] - found
+        new = _read(left.pop()).imported - found
         found |= new
         left += new
-    return found
+    return sorted(found)
 
 
 def _parts_of(module: str) -> frozenset[str]:
@@ -49,20 +63,33 @@ def _all_parts() -> frozenset[str]:
     )
 
 
+class _Part(NamedTuple):
+    """One of `_all_parts`.
+
+    Attributes:
+        files: that it consists of.
+        contents: a hash of them.
+        imported: other parts.
+    """
+
+    files: tuple[Path, ...]
+    contents: str
+    imported: frozenset[str]
+
+
 @functools.cache
-def _read(part: str) -> tuple[frozenset[str], str]:
-    """What one of `_all_parts` imports, and a hash of its files."""
+def _read(part: str) -> _Part:
+    """One of `_all_parts`, as its files are at the first call."""
     single = _ROOT / f"{part}.py"
-    files = [single] if single.exists() else sorted((_ROOT / part).rglob("*"))
+    listed = [single] if single.exists() else sorted((_ROOT / part).rglob("*"))
+    files = tuple(path for path in listed if path.is_file() and path.suffix != ".pyc")
     contents, imported = hashlib.sha256(), set()
     for path in files:
-        if not path.is_file() or path.suffix == ".pyc":
-            continue
         content = path.read_bytes()
         contents.update(f"{path.relative_to(_ROOT)}\0{len(content)}\0".encode() + content)
         if path.suffix == ".py":
             imported |= _imported(content.decode())
-    return frozenset(imported), contents.hexdigest()
+    return _Part(files, contents.hexdigest(), frozenset(imported))
 
 
 def _imported(source: str) -> set[str]:

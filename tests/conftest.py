@@ -3,6 +3,7 @@
 import gc
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 
@@ -66,20 +67,25 @@ def programs_of_their_own(request: pytest.FixtureRequest) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Every program is compiled once, whichever process and test ask for it, and whichever run.
 
-    Programs lie in pytest's own folder, which `--cache-clear` empties, and none of them stays when what it is
-    made of changes. Without pytest's cache every process compiles what it needs.
+    Programs lie in pytest's own folder, which `--cache-clear` empties; none is found again when what it is
+    made of has changed. Without such a folder every process compiles what it needs.
     """
     if not _is_worker(config):
-        kept = getattr(config, "cache", None)
-        os.environ[_PROGRAMS] = "" if kept is None else str(kept.mkdir("programs"))
-    jax.config.update("jax_compilation_cache_dir", os.environ[_PROGRAMS] or None)
+        os.environ[_PROGRAMS] = ""
+        with suppress(OSError, AttributeError):
+            os.environ[_PROGRAMS] = str(config.cache.mkdir("programs"))
+    folder = os.environ[_PROGRAMS]
+    if folder:
+        # Each process clears the folder where it is to be cleared.
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    jax.config.update("jax_compilation_cache_dir", folder or None)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
     """What was not used for longest goes where there is too much."""
-    if not _is_worker(config) and (folder := os.environ.pop(_PROGRAMS)):
-        from focusjax._programs import forget_the_oldest
+    if not _is_worker(config) and (folder := os.environ.pop(_PROGRAMS, "")):
+        from focusjax._program_files import forget_the_oldest
 
         forget_the_oldest(Path(folder), "*", _MOST_ON_DISK)
 

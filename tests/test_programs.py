@@ -1,6 +1,7 @@
 """Compiled programs: wherever a function is called it gives the same, and files of it give what it would."""
 
 import concurrent.futures
+import functools
 import os
 import platform
 import subprocess
@@ -14,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from focusjax import _programs, _sources
+from focusjax import _program_files, _programs, _sources
 from focusjax._arguments import ArgumentError
 from focusjax._programs import jit, jit_in_haste
 from focusjax.lens import thin_lens
@@ -39,6 +40,12 @@ def calling(x: Any) -> Any:
     return eqx.error_if(2.0 * x, x < 0.0, "below zero")
 
 
+@functools.cache
+def named_by_focusjax() -> int:
+    """What pickles as its name."""
+    return 1
+
+
 @pytest.fixture
 def folder(tmp_path: Path):
     """JAX's folder, empty; functions of this file count as focusjax's."""
@@ -46,7 +53,7 @@ def folder(tmp_path: Path):
     jax.config.update("jax_compilation_cache_dir", str(tmp_path))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     _programs._KNOWN.add(__name__.split(".")[0])
-    _programs._load_lapack()
+    _program_files.load_lapack()
     yield tmp_path
     _programs._KNOWN.discard(__name__.split(".")[0])
     jax.config.update("jax_compilation_cache_dir", before[0])
@@ -70,7 +77,7 @@ def events(call: Any) -> tuple[list[str], Any]:
 
 def files(folder: Path) -> list[Path]:
     """Programs that are kept."""
-    return sorted(folder.glob("*" + _programs._SUFFIX))
+    return sorted(folder.glob("*" + _program_files.SUFFIX))
 
 
 def arguments(factor: float = 2.0, count: int = 3) -> tuple[Any, ...]:
@@ -136,13 +143,36 @@ def test_other_sources_of_an_argument_are_another_program(
     jit(answers)(*arguments())
     read = _sources._read
 
-    def another(part: str) -> tuple[frozenset[str], str]:
-        imported, contents = read(part)
-        return imported, "another" if part == changed else contents
+    def another(part: str) -> _sources._Part:
+        return read(part)._replace(contents="another") if part == changed else read(part)
 
     monkeypatch.setattr(_sources, "_read", another)
     jit(answers)(*arguments())
     assert len(files(folder)) == programs
+
+
+def test_what_changed_while_a_process_runs_is_neither_kept_nor_read(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(_programs, "_folder", lambda: str(folder))
+    jit(answers)(*arguments())
+    (path,) = files(folder)
+    path.unlink()
+    monkeypatch.setattr(_sources, "_BEGUN", 0.0)
+    np.testing.assert_allclose(jit(answers)(*arguments())[1], 1.5)
+    assert not files(folder)
+
+
+def test_what_pickles_by_name_belongs_to_its_module(folder: Path):
+    lens, factor, kinds = arguments()
+    jit(answers)(lens, factor, kinds | {"own": named_by_focusjax})
+    assert len(files(folder)) == 1
+    named_by_focusjax.__module__ = "another"
+    try:
+        jit(answers)(lens, factor, kinds | {"own": named_by_focusjax, "count": 7})
+    finally:
+        named_by_focusjax.__module__ = __name__
+    assert len(files(folder)) == 1
 
 
 def test_other_settings_of_jax_are_another_program(folder: Path):
@@ -221,7 +251,7 @@ def test_a_program_that_does_not_run_is_compiled_again(folder: Path, monkeypatch
     jit(answers)(*arguments())
     (path,) = files(folder)
 
-    def broken(path: Path) -> _programs._Program | None:
+    def broken(path: Path) -> _program_files.Program | None:
         program = read(path)
         object.__setattr__(program, "compiled", fails)
         return program
@@ -229,8 +259,8 @@ def test_a_program_that_does_not_run_is_compiled_again(folder: Path, monkeypatch
     def fails(*arrays: Any) -> Any:
         raise jax.errors.JaxRuntimeError("NOT_FOUND: Function not found")
 
-    read = _programs._read
-    monkeypatch.setattr(_programs, "_read", broken)
+    read = _programs.read
+    monkeypatch.setattr(_programs, "read", broken)
     path.touch()
     before = path.stat().st_mtime_ns
     np.testing.assert_allclose(jit(answers)(*arguments())[1], 1.5)
@@ -277,7 +307,7 @@ def test_the_oldest_programs_go(folder: Path, monkeypatch: pytest.MonkeyPatch):
     compiled(*arguments(count=1))
     (first,) = files(folder)
     os.utime(first, (1.0, 1.0))
-    monkeypatch.setattr(_programs, "_LARGEST", int(1.5 * first.stat().st_size))
+    monkeypatch.setattr(_program_files, "_LARGEST", int(1.5 * first.stat().st_size))
     compiled(*arguments(count=2))
     (second,) = files(folder)
     assert second != first
@@ -290,7 +320,7 @@ import jax
 import jax.numpy as jnp
 jax.config.update("jax_compilation_cache_dir", sys.argv[1])
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-from focusjax import _programs
+from focusjax import _program_files
 import focusjax as fj
 from focusjax.focus import ImagePoints
 read = []
@@ -308,8 +338,8 @@ points = ImagePoints(
     names=("near", "far"),
 )
 solution = fj.solve(points, camera, lens, free=("focus", "f_number"))
-names = [path.name for path in Path(sys.argv[1]).glob("solve-*" + _programs._SUFFIX)]
-print(repr(float(solution.cost)), names, sum(_programs._READ in event for event in read))
+names = [path.name for path in Path(sys.argv[1]).glob("solve-*" + _program_files.SUFFIX)]
+print(repr(float(solution.cost)), names, sum(_program_files.READ in event for event in read))
 """
 
 

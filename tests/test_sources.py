@@ -1,12 +1,13 @@
 """Sources that functions are made of: all that is imported counts, and nothing else."""
 
 import ast
+import os
 from pathlib import Path
 
 import pytest
 
 from focusjax import _sources
-from focusjax._sources import sources_of
+from focusjax._sources import are_as_begun, sources_of
 
 FILES = {
     "__init__.py": "",
@@ -96,3 +97,15 @@ def test_imports_are_found_as_python_finds_them():
             imported |= {name.split(".")[1] for name in names if name.startswith("focusjax.")}
         found = _sources._imported(source)
         assert found == (imported if imported <= parts else parts), path
+
+
+def test_a_change_since_the_process_began_is_seen(root: Path, monkeypatch: pytest.MonkeyPatch):
+    long_ago = _sources._BEGUN - 1000.0
+    monkeypatch.setattr(_sources, "_BEGUN", (root / "top.py").stat().st_ctime + 1000.0)
+    sources_of(["focusjax.top"])
+    assert are_as_begun(["focusjax.top"])
+    os.utime(root / "any.py", (long_ago, _sources._BEGUN + 1000.0))
+    assert are_as_begun(["focusjax.top"])
+    os.utime(root / "base" / "_base.py", (long_ago, _sources._BEGUN + 1000.0))
+    assert not are_as_begun(["focusjax.top"])
+    assert are_as_begun(["focusjax.beside"])

@@ -1,6 +1,7 @@
 """The files of a run's folder."""
 
 import base64
+import importlib
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,11 @@ from focusjax.report._summary import summary
 
 FILES = ("report.json", "report.html", "blur.png", "image.png", "image.exr", "pinhole.png")
 """Every file that a run can leave in its folder."""
+
+
+def import_drawing() -> None:
+    """Import what `save_outcome` draws with, which takes half a second: for a thread beside other work."""
+    importlib.import_module("focusjax.report._blur_picture")
 
 
 def save_outcome(folder: Path, outcome: Outcome) -> None:

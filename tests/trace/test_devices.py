@@ -52,7 +52,7 @@ def test_two_processes_of_two_devices_each_make_the_picture_of_one(tmp_path: Pat
     around = os.environ | {
         "PYTHONPATH": os.pathsep.join(roots),
         "JAX_PLATFORMS": "cpu",
-        "JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir,
+        "JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir or "",
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.1",
     }
     running = [

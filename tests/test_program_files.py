@@ -1,0 +1,130 @@
+"""Programs that are read ahead are those that would be read, and nothing depends on them."""
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from focusjax import _program_files, _programs
+from focusjax._program_files import SUFFIX, Program, reading_ahead
+from focusjax.lens import thin_lens
+from focusjax.lens._base import AbstractLens
+
+
+def twice(lens: AbstractLens, factor: Any) -> Any:
+    """A function of a lens."""
+    return lens, 2.0 * factor
+
+
+def thrice(lens: AbstractLens, factor: Any) -> Any:
+    """Another."""
+    return lens, 3.0 * factor
+
+
+@pytest.fixture
+def readers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The names of files, and whether the main thread read them; as if this file were focusjax's."""
+    before = jax.config.values["jax_compilation_cache_dir"]
+    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
+    monkeypatch.setattr(_programs, "_folder", lambda: str(tmp_path))
+    monkeypatch.setattr(_programs, "_KNOWN", _programs._KNOWN | {__name__.split(".")[0]})
+    loaded, seen = _program_files._loaded, []
+
+    def note(path: Path) -> Program | None:
+        program = loaded(path)
+        here = threading.current_thread() is threading.main_thread()
+        seen.append((path.name.split("-")[0], program is not None, "here" if here else "ahead"))
+        return program
+
+    monkeypatch.setattr(_program_files, "_loaded", note)
+    yield seen
+    jax.config.update("jax_compilation_cache_dir", before)
+
+
+def run(*functions: Any, command: str = "a") -> None:
+    """The command, as a process that has nothing in memory does it, after some other work."""
+    with reading_ahead(command):
+        for future in list(_program_files._ahead.values()):
+            future.result()
+        for function in functions:
+            lens = thin_lens(focus_distance=2.0, f_number=2.8, focal_length=0.05)
+            factor = {twice: 2.0, thrice: 3.0}[function]
+            np.testing.assert_allclose(_programs.jit(function)(lens, jnp.array(5.0))[1], 5.0 * factor)
+
+
+def test_what_a_command_took_last_time_is_read_ahead(readers: list[Any]):
+    run(twice, thrice)
+    assert readers == [("twice", False, "here"), ("thrice", False, "here")]
+    readers.clear()
+    run(twice, thrice)
+    assert readers == [("twice", True, "ahead"), ("thrice", True, "ahead")]
+    readers.clear()
+    # What another command took is its own affair.
+    run(thrice, command="b")
+    assert readers == [("thrice", True, "here")]
+    readers.clear()
+    # What is not taken is not expected the time after.
+    run(thrice)
+    assert [(name, where) for name, _, where in readers] == [("twice", "ahead"), ("thrice", "ahead")]
+    readers.clear()
+    run(thrice)
+    assert readers == [("thrice", True, "ahead")]
+
+
+def test_what_another_thread_has_not_begun_is_read_at_once(readers: list[Any]):
+    run(twice, thrice)
+    readers.clear()
+    begun, go_on = threading.Event(), threading.Event()
+    note = _program_files._loaded
+
+    def waiting(path: Path) -> Program | None:
+        if threading.current_thread() is not threading.main_thread():
+            begun.set()
+            assert go_on.wait(60.0)
+        return note(path)
+
+    _program_files._loaded = waiting
+    with reading_ahead("a"):
+        assert begun.wait(60.0)
+        lens = thin_lens(focus_distance=2.0, f_number=2.8, focal_length=0.05)
+        _programs.jit(thrice)(lens, jnp.array(5.0))
+        assert readers == [("thrice", True, "here")]
+        go_on.set()
+        _programs.jit(twice)(lens, jnp.array(5.0))
+    assert readers[1:] == [("twice", True, "ahead")]
+
+
+@pytest.mark.parametrize("damage", ["programs", "list", "folder"])
+def test_damaged_files_are_no_error(readers: list[Any], tmp_path: Path, damage: str):
+    run(twice)
+    (listed,) = tmp_path.glob("*" + _program_files._TAKEN)
+    if damage == "programs":
+        for path in tmp_path.glob("*" + SUFFIX):
+            path.write_bytes(b"no program")
+    elif damage == "list":
+        listed.write_bytes(b"\xff\x00\n\n..")
+    else:
+        for path in tmp_path.iterdir():
+            path.unlink()
+        tmp_path.rmdir()
+    for _ in range(3):
+        run(twice)
+    assert readers[-1] == ("twice", True, "ahead")
+
+
+def test_without_a_folder_nothing_is_read(readers: list[Any]):
+    run(twice)
+    jax.config.update("jax_compilation_cache_dir", None)
+    with reading_ahead("a"):
+        assert not _program_files._ahead
+
+
+def test_what_is_raised_within_is_raised(readers: list[Any]):
+    run(twice)
+    with pytest.raises(KeyError, match="own"), reading_ahead("a"):
+        raise KeyError("own")
+    assert not _program_files._ahead

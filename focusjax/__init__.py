@@ -7,6 +7,8 @@ one of its names is first used, so that `import focusjax` is quick.
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from focusjax import _begun as _begun
+
 if TYPE_CHECKING:
     __version__: str
     from focusjax._show import show as show

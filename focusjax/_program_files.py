@@ -11,7 +11,7 @@ import pickle
 import threading
 import time
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -25,6 +25,8 @@ from jax.stages import Compiled
 SUFFIX = ".focusjax"
 _LARGEST = 512 << 20
 """Bytes of programs that are kept; those not used for longest go."""
+_MOST_AHEAD = 4 << 20
+"""Bytes of files that are read ahead: a few programs of pictures, which take much more memory when read."""
 _TAKEN = ".taken"
 """Suffix of lists of programs that a command took."""
 _LISTS = 1 << 20
@@ -56,6 +58,20 @@ _taken: dict[Path, None] = {}
 """Files that were asked for, in their order."""
 
 
+def kept_in() -> Path | None:
+    """The folder of programs; None where they are not kept."""
+    folder = setting("compilation_cache_dir")
+    if not folder or "://" in folder or not setting("enable_compilation_cache"):
+        return None
+    apart = setting("disable_jit") or setting("debug_nans") or setting("default_device") is not None
+    return None if apart or jax.device_count() > 1 else Path(folder)
+
+
+def setting(name: str) -> Any:
+    """One of JAX's."""
+    return getattr(jax.config, f"jax_{name}")
+
+
 @contextmanager
 def reading_ahead(command: str) -> Iterator[None]:
     """Programs that `command` took last time are read beside what is done within, in the order it took them.
@@ -63,32 +79,51 @@ def reading_ahead(command: str) -> Iterator[None]:
     Args:
         command: tells it from others.
     """
-    folder = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
-    if not folder or not Path(folder).is_dir():
+    folder = kept_in()
+    if folder is None:
         yield
         return
-    listed = Path(folder) / (hashlib.sha256(command.encode()).hexdigest()[:40] + _TAKEN)
+    listed = folder / (hashlib.sha256(os.fsencode(command)).hexdigest()[:40] + _TAKEN)
     expected = _names(listed)
     _taken.clear()
     with ThreadPoolExecutor(1) as pool:
-        _ahead.update({Path(folder) / name: pool.submit(_loaded, Path(folder) / name) for name in expected})
+        _ahead.update({path: pool.submit(_loaded, path) for path in _few(folder / name for name in expected)})
         try:
             yield
         finally:
-            for left in _ahead.values():
-                left.cancel()
-            _ahead.clear()
-            taken = [path.name for path in _taken if path.parent == Path(folder)]
-            if taken != expected:
-                _replace(listed, "\n".join(taken).encode(), f"*{_TAKEN}", _LISTS)
+            forget_what_is_ahead()
+    taken = [path.name for path in _taken if path.parent == folder]
+    if taken != expected:
+        _replace(listed, "\n".join(taken).encode(), f"*{_TAKEN}", _LISTS)
+
+
+def forget_what_is_ahead(function: str = "") -> None:
+    """Lets go of programs that are read ahead: of one function, or all."""
+    for path in [path for path in _ahead if not function or _function(path) == function]:
+        _ahead.pop(path).cancel()
+
+
+def _function(path: Path) -> str:
+    """The name of the function of a program."""
+    return path.name.split("-")[0]
 
 
 def _names(listed: Path) -> list[str]:
     """Of programs in a list; none, where there is no such list."""
     try:
-        return listed.read_text().split("\n")
+        return listed.read_text().splitlines()
     except (OSError, ValueError):
         return []
+
+
+def _few(paths: Iterable[Path]) -> Iterator[Path]:
+    """The first of those that are there, as long as they are not too large together."""
+    total = 0
+    for path in paths:
+        with suppress(OSError):
+            total += path.stat().st_size
+            if total <= _MOST_AHEAD:
+                yield path
 
 
 def read(path: Path) -> Program | None:
@@ -96,10 +131,13 @@ def read(path: Path) -> Program | None:
     start = time.perf_counter()
     _taken[path] = None
     ahead = _ahead.pop(path, None)
+    if ahead is None:
+        # Those of the same function are for what was asked last time.
+        forget_what_is_ahead(_function(path))
     # What another thread has not begun is sooner read here.
     program = _loaded(path) if ahead is None or ahead.cancel() else ahead.result()
     if program is not None:
-        name = f"jit(kept_{path.name.split('-')[0]})"
+        name = f"jit(kept_{_function(path)})"
         jax.monitoring.record_event_duration_secs(READ, time.perf_counter() - start, fun_name=name)
     return program
 

@@ -29,7 +29,8 @@ import jax
 from jax.core import Tracer
 from jax.extend.core import ClosedJaxpr, Jaxpr
 
-from focusjax._program_files import SUFFIX, Mark, Program, read, write
+from focusjax import _program_files
+from focusjax._program_files import SUFFIX, Mark, Program, read, setting, write
 from focusjax._sources import are_as_begun, sources_of
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -62,6 +63,7 @@ def forget_programs() -> None:
     """Lets go of all compiled programs of this process, as `jax.clear_caches` does; files stay."""
     for programs in _in_memory:
         programs.clear()
+    _program_files.forget_what_is_ahead()
     jax.clear_caches()
 
 
@@ -89,7 +91,7 @@ def _jitted(function: _Function, haste: _Options) -> _Function:
 
     @functools.wraps(function)
     def call(*arguments: Any, **named: Any) -> Any:
-        folder = _folder()
+        folder = _program_files.kept_in()
         if folder is None and not haste:
             return plain(*arguments, **named)
         leaves, tree = jax.tree.flatten((arguments, named))
@@ -101,7 +103,7 @@ def _jitted(function: _Function, haste: _Options) -> _Function:
         if folder is None or not all(_is_here(leaf) for leaf in arrays):
             return usual(*arguments, **named)
         fixed = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
-        key = folder, tree, fixed, tuple(_kind(leaf) for leaf in arrays), *map(_setting, _CONTEXT)
+        key = folder, tree, fixed, tuple(_kind(leaf) for leaf in arrays), *map(setting, _CONTEXT)
         program = programs.get(key, _UNSEEN)
         if program is _UNSEEN:
             asked = _Asked(function, tree, fixed, haste if hurried else {})
@@ -136,22 +138,9 @@ class _Asked:
         return jax.tree.unflatten(self.tree, leaves)
 
 
-def _folder() -> str | None:
-    """Where programs are kept; None where they are not."""
-    folder = _setting("compilation_cache_dir")
-    if not folder or "://" in folder or not _setting("enable_compilation_cache"):
-        return None
-    apart = _setting("disable_jit") or _setting("debug_nans") or _setting("default_device") is not None
-    return None if apart or jax.device_count() > 1 else folder
-
-
 def _is_here(array: Any) -> bool:
     """Whether an array is of numpy or on the default device."""
     return not isinstance(array, jax.Array) or array.devices() == {jax.devices()[0]}
-
-
-def _setting(name: str) -> Any:
-    return getattr(jax.config, f"jax_{name}")
 
 
 def _kind(array: Any) -> tuple[Any, ...]:
@@ -160,7 +149,7 @@ def _kind(array: Any) -> tuple[Any, ...]:
     return kind.shape, kind.dtype, kind.weak_type
 
 
-def _first(asked: _Asked, folder: str, arrays: Sequence[Any]) -> tuple[Program | None, Any]:
+def _first(asked: _Asked, folder: Path, arrays: Sequence[Any]) -> tuple[Program | None, Any]:
     """A program that was kept, or is from now on, and its results; None and nothing if JAX has to run it."""
     try:
         name, modules = _name(asked, arrays)
@@ -170,7 +159,7 @@ def _first(asked: _Asked, folder: str, arrays: Sequence[Any]) -> tuple[Program |
         return None, _UNSEEN
     if not kept:
         return None, _UNSEEN
-    path = Path(folder) / (name + SUFFIX)
+    path = folder / (name + SUFFIX)
     program = read(path)
     if program is not None:
         try:
@@ -179,7 +168,7 @@ def _first(asked: _Asked, folder: str, arrays: Sequence[Any]) -> tuple[Program |
             # Parts of it may be missing, which shows when it runs.
             path.unlink(missing_ok=True)
     with _alone:
-        least = _setting(_LEAST)
+        least = setting(_LEAST)
     start = time.perf_counter()
     program = _compiled(asked, arrays)
     if program is None:
@@ -292,7 +281,7 @@ def _compiled(asked: _Asked, arrays: Sequence[Any]) -> Program | None:
     lowered = traced.lower()
     # JAX is not to keep it: what XLA reads from there it writes down again without some of its functions.
     with _alone:
-        least = _setting(_LEAST)
+        least = setting(_LEAST)
         jax.config.update(f"jax_{_LEAST}", sys.float_info.max)
         try:
             return Program(lowered.compile(compiler_options=asked.options or None), made[0])

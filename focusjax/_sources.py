@@ -7,13 +7,12 @@ stays as it is while the others change.
 import functools
 import hashlib
 import re
-import time
 from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-_BEGUN = time.time()
-"""When this process took up the first sources."""
+from focusjax._begun import BEGUN
+
 _ROOT = Path(__file__).parent
 _IMPORT = re.compile(r"^[ \t]*(?:from|import)[ \t]+focusjax\b(?:\.(\w+)|(.*))", re.MULTILINE)
 """An import at any place of a file: of a package or module of focusjax, or of what follows from focusjax."""
@@ -33,8 +32,11 @@ def are_as_begun(modules: Iterable[str]) -> bool:
 
     Otherwise what was imported and what `sources_of` read may be before and after the change.
     """
-    stats = [path.stat() for part in _needed(modules) for path in _read(part).files]
-    return all(max(stat.st_mtime, stat.st_ctime) <= _BEGUN for stat in stats)
+    try:
+        stats = [path.stat() for part in _needed(modules) for path in _read(part).files]
+    except OSError:
+        return False
+    return all(max(stat.st_mtime, stat.st_ctime) <= BEGUN for stat in stats)
 
 
 def _needed(modules: Iterable[str]) -> list[str]:

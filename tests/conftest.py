@@ -59,9 +59,9 @@ def programs_within_limits() -> Iterator[None]:
 def programs_of_their_own(request: pytest.FixtureRequest) -> None:
     """Tests that replace parts of focusjax neither keep programs nor use those of others."""
     if "monkeypatch" in request.fixturenames:
-        from focusjax import _programs
+        from focusjax import _program_files
 
-        request.getfixturevalue("monkeypatch").setattr(_programs, "_folder", lambda: None)
+        request.getfixturevalue("monkeypatch").setattr(_program_files, "kept_in", lambda: None)
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -103,9 +103,10 @@ ALLOWED = {
     "_whole_file": set(),
     "_words": set(),
     "_parallel": set(),
+    "_begun": set(),
     "_program_files": set(),
     "_programs": {"_program_files", "_sources"},
-    "_sources": set(),
+    "_sources": {"_begun"},
     "_at_once": set(),
     "_zeros": set(),
     "_settings": set(),
@@ -282,6 +283,7 @@ ALLOWED = {
 }
 # The public face re-exports from everywhere below the command line.
 ALLOWED["__init__"] = {
+    "_begun",
     "_show",
     "exchange",
     "film",

@@ -1,10 +1,10 @@
 """Programs that are read ahead are those that would be read, and nothing depends on them."""
 
+import os
 import threading
 from pathlib import Path
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -28,9 +28,7 @@ def thrice(lens: AbstractLens, factor: Any) -> Any:
 @pytest.fixture
 def readers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """The names of files, and whether the main thread read them; as if this file were focusjax's."""
-    before = jax.config.values["jax_compilation_cache_dir"]
-    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
-    monkeypatch.setattr(_programs, "_folder", lambda: str(tmp_path))
+    monkeypatch.setattr(_program_files, "kept_in", lambda: tmp_path)
     monkeypatch.setattr(_programs, "_KNOWN", _programs._KNOWN | {__name__.split(".")[0]})
     loaded, seen = _program_files._loaded, []
 
@@ -41,8 +39,7 @@ def readers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         return program
 
     monkeypatch.setattr(_program_files, "_loaded", note)
-    yield seen
-    jax.config.update("jax_compilation_cache_dir", before)
+    return seen
 
 
 def run(*functions: Any, command: str = "a") -> None:
@@ -111,20 +108,48 @@ def test_damaged_files_are_no_error(readers: list[Any], tmp_path: Path, damage: 
         for path in tmp_path.iterdir():
             path.unlink()
         tmp_path.rmdir()
-    for _ in range(3):
-        run(twice)
+    run(twice)
+    run(twice)
     assert readers[-1] == ("twice", True, "ahead")
 
 
-def test_without_a_folder_nothing_is_read(readers: list[Any]):
+def test_without_a_folder_nothing_is_read(readers: list[Any], monkeypatch: pytest.MonkeyPatch):
     run(twice)
-    jax.config.update("jax_compilation_cache_dir", None)
+    monkeypatch.setattr(_program_files, "kept_in", lambda: None)
     with reading_ahead("a"):
         assert not _program_files._ahead
 
 
-def test_what_is_raised_within_is_raised(readers: list[Any]):
+def test_what_ends_early_does_not_change_what_is_expected(readers: list[Any]):
     run(twice)
+    readers.clear()
     with pytest.raises(KeyError, match="own"), reading_ahead("a"):
         raise KeyError("own")
     assert not _program_files._ahead
+    run(twice)
+    assert readers[-1] == ("twice", True, "ahead")
+
+
+def test_a_program_for_what_was_asked_last_time_is_let_go(readers: list[Any]):
+    run(twice, thrice)
+    lens = thin_lens(focus_distance=2.0, f_number=2.8, focal_length=0.05)
+    with reading_ahead("a"):
+        np.testing.assert_allclose(_programs.jit(twice)(lens, jnp.arange(3.0))[1], [0.0, 2.0, 4.0])
+        assert [path.name.split("-")[0] for path in _program_files._ahead] == ["thrice"]
+        _programs.forget_programs()
+        assert not _program_files._ahead
+
+
+def test_no_more_than_so_much_is_read_ahead(readers: list[Any], monkeypatch: pytest.MonkeyPatch):
+    run(twice, thrice)
+    (path,) = _program_files.kept_in().glob("twice*")
+    monkeypatch.setattr(_program_files, "_MOST_AHEAD", path.stat().st_size)
+    readers.clear()
+    run(twice, thrice)
+    assert readers == [("twice", True, "ahead"), ("thrice", True, "here")]
+
+
+def test_names_of_commands_are_those_of_files(readers: list[Any]):
+    run(twice, command=os.fsdecode(b"out\xff"))
+    run(twice, command=os.fsdecode(b"out\xff"))
+    assert readers[-1] == ("twice", True, "ahead")

@@ -49,7 +49,7 @@ def named_by_focusjax() -> int:
 @pytest.fixture
 def folder(tmp_path: Path):
     """JAX's folder, empty; functions of this file count as focusjax's."""
-    before = _programs._setting("compilation_cache_dir"), _programs._setting(_programs._LEAST)
+    before = _program_files.setting("compilation_cache_dir"), _program_files.setting(_programs._LEAST)
     jax.config.update("jax_compilation_cache_dir", str(tmp_path))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     _programs._KNOWN.add(__name__.split(".")[0])
@@ -139,7 +139,7 @@ def test_other_sources_of_an_argument_are_another_program(
     folder: Path, monkeypatch: pytest.MonkeyPatch, changed: str, programs: int
 ):
     """Lenses are made of optics; neither is made of what solves or of commands."""
-    monkeypatch.setattr(_programs, "_folder", lambda: str(folder))
+    monkeypatch.setattr(_program_files, "kept_in", lambda: folder)
     jit(answers)(*arguments())
     read = _sources._read
 
@@ -154,11 +154,11 @@ def test_other_sources_of_an_argument_are_another_program(
 def test_what_changed_while_a_process_runs_is_neither_kept_nor_read(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(_programs, "_folder", lambda: str(folder))
+    monkeypatch.setattr(_program_files, "kept_in", lambda: folder)
     jit(answers)(*arguments())
     (path,) = files(folder)
     path.unlink()
-    monkeypatch.setattr(_sources, "_BEGUN", 0.0)
+    monkeypatch.setattr(_sources, "BEGUN", 0.0)
     np.testing.assert_allclose(jit(answers)(*arguments())[1], 1.5)
     assert not files(folder)
 
@@ -247,7 +247,7 @@ def test_a_file_that_is_no_program_is_replaced(folder: Path, content: bytes | No
 
 
 def test_a_program_that_does_not_run_is_compiled_again(folder: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(_programs, "_folder", lambda: str(folder))
+    monkeypatch.setattr(_program_files, "kept_in", lambda: folder)
     jit(answers)(*arguments())
     (path,) = files(folder)
 
@@ -298,11 +298,11 @@ def test_what_takes_no_time_to_compile_is_not_kept(folder: Path):
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 1e6)
     np.testing.assert_allclose(jit(answers)(*arguments())[1], 1.5)
     assert not files(folder)
-    assert _programs._setting(_programs._LEAST) == 1e6
+    assert _program_files.setting(_programs._LEAST) == 1e6
 
 
 def test_the_oldest_programs_go(folder: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(_programs, "_folder", lambda: str(folder))
+    monkeypatch.setattr(_program_files, "kept_in", lambda: folder)
     compiled = jit(answers)
     compiled(*arguments(count=1))
     (first,) = files(folder)

@@ -100,12 +100,12 @@ def test_imports_are_found_as_python_finds_them():
 
 
 def test_a_change_since_the_process_began_is_seen(root: Path, monkeypatch: pytest.MonkeyPatch):
-    long_ago = _sources._BEGUN - 1000.0
-    monkeypatch.setattr(_sources, "_BEGUN", (root / "top.py").stat().st_ctime + 1000.0)
+    long_ago = _sources.BEGUN - 1000.0
+    monkeypatch.setattr(_sources, "BEGUN", (root / "top.py").stat().st_ctime + 1000.0)
     sources_of(["focusjax.top"])
     assert are_as_begun(["focusjax.top"])
-    os.utime(root / "any.py", (long_ago, _sources._BEGUN + 1000.0))
+    os.utime(root / "any.py", (long_ago, _sources.BEGUN + 1000.0))
     assert are_as_begun(["focusjax.top"])
-    os.utime(root / "base" / "_base.py", (long_ago, _sources._BEGUN + 1000.0))
+    os.utime(root / "base" / "_base.py", (long_ago, _sources.BEGUN + 1000.0))
     assert not are_as_begun(["focusjax.top"])
     assert are_as_begun(["focusjax.beside"])

@@ -1,0 +1,5 @@
+"""When this process took up the first source of focusjax."""
+
+import time
+
+BEGUN = time.time()

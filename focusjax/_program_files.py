@@ -92,15 +92,19 @@ def reading_ahead(command: str) -> Iterator[None]:
             yield
         finally:
             forget_what_is_ahead()
-    taken = [path.name for path in _taken if path.parent == folder]
+    taken = [path.name for path in list(_taken) if path.parent == folder]
     if taken != expected:
         _replace(listed, "\n".join(taken).encode(), f"*{_TAKEN}", _LISTS)
 
 
 def forget_what_is_ahead(function: str = "") -> None:
     """Lets go of programs that are read ahead: of one function, or all."""
-    for path in [path for path in _ahead if not function or _function(path) == function]:
-        _ahead.pop(path).cancel()
+    # Several threads may do so at once.
+    for path in list(_ahead):
+        if not function or _function(path) == function:
+            future = _ahead.pop(path, None)
+            if future is not None:
+                future.cancel()
 
 
 def _function(path: Path) -> str:

@@ -98,7 +98,7 @@ def _imported(source: str) -> set[str]:
     """Of `_all_parts`, those that a source imports, at its beginning or within functions."""
     imported = set()
     for part, names in _IMPORT.findall(source):
-        named = {part} if part else set(re.findall(r"\w+", names.partition("import")[2]))
+        named = {part} if part else set(re.findall(r"(\w+)(?: as \w+)?", names.partition("import")[2]))
         # Other names of focusjax itself may come from anywhere.
         imported |= named if named and named <= _all_parts() else _all_parts()
     return imported

@@ -42,7 +42,7 @@ def modules_after(code):
 
 
 def test_the_package_alone_imports_nothing():
-    assert modules_after("import focusjax") == {"focusjax"}
+    assert modules_after("import focusjax") == {"focusjax", "focusjax._begun"}
 
 
 def test_public_names_import_neither_solvers_nor_readers_of_files():
@@ -60,7 +60,8 @@ def test_help_imports_no_numbers(words):
     assert "typer" in imported
     assert {name.partition(".")[0] for name in imported} & {"jax", "numpy", "scipy"} == set()
     assert {name for name in imported if name.startswith("focusjax.")} <= {
-        "focusjax._console", "focusjax._later", "focusjax._options", "focusjax._words", "focusjax.cli",
+        "focusjax._begun", "focusjax._console", "focusjax._later", "focusjax._options", "focusjax._words",
+        "focusjax.cli",
     }  # fmt: skip
 
 

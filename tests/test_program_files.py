@@ -1,6 +1,8 @@
 """Programs that are read ahead are those that would be read, and nothing depends on them."""
 
+import concurrent.futures
 import os
+import sys
 import threading
 from pathlib import Path
 from typing import Any
@@ -138,6 +140,21 @@ def test_a_program_for_what_was_asked_last_time_is_let_go(readers: list[Any]):
         assert [path.name.split("-")[0] for path in _program_files._ahead] == ["thrice"]
         _programs.forget_programs()
         assert not _program_files._ahead
+
+
+def test_threads_that_read_at_once_let_go_at_once(tmp_path: Path):
+    """As layers are made: several threads ask for what is not there."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        for _ in range(20):
+            with reading_ahead("nothing"), concurrent.futures.ThreadPoolExecutor(4) as pool:
+                none: concurrent.futures.Future[Any] = concurrent.futures.Future()
+                _program_files._ahead.update({tmp_path / f"cover-{number}": none for number in range(100)})
+                list(pool.map(_program_files.read, [tmp_path / "cover-x"] * 4))
+                assert not _program_files._ahead
+    finally:
+        sys.setswitchinterval(before)
 
 
 def test_no_more_than_so_much_is_read_ahead(readers: list[Any], monkeypatch: pytest.MonkeyPatch):

@@ -18,7 +18,7 @@ FILES = {
     "middle/__init__.py": "from focusjax.middle._middle import thing",
     "middle/_middle.py": "def thing():\n    from focusjax.base import _base",
     "beside.py": "",
-    "top.py": "from focusjax import middle, beside",
+    "top.py": "from focusjax import middle as between, beside",
     "any.py": "from focusjax import thing",
 }
 

@@ -93,7 +93,7 @@ def reading_ahead(command: str) -> Iterator[None]:
         finally:
             forget_what_is_ahead()
     taken = [path.name for path in list(_taken) if path.parent == folder]
-    if taken != expected:
+    if taken and taken != expected:
         _replace(listed, "\n".join(taken).encode(), f"*{_TAKEN}", _LISTS)
 
 
@@ -124,7 +124,7 @@ def _few(paths: Iterable[Path]) -> Iterator[Path]:
     """The first of those that are there, as long as they are not too large together."""
     total = 0
     for path in paths:
-        with suppress(OSError):
+        with suppress(OSError, ValueError):
             total += path.stat().st_size
             if total <= _MOST_AHEAD:
                 yield path
@@ -133,9 +133,10 @@ def _few(paths: Iterable[Path]) -> Iterator[Path]:
 def read(path: Path) -> Program | None:
     """A program that was kept; None if there is none, or none that can be read."""
     start = time.perf_counter()
+    known = path in _taken
     _taken[path] = None
     ahead = _ahead.pop(path, None)
-    if ahead is None:
+    if ahead is None and not known:
         # Those of the same function are for what was asked last time.
         forget_what_is_ahead(_function(path))
     # What another thread has not begun is sooner read here.
@@ -156,10 +157,11 @@ def _loaded(path: Path) -> Program | None:
         outputs = jax.tree.structure([0] * len(marks))
         inputs = jax.tree.structure(((0,) * inputs, {}))
         compiled = serialize_executable.deserialize_and_load(program, inputs, outputs)
-        os.utime(path)
     except Exception:
         # There is none, or a damaged one, or one of another version of JAX.
         return None
+    with suppress(OSError):
+        os.utime(path)
     return Program(compiled, made)
 
 

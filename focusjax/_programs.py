@@ -19,6 +19,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -166,7 +167,8 @@ def _first(asked: _Asked, folder: Path, arrays: Sequence[Any]) -> tuple[Program 
             return program, jax.block_until_ready(program(arrays))
         except jax.errors.JaxRuntimeError:
             # Parts of it may be missing, which shows when it runs.
-            path.unlink(missing_ok=True)
+            with suppress(OSError):
+                path.unlink()
     with _alone:
         least = setting(_LEAST)
     start = time.perf_counter()

@@ -97,15 +97,15 @@ def test_what_another_thread_has_not_begun_is_read_at_once(readers: list[Any]):
     assert readers[1:] == [("twice", True, "ahead")]
 
 
-@pytest.mark.parametrize("damage", ["programs", "list", "folder"])
-def test_damaged_files_are_no_error(readers: list[Any], tmp_path: Path, damage: str):
+@pytest.mark.parametrize("damage", ["programs", b"\xff\n..", b"\0\0\n\0", "folder"])
+def test_damaged_files_are_no_error(readers: list[Any], tmp_path: Path, damage: str | bytes):
     run(twice)
     (listed,) = tmp_path.glob("*" + _program_files._TAKEN)
     if damage == "programs":
         for path in tmp_path.glob("*" + SUFFIX):
             path.write_bytes(b"no program")
-    elif damage == "list":
-        listed.write_bytes(b"\xff\x00\n\n..")
+    elif isinstance(damage, bytes):
+        listed.write_bytes(damage)
     else:
         for path in tmp_path.iterdir():
             path.unlink()
@@ -140,6 +140,19 @@ def test_a_program_for_what_was_asked_last_time_is_let_go(readers: list[Any]):
         assert [path.name.split("-")[0] for path in _program_files._ahead] == ["thrice"]
         _programs.forget_programs()
         assert not _program_files._ahead
+
+
+def test_what_is_asked_for_twice_lets_go_of_nothing(readers: list[Any]):
+    lens = thin_lens(focus_distance=2.0, f_number=2.8, focal_length=0.05)
+    one, three = jnp.array(5.0), jnp.arange(3.0)
+    for _ in range(2):
+        readers.clear()
+        with reading_ahead("a"):
+            for future in list(_program_files._ahead.values()):
+                future.result()
+            for factor in (one, one, three):
+                _programs.jit(twice)(lens, factor)
+    assert readers == [("twice", True, "ahead"), ("twice", True, "ahead"), ("twice", True, "here")]
 
 
 def test_threads_that_read_at_once_let_go_at_once(tmp_path: Path):

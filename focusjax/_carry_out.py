@@ -83,7 +83,7 @@ def carry_out(
             staged_folder(folder, owned=FILES) as stage,
             progress(errors, talk) as report,
             warnings_printed(errors),
-            reading_ahead(f"{folder.resolve()} {solving} {rendering}"),
+            reading_ahead(f"{config.source.resolve()} {solving} {rendering}"),
         ):
             outcome = job.run(config, solving=solving, rendering=rendering, progress=begun)
             report("save", None)
@@ -125,7 +125,7 @@ def carry_out_shot(
         with (
             progress(errors, talk) as report,
             warnings_printed(errors),
-            reading_ahead(f"{folder.resolve()} shot {rendering}"),
+            reading_ahead(f"{config.source.resolve()} shot {rendering}"),
         ):
             solved, _ = film(
                 config,

@@ -77,7 +77,7 @@ def reading_ahead(command: str) -> Iterator[None]:
     """Programs that `command` took last time are read beside what is done within, in the order it took them.
 
     Args:
-        command: tells it from others.
+        command: its name, or anything that no other command has.
     """
     folder = kept_in()
     if folder is None:

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from focusjax import _sources
+
 ROOT = Path(__file__).parents[1] / "focusjax"
 
 # What each part of the package may import, besides itself. The order is the pipeline's.
@@ -329,6 +331,14 @@ def test_imports_point_one_way(path):
     part = part_of(path)
     assert part in ALLOWED, f"say in this test what focusjax.{part} may import"
     assert imported_parts(path) <= ALLOWED[part] | {part}
+
+
+def test_programs_go_by_the_imports_that_python_finds():
+    """`_sources` looks for lines, which is quicker; where it cannot say which, it says all."""
+    everything = _sources._all_parts()
+    for path in ROOT.rglob("*.py"):
+        parts = imported_parts(path)
+        assert _sources._imported(path.read_text()) == (parts if parts <= everything else everything), path
 
 
 @pytest.mark.parametrize("path", sorted(ROOT.rglob("*.py")), ids=lambda path: str(path.relative_to(ROOT)))

@@ -1,6 +1,5 @@
 """Sources that functions are made of: all that is imported counts, and nothing else."""
 
-import ast
 import os
 from pathlib import Path
 
@@ -76,27 +75,6 @@ def test_a_file_more_and_a_file_less_are_changes(root: Path):
     (root / "base" / "more.py").unlink()
     forget()
     assert sources_of(["focusjax.base"]) == before
-
-
-def test_imports_are_found_as_python_finds_them():
-    """Of every source of focusjax, compared with its syntax tree."""
-    parts = _sources._all_parts()
-    for path in _sources._ROOT.rglob("*.py"):
-        source = path.read_text()
-        imported = set()
-        for node in ast.walk(ast.parse(source)):
-            if isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom):
-                assert node.level == 0
-                names = [node.module or ""]
-                if node.module == "focusjax":
-                    names = [f"focusjax.{alias.name}" for alias in node.names]
-            else:
-                continue
-            imported |= {name.split(".")[1] for name in names if name.startswith("focusjax.")}
-        found = _sources._imported(source)
-        assert found == (imported if imported <= parts else parts), path
 
 
 def test_a_change_since_the_process_began_is_seen(root: Path, monkeypatch: pytest.MonkeyPatch):

@@ -116,7 +116,7 @@ class FramesSolution(eqx.Module):
 
     def at(self, frame: int) -> tuple[Camera, ThinLens | TiltShiftLens]:
         """Camera and lens of one frame, counted from 0."""
-        return jax.tree.map(lambda leaf: one_row(leaf, frame), (self.camera, self.lens))
+        return one_row((self.camera, self.lens), frame)
 
     def glass_at(self, frame: int) -> AbstractLens:
         """The real lens that makes the picture of one frame, counted from 0, with the settings found.
@@ -130,7 +130,7 @@ class FramesSolution(eqx.Module):
                 "solution",
             )
         camera, lens = self.at(frame)
-        glass = jax.tree.map(lambda leaf: one_row(leaf, frame), self.glass)
+        glass = one_row(self.glass, frame)
         return refocused(
             stopped(glass, lens.aperture_radius / pupil_radius(glass)), camera, lens.focus_disparity
         )
@@ -192,10 +192,9 @@ class FramesSolution(eqx.Module):
 def without_padding(solution: FramesSolution, count: int) -> FramesSolution:
     """The solution of the first `count` frames, which are those of the shot."""
     by_frame = ("lens", "camera", "points", "blur", "error", "pixels", "at_lower", "at_upper")
-    shorter = {
-        name: jax.tree.map(lambda leaf: first_rows(leaf, count), getattr(solution, name)) for name in by_frame
-    }
-    return dataclasses.replace(solution, **shorter)
+    return dataclasses.replace(
+        solution, **{name: first_rows(getattr(solution, name), count) for name in by_frame}
+    )
 
 
 def unsolved(

@@ -1,7 +1,7 @@
 """What a solve found: the lens, how well each wish is met, and what stood in the way."""
 
 import dataclasses
-from typing import Any
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -18,6 +18,8 @@ from focusjax.focus._parameters import PARAMETERS
 from focusjax.focus._priors import Numbers
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, CloseFocus, LensSettings, ThinLens, TiltShiftLens, lens_settings
+
+Tree = TypeVar("Tree")
 
 PARTLY_OPEN = 0.01
 """Squared cosine between a parameter's axis and what is open from which on the parameter is called open."""
@@ -196,7 +198,7 @@ class Solution(eqx.Module):
             raise ArgumentError(
                 f"there are {len(self.cost)} solutions, and no number {index} (counted from 0)", "index"
             )
-        return jax.tree.map(lambda leaf: one_row(leaf, index), self)
+        return one_row(self, index)
 
     def _alone(self, what: str) -> None:
         """Refuses to say of many problems what only one has."""
@@ -315,13 +317,21 @@ def html_of(solution: Any) -> str:
     return as_html(solution)
 
 
-def one_row(leaf: Array, index: int) -> Array:
-    """One entry of the leading axis; by numpy where it can be, which compiles nothing."""
-    return leaf[index] if isinstance(leaf, Tracer) else device_array(np.asarray(leaf)[index])
+def one_row(tree: Tree, index: int) -> Tree:
+    """One entry of the leading axis of every array; by numpy where it can be, which compiles nothing."""
+
+    def row(leaf: Array) -> Array:
+        return leaf[index] if isinstance(leaf, Tracer) else device_array(np.asarray(leaf)[index])
+
+    return jax.tree.map(row, tree)
 
 
-def first_rows(leaf: Array, count: int) -> Array:
-    """`leaf` without its padding; by numpy where it can be, which compiles nothing."""
-    if leaf.shape[0] == count:
-        return leaf
-    return leaf[:count] if isinstance(leaf, Tracer) else device_array(np.asarray(leaf)[:count])
+def first_rows(tree: Tree, count: int) -> Tree:
+    """Every array without its padding; by numpy where it can be, which compiles nothing."""
+
+    def rows(leaf: Array) -> Array:
+        if leaf.shape[0] == count:
+            return leaf
+        return leaf[:count] if isinstance(leaf, Tracer) else device_array(np.asarray(leaf)[:count])
+
+    return jax.tree.map(rows, tree)

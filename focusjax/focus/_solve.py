@@ -166,8 +166,7 @@ def solve_asked(asked: Asked) -> tuple[Solution, Bool[Array, ""]]:
     solving = _solve if asked.glass is None else solve_through
     solution, failed = solving(dataclasses.replace(asked, points=padded_))
     if reframes(asked.plan.free, asked.plan.close_focus):
-        seen = jax.tree.map(lambda leaf: first_rows(leaf, count), solution.points)
-        points = named_like(seen, points)
+        points = named_like(first_rows(solution.points, count), points)
     solution = dataclasses.replace(
         solution,
         points=points,

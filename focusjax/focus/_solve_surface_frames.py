@@ -86,9 +86,7 @@ class SurfaceFramesSolution(eqx.Module):
 
     def at(self, frame: int) -> tuple[Camera, FocalSurfaceLens]:
         """Camera and lens of one frame, counted from 0."""
-        surface, camera, thin = jax.tree.map(
-            lambda leaf: one_row(leaf, frame), (self.surface, self.camera, self.thin)
-        )
+        surface, camera, thin = one_row((self.surface, self.camera, self.thin), frame)
         return camera, focal_surface_lens(surface, camera, thin)
 
     def table(self, frame: int) -> tuple[WishResult, ...]:

@@ -137,10 +137,7 @@ def solve_through_glass(
         ideal = opened_as_glass(glass.track.config_at(1), options)
         framed = solve_frames(points, cameras, lenses, held=held, throw=throw, **weights, **ideal)
         cameras, lenses = zip(*(framed.at(t) for t in range(framed.count)), strict=True)
-        points = [
-            named_like(jax.tree.map(lambda leaf, t=t: one_row(leaf, t), framed.points), points[t])
-            for t in range(framed.count)
-        ]
+        points = [named_like(one_row(framed.points, t), points[t]) for t in range(framed.count)]
     wide_open = "f_number" in free
     made = [
         glass.as_made(t, camera, lens, wide_open=wide_open)

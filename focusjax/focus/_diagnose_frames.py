@@ -1,24 +1,22 @@
 """What stands between the wishes of a shot and the lenses that meet them best."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
 from functools import partial
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from focusjax._words import listed
 from focusjax.focus._bounds import LOWER_NAMES, UPPER_NAMES
-from focusjax.focus._diagnose_picture import weightiest
 from focusjax.focus._findings import (
     NOTABLE_PX,
     Conflict,
     Errors,
+    Stretches,
     Unreachable,
     Verdict,
     bound_sentences,
-    by_wish,
     conflict_sentences,
     errors_by_wish,
     find_conflicts,
@@ -26,8 +24,11 @@ from focusjax.focus._findings import (
     framing_sentences,
     in_frames,
     open_sentence,
+    reweighted,
     runs,
     unreachable_sentences,
+    verdict_of,
+    weightiest,
 )
 from focusjax.focus._frames_asked import FramesAsked
 from focusjax.focus._frames_solution import FramesSolution
@@ -42,8 +43,6 @@ from focusjax.focus._solve_surface_frames import (
 
 _MOST_WISHES = 8
 """Every wish is dropped once to see what missed ones gain; of more than this, the weightiest."""
-
-Stretches = tuple[tuple[int, int], ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,23 +100,23 @@ def diagnose_frames(
     """
     asked = solution.asked
     assert asked is not None
-    errors = partial(_errors, solution)
-    changed = partial(_changed, asked, errors)
-    error = np.asarray(solution.error, dtype=float)
-    verdict = _verdict(solution, error, counts)
-    chosen = weightiest(solution.points, _MOST_WISHES)
+    verdict = verdict_of(solution.points, np.asarray(solution.error, dtype=float), counts)
     unmet = verdict.unmet()
+
+    def errors(wish: int, *, alone: bool) -> Errors:
+        return _errors(
+            solution, dataclasses.replace(asked, points=reweighted(asked.points, wish, alone=alone))
+        )
+
     conflicts: tuple[Conflict, ...] = ()
     free = verdict.error
     if unmet:
         # With nothing to tie them together, the frames are solved each by itself.
         none = jnp.zeros_like(asked.smoothness)
-        free = errors(dataclasses.replace(asked, smoothness=none, steadiness=none))
-        if len(chosen) > 1:
-            conflicts = find_conflicts(
-                verdict, verdict.missed, chosen, partial(changed, False), over_time=True
-            )
-    unreachable = find_unreachable(verdict, partial(changed, True), over_time=True)
+        free = _errors(solution, dataclasses.replace(asked, smoothness=none, steadiness=none))
+        chosen = weightiest(solution.points, _MOST_WISHES)
+        conflicts = find_conflicts(verdict, verdict.missed, chosen, partial(errors, alone=False))
+    unreachable = find_unreachable(verdict, partial(errors, alone=True))
     missed = tuple(_missed(verdict, index, free) for index in unmet)
     lenses = solution if isinstance(solution, FramesSolution) else None
     bounds = {} if lenses is None else _bounds(lenses)
@@ -134,26 +133,13 @@ def diagnose_frames(
         sentences=(
             *(_missed_sentence(each) for each in missed),
             *unreachable_sentences(unreachable),
-            *([] if lenses is None else _framing(verdict, lenses, error)),
+            *([] if lenses is None else framing_sentences(lenses)),
             *conflict_sentences(conflicts),
-            *([] if lenses is None else _bound_sentences(lenses, bounds)),
+            *(bound_sentences(bounds, asked.limits) if isinstance(asked, FramesAsked) else []),
             *([open_sentence(open_)] if open_ else []),
             *_idle_sentences(idle),
         ),
     )
-
-
-def _framing(verdict: Verdict, solution: FramesSolution, error: Float[np.ndarray, "t n"]) -> Sequence[str]:
-    """What keeps things from being shown where they are wished."""
-    assert solution.asked is not None
-    zooms = "focal_length" in solution.free and not solution.asked.plan.keep_view
-    return framing_sentences(verdict, solution.points, error, solution.free, zooms=zooms)
-
-
-def _bound_sentences(solution: FramesSolution, bounds: dict[str, Stretches]) -> Sequence[str]:
-    assert solution.asked is not None
-    to_infinity = bool(np.isinf(solution.asked.limits.far).all())
-    return bound_sentences(list(bounds.items()), to_infinity=to_infinity)
 
 
 def _idle_sentences(idle: tuple[str, ...]) -> list[str]:
@@ -163,42 +149,11 @@ def _idle_sentences(idle: tuple[str, ...]) -> list[str]:
     return [f"{names} count{'s' if len(idle) == 1 else ''} in no frame."]
 
 
-def _verdict(
-    solution: FramesSolution | SurfaceFramesSolution,
-    error: Float[np.ndarray, "t n"],
-    counts: Bool[np.ndarray, "t m"] | None,
-) -> Verdict:
-    points, names = solution.points, solution.points.names
-    wish, weight = np.asarray(points.wish), np.asarray(points.weight, dtype=float)
-    has = by_wish(weight, wish, len(names), weight) > 0
-    return Verdict(
-        names=names,
-        error=errors_by_wish(error, points, len(names), weight),
-        tolerance=by_wish(np.asarray(points.tolerance, dtype=float), wish, len(names), weight),
-        judged=has if counts is None else has & counts,
-    )
-
-
-def _changed(
-    asked: FramesAsked | SurfaceFramesAsked, errors: Callable[..., Errors], alone: bool, index: int
-) -> Errors:
-    """Errors with one wish alone in the whole shot, or without it."""
-    weight = np.asarray(asked.points.weight)
-    kept = np.where((np.asarray(asked.points.wish) == index) == alone, weight, 0.0)
-    points = dataclasses.replace(asked.points, weight=jnp.asarray(kept, dtype=asked.points.weight.dtype))
-    return errors(dataclasses.replace(asked, points=points), weight=weight)
-
-
-def _errors(
-    known: FramesSolution | SurfaceFramesSolution,
-    asked: FramesAsked | SurfaceFramesAsked,
-    weight: np.ndarray | None = None,
-) -> Errors:
-    """Errors by wish, of the rows that have weight in the shot as asked.
+def _errors(known: FramesSolution | SurfaceFramesSolution, asked: FramesAsked | SurfaceFramesAsked) -> Errors:
+    """Errors by wish, of the rows that have weight in the shot as it was asked first.
 
     Through glass they are those at nearly the best settings, from those that are `known`.
     """
-    own = np.asarray(asked.points.weight if weight is None else weight, dtype=float)
     if isinstance(asked, SurfaceFramesAsked):
         solution = solve_surface_frames_asked(asked)
     elif asked.glass is None:
@@ -206,8 +161,9 @@ def _errors(
     else:
         assert isinstance(known, FramesSolution)
         solution = solve_frames_through(asked, near=known)
-    error = np.asarray(solution.error, dtype=float)
-    return errors_by_wish(error, asked.points, len(asked.names), own)
+    assert known.asked is not None
+    own = np.asarray(known.asked.points.weight, dtype=float)
+    return errors_by_wish(np.asarray(solution.error, dtype=float), asked.points, len(asked.names), own)
 
 
 def _missed(verdict: Verdict, index: int, free: Errors) -> MissedWish:

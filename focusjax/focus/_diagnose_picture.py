@@ -1,10 +1,8 @@
 """What stands between the wishes of one picture and a perfect answer, in numbers and in words."""
 
 import dataclasses
-from collections.abc import Callable
 from functools import partial
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -12,26 +10,21 @@ from focusjax.focus._findings import (
     Conflict,
     Errors,
     Unreachable,
-    Verdict,
     bound_sentences,
-    by_wish,
     conflict_sentences,
-    errors_by_wish,
     find_conflicts,
     find_unreachable,
     framing_sentences,
-    notable,
     open_sentence,
+    reweighted,
     unreachable_sentences,
+    verdict_of,
+    weightiest,
 )
-from focusjax.focus._image_points import ImagePoints
 from focusjax.focus._sensitivity import Sensitivity, sensitivity
 from focusjax.focus._solution import PARTLY_OPEN, Asked, Solution, WishResult
 from focusjax.focus._solve import solve_asked
-from focusjax.focus._solve_glass import reweighted
-
-_SolveAgain = Callable[[Float[Array, "n"]], Float[Array, "n"]]
-"""From weights of rows to their errors in pixels."""
+from focusjax.focus._solve_glass import solved_again
 
 _MOST_WISHES = 16
 """Every wish is dropped once to see what the others gain; of more than this, the weightiest."""
@@ -74,15 +67,21 @@ def diagnose_picture(solution: Solution) -> Diagnosis:
     assert asked is not None
     table = solution.table()
     sensed = sensitivity(solution, asked)
-    verdict = picture_verdict(solution.points, np.asarray(solution.error))
-    solve_again = _reweighted(asked) if asked.glass is None else reweighted(solution)
-    conflicts = _conflicts(solution.points, solve_again, verdict)
-    unreachable = find_unreachable(
-        verdict, partial(_errors, solution.points, solve_again, alone=True), over_time=False
-    )
+    verdict = verdict_of(solution.points, np.asarray(solution.error))
+    # From the points with other weights to the errors of their rows.
+    solve_again = partial(_errors_again, asked) if asked.glass is None else solved_again(solution)
+
+    def errors(wish: int, *, alone: bool) -> Errors:
+        points = reweighted(solution.points, wish, alone=alone)
+        return verdict_of(solution.points, np.asarray(solve_again(points.weight))).error
+
+    conflicts: tuple[Conflict, ...] = ()
+    if verdict.notable:
+        chosen = weightiest(solution.points, _MOST_WISHES)
+        conflicts = find_conflicts(verdict, verdict.judged, chosen, partial(errors, alone=False))
+    unreachable = find_unreachable(verdict, partial(errors, alone=True))
     directions = tuple(dict(zip(sensed.names, map(float, row), strict=True)) for row in sensed.directions)
     bounds = solution.active_bounds
-    zooms = "focal_length" in solution.free and not asked.plan.keep_view
     return Diagnosis(
         singular_values=tuple(map(float, sensed.singular_values)),
         directions=directions,
@@ -93,36 +92,13 @@ def diagnose_picture(solution: Solution) -> Diagnosis:
         active_bounds=bounds,
         sentences=(
             *missed_sentences(table, unreachable),
-            *framing_sentences(
-                verdict, solution.points, np.asarray(solution.error), solution.free, zooms=zooms
-            ),
+            *framing_sentences(solution),
             *conflict_sentences(conflicts),
-            *bound_sentences([(bound, ()) for bound in bounds], to_infinity=bool(np.isinf(asked.limits.far))),
+            *bound_sentences(dict.fromkeys(bounds, ()), asked.limits),
             *_open_sentences(sensed),
             *idle_sentences(table),
         ),
     )
-
-
-def picture_verdict(points: ImagePoints, error: Float[np.ndarray, "n"]) -> Verdict:
-    """How the wishes of one picture are met."""
-    count = len(points.names)
-    wish, weight = np.asarray(points.wish), np.asarray(points.weight, dtype=float)[None]
-    tolerance = np.asarray(points.tolerance, dtype=float)[None]
-    return Verdict(
-        names=points.names,
-        error=errors_by_wish(error[None], points, count, weight),
-        tolerance=by_wish(tolerance, wish, count, weight),
-        judged=by_wish(weight, wish, count, weight) > 0,
-    )
-
-
-def weightiest(points: ImagePoints, most: int) -> list[int]:
-    """Wishes that count, at most so many, in order; points may have an axis of frames."""
-    weight, wish = np.asarray(points.weight, dtype=float), np.asarray(points.wish)
-    total = np.array([weight[wish == index].sum() for index in range(len(points.names))])
-    heaviest = np.argsort(-total, kind="stable")[:most]
-    return sorted(int(index) for index in heaviest if total[index] > 0)
 
 
 def missed_sentences(table: tuple[WishResult, ...], unreachable: tuple[Unreachable, ...]) -> list[str]:
@@ -144,29 +120,10 @@ def idle_sentences(table: tuple[WishResult, ...]) -> list[str]:
     return [f'"{row.name}" is {row.note} and does not count.' for row in table if not row.counts and row.note]
 
 
-def _conflicts(points: ImagePoints, solve_again: _SolveAgain, verdict: Verdict) -> tuple[Conflict, ...]:
-    chosen = weightiest(points, _MOST_WISHES)
-    if not notable(verdict) or len(chosen) < 2:
-        return ()
-    without = partial(_errors, points, solve_again, alone=False)
-    return find_conflicts(verdict, verdict.judged, chosen, without, over_time=False)
-
-
-def _errors(points: ImagePoints, solve_again: _SolveAgain, wish: int, *, alone: bool) -> Errors:
-    """The largest error in pixels of every wish, when one counts `alone`, or all others do."""
-    counts = (np.asarray(points.wish) == wish) == alone
-    weight = jnp.where(counts, points.weight, 0.0)
-    return picture_verdict(points, np.asarray(solve_again(weight))).error
-
-
-def _reweighted(asked: Asked) -> _SolveAgain:
-    """From weights of rows to their errors in pixels at the best settings."""
-
-    def errors(weight: Float[Array, "n"]) -> Float[Array, "n"]:
-        points = dataclasses.replace(asked.points, weight=weight)
-        return solve_asked(dataclasses.replace(asked, points=points))[0].error
-
-    return errors
+def _errors_again(asked: Asked, weight: Float[Array, "n"]) -> Float[Array, "n"]:
+    """Errors of rows in pixels at the best settings for other weights."""
+    points = dataclasses.replace(asked.points, weight=weight)
+    return solve_asked(dataclasses.replace(asked, points=points))[0].error
 
 
 def _open_sentences(sensed: Sensitivity) -> list[str]:

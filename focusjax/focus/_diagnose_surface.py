@@ -9,9 +9,8 @@ import numpy as np
 from jaxtyping import Float
 
 from focusjax._arguments import ArgumentError
-from focusjax._device import device_array
 from focusjax._words import listed
-from focusjax.focus._diagnose_picture import idle_sentences, missed_sentences, picture_verdict, weightiest
+from focusjax.focus._diagnose_picture import idle_sentences, missed_sentences
 from focusjax.focus._findings import (
     NOTABLE_PX,
     Conflict,
@@ -20,7 +19,9 @@ from focusjax.focus._findings import (
     conflict_sentences,
     find_conflicts,
     find_unreachable,
-    notable,
+    reweighted,
+    verdict_of,
+    weightiest,
 )
 from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._solve_surface import SurfaceAsked, SurfaceSolution, solve_surface_asked
@@ -66,14 +67,16 @@ def diagnose_surface(solution: SurfaceSolution, controls: Sequence[str] = ()) ->
         raise ArgumentError(
             f"there are {len(controls)} names of control points; expected {count}, or none", "controls"
         )
-    table, verdict = solution.table(), picture_verdict(asked.points, np.asarray(solution.error))
-    chosen = weightiest(asked.points, _MOST_WISHES)
+    table, verdict = solution.table(), verdict_of(asked.points, np.asarray(solution.error))
+
+    def errors(wish: int, *, alone: bool) -> Errors:
+        return _errors(dataclasses.replace(asked, points=reweighted(asked.points, wish, alone=alone)))
+
     conflicts: tuple[Conflict, ...] = ()
     costs = dict.fromkeys(asked.points.names, 0.0)
-    if notable(verdict):
-        conflicts = find_conflicts(
-            verdict, verdict.judged, chosen, partial(_changed, asked, False), over_time=False
-        )
+    if verdict.notable:
+        chosen = weightiest(asked.points, _MOST_WISHES)
+        conflicts = find_conflicts(verdict, verdict.judged, chosen, partial(errors, alone=False))
         free = _errors(dataclasses.replace(asked, smoothness=jnp.zeros_like(asked.smoothness)))
         costs = {
             name: float(cost) if judged else 0.0
@@ -81,7 +84,7 @@ def diagnose_surface(solution: SurfaceSolution, controls: Sequence[str] = ()) ->
                 verdict.names, (verdict.error - free)[0], verdict.judged[0], strict=True
             )
         }
-    unreachable = find_unreachable(verdict, partial(_changed, asked, True), over_time=False)
+    unreachable = find_unreachable(verdict, partial(errors, alone=True))
     values, open_controls = _shares(solution)
     beyond = tuple(int(k) for k in np.flatnonzero(np.asarray(solution.surface.focus_disparity) < 0))
     return SurfaceDiagnosis(
@@ -102,18 +105,8 @@ def diagnose_surface(solution: SurfaceSolution, controls: Sequence[str] = ()) ->
     )
 
 
-def _changed(asked: SurfaceAsked, alone: bool, index: int) -> Errors:
-    """Errors with one wish alone, or without it."""
-    weight = np.asarray(asked.points.weight)
-    counts = (np.asarray(asked.points.wish) == index) == alone
-    points = dataclasses.replace(
-        asked.points, weight=device_array(np.where(counts, weight, 0.0), asked.points.weight.dtype)
-    )
-    return _errors(dataclasses.replace(asked, points=points))
-
-
 def _errors(asked: SurfaceAsked) -> Errors:
-    return picture_verdict(asked.points, np.asarray(solve_surface_asked(asked).error)).error
+    return verdict_of(asked.points, np.asarray(solve_surface_asked(asked).error)).error
 
 
 def _shares(solution: SurfaceSolution) -> tuple[Float[np.ndarray, "s"], tuple[int, ...]]:

@@ -1,13 +1,17 @@
 """What wishes cost each other, for pictures and shots alike: a picture is a shot of one frame."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from focusjax._device import device_array
 from focusjax._words import listed
+from focusjax.focus._bounds import Limits
+from focusjax.focus._frames_solution import FramesSolution
 from focusjax.focus._image_points import ACROSS, BLUR, ImagePoints
+from focusjax.focus._solution import Solution
 
 NOTABLE_PX = 0.05
 """Errors and gains below this are not worth a word."""
@@ -36,6 +40,9 @@ _PARAMETERS = {"f_number": "f-number", "focal_length": "focal length"}
 Errors = Float[np.ndarray, "t m"]
 """Largest error in pixels of each wish in each frame."""
 
+Stretches = tuple[tuple[int, int], ...]
+"""First and last frame, from 1, of every stretch of frames."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Conflict:
@@ -55,7 +62,7 @@ class Conflict:
     second: str
     first_gains: float
     second_gains: float
-    frames: tuple[tuple[int, int], ...] = ()
+    frames: Stretches = ()
 
     @property
     def mutual(self) -> bool:
@@ -75,7 +82,7 @@ class Unreachable:
 
     name: str
     best: float
-    frames: tuple[tuple[int, int], ...] = ()
+    frames: Stretches = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,12 +94,14 @@ class Verdict:
         error: largest error in pixels.
         tolerance: in pixels.
         judged: frames in which the wish counts.
+        over_time: whether it is of a shot, so that findings say in which frames.
     """
 
     names: tuple[str, ...]
     error: Errors
     tolerance: Errors
     judged: Bool[np.ndarray, "t m"]
+    over_time: bool
 
     @property
     def missed(self) -> Bool[np.ndarray, "t m"]:
@@ -103,10 +112,51 @@ class Verdict:
         """Wishes that are missed in some frame."""
         return [int(index) for index in np.flatnonzero(self.missed.any(axis=0))]
 
+    @property
+    def notable(self) -> bool:
+        """Whether any wish is off by enough to look for what it conflicts with."""
+        return bool((self.judged & (self.error >= NOTABLE_PX)).any())
 
-def notable(verdict: Verdict) -> bool:
-    """Whether any wish is off by enough to look for what it conflicts with."""
-    return bool((verdict.judged & (verdict.error >= NOTABLE_PX)).any())
+    def stretches(self, which: Bool[np.ndarray, "t"]) -> Stretches:
+        """The frames of a shot in stretches; none of one picture."""
+        return runs(which) if self.over_time else ()
+
+
+def verdict_of(
+    points: ImagePoints, error: Float[np.ndarray, "*t n"], counts: Bool[np.ndarray, "t m"] | None = None
+) -> Verdict:
+    """How the wishes of a picture, or of a shot with an axis of frames, are met.
+
+    Args:
+        points: rows, with names.
+        error: of every row in pixels.
+        counts: frames in which each wish is to be judged; all in which it has weight when not given.
+    """
+    count, wish = len(points.names), np.asarray(points.wish)
+    weight, tolerance = (np.atleast_2d(np.asarray(of, float)) for of in (points.weight, points.tolerance))
+    has = by_wish(weight, wish, count, weight) > 0
+    return Verdict(
+        names=points.names,
+        error=errors_by_wish(np.atleast_2d(error), points, count, weight),
+        tolerance=by_wish(tolerance, wish, count, weight),
+        judged=has if counts is None else has & counts,
+        over_time=np.ndim(error) > 1,
+    )
+
+
+def reweighted(points: ImagePoints, wish: int, *, alone: bool) -> ImagePoints:
+    """The points with one wish `alone`, or without it."""
+    weight = np.asarray(points.weight)
+    kept = np.where((np.asarray(points.wish) == wish) == alone, weight, 0.0)
+    return dataclasses.replace(points, weight=device_array(kept, weight.dtype))
+
+
+def weightiest(points: ImagePoints, most: int) -> list[int]:
+    """Wishes that count, at most so many, in order; points may have an axis of frames."""
+    weight, wish = np.asarray(points.weight, dtype=float), np.asarray(points.wish)
+    total = np.array([weight[wish == index].sum() for index in range(len(points.names))])
+    heaviest = np.argsort(-total, kind="stable")[:most]
+    return sorted(int(index) for index in heaviest if total[index] > 0)
 
 
 def by_wish(
@@ -146,8 +196,6 @@ def find_conflicts(
     where: Bool[np.ndarray, "t m"],
     chosen: Sequence[int],
     without: Callable[[int], Errors],
-    *,
-    over_time: bool,
 ) -> tuple[Conflict, ...]:
     """Pairs of wishes of which one would be met better without the other, worst first.
 
@@ -156,8 +204,9 @@ def find_conflicts(
         where: frames in which a gain of each wish matters.
         chosen: wishes to drop, one at a time.
         without: errors when solved without one of them.
-        over_time: whether to say in which frames.
     """
+    if len(chosen) < 2:
+        return ()
     gains = {dropped: verdict.error - without(dropped) for dropped in chosen}
 
     def gain(of: int, dropped: int) -> float:
@@ -173,27 +222,25 @@ def find_conflicts(
             helped = (where[:, i] & (gains[j][:, i] >= NOTABLE_PX)) | (
                 where[:, j] & (gains[i][:, j] >= NOTABLE_PX)
             )
-            stretches = runs(helped) if over_time else ()
-            found.append(Conflict(verdict.names[i], verdict.names[j], first, second, stretches))
+            names = verdict.names[i], verdict.names[j]
+            found.append(Conflict(*names, first, second, verdict.stretches(helped)))
     return tuple(sorted(found, key=lambda each: -max(each.first_gains, each.second_gains)))
 
 
-def find_unreachable(
-    verdict: Verdict, alone: Callable[[int], Errors], *, over_time: bool
-) -> tuple[Unreachable, ...]:
+def find_unreachable(verdict: Verdict, alone: Callable[[int], Errors]) -> tuple[Unreachable, ...]:
     """Missed wishes that are missed even when nothing else counts."""
     found = []
     for index in verdict.unmet():
         error = alone(index)[:, index]
         out = verdict.missed[:, index] & (error > verdict.tolerance[:, index])
         if out.any():
-            stretches = runs(out) if over_time else ()
-            found.append(Unreachable(verdict.names[index], float(error[out].max()), stretches))
+            best = float(error[out].max())
+            found.append(Unreachable(verdict.names[index], best, verdict.stretches(out)))
     return tuple(found)
 
 
-def runs(which: Bool[np.ndarray, "t"]) -> tuple[tuple[int, int], ...]:
-    """First and last frame, from 1, of every stretch of frames."""
+def runs(which: Bool[np.ndarray, "t"]) -> Stretches:
+    """The stretches of frames that are marked."""
     steps = np.diff(np.concatenate([[0], which.astype(int), [0]]))
     firsts, lasts = np.flatnonzero(steps > 0) + 1, np.flatnonzero(steps < 0)
     return tuple((int(first), int(last)) for first, last in zip(firsts, lasts, strict=True))
@@ -250,30 +297,18 @@ def unreachable_sentences(unreachable: Sequence[Unreachable]) -> list[str]:
     ]
 
 
-def framing_sentences(
-    verdict: Verdict,
-    points: ImagePoints,
-    error: Float[np.ndarray, "*t n"],
-    free: Sequence[str],
-    *,
-    zooms: bool,
-) -> list[str]:
-    """What would let wishes about places in the picture be met, where nothing that is free does.
-
-    Args:
-        verdict: how the wishes are met.
-        points: rows, in a shot with an axis of frames on every array.
-        error: of every row.
-        free: what is solved for.
-        zooms: whether the focal length is free and moves the picture.
-    """
+def framing_sentences(solution: Solution | FramesSolution) -> list[str]:
+    """What would let wishes about places in the picture be met, where nothing that is free does."""
+    points, free = solution.points, solution.free
+    assert solution.asked is not None
+    zooms = "focal_length" in free and not solution.asked.plan.keep_view
     if points.quantity is None or zooms:
         return []
     quantity, wish = np.asarray(points.quantity), np.asarray(points.wish)
     weight, tolerance = np.asarray(points.weight), np.asarray(points.tolerance)
-    off = (quantity != BLUR) & (weight > 0) & (np.abs(error) > tolerance)
+    off = (quantity != BLUR) & (weight > 0) & (np.abs(np.asarray(solution.error)) > tolerance)
     lines = []
-    for index, name in enumerate(verdict.names):
+    for index, name in enumerate(points.names):
         mine = off & (wish == index)
         across, down = (mine & (quantity == ACROSS)).any(), (mine & (quantity != ACROSS)).any()
         wanted = [what for what, is_off in (("shift", across), ("rise", down)) if is_off and what not in free]
@@ -286,18 +321,12 @@ def framing_sentences(
     return lines
 
 
-def bound_sentences(
-    bounds: Sequence[tuple[str, Sequence[tuple[int, int]]]], *, to_infinity: bool
-) -> list[str]:
-    """Active bounds, each with the frames of a shot in which it is active, in words.
-
-    Args:
-        bounds: names, and stretches of frames.
-        to_infinity: whether the lens may be focused as far as infinity, beyond which none goes.
-    """
+def bound_sentences(bounds: Mapping[str, Stretches], limits: Limits) -> list[str]:
+    """Active bounds by name, each with the frames of a shot in which it is active, in words."""
     lines = []
-    for name, stretches in bounds:
-        if name == "max_focus_distance" and to_infinity:
+    for name, stretches in bounds.items():
+        # Beyond infinity no lens is focused.
+        if name == "max_focus_distance" and np.isinf(limits.far).all():
             lines.append(
                 f"The focus is at infinity{in_frames(stretches)}, as far as it goes:"
                 " beyond it the wishes could be met better."

@@ -159,7 +159,7 @@ def seen_through(solution: Solution, glass: AbstractLens) -> Solution:
     return dataclasses.replace(solution, blur=own.signed, error=_errors_of(points, found), glass=glass)
 
 
-def reweighted(solution: Solution) -> Callable[[Float[Array, "n"]], Float[Array, "n"]]:
+def solved_again(solution: Solution) -> Callable[[Float[Array, "n"]], Float[Array, "n"]]:
     """From weights of rows to their errors in pixels at nearly the best settings, through the same glass.
 
     About what is reached, points are exchanged for those that a thin lens blurs as the glass does

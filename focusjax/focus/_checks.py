@@ -56,3 +56,10 @@ def require_number(
         with about(argument):
             value = real_number(value, what, expected)
     return require(jnp.asarray(value, dtype=float), holds, what, expected, argument)
+
+
+def require_weight(name: str, value: Any) -> Float[Array, ""]:
+    """`value` as an array, when it can weigh a term of a solve; `name` is that of the argument."""
+    return require_number(
+        value, lambda v: (v >= 0) & (v < np.inf), name, "zero or a positive finite number", name
+    )

@@ -15,7 +15,7 @@ from focusjax._arguments import ArgumentError, require_kind
 from focusjax._device import device_array
 from focusjax._words import kind_of
 from focusjax.focus._bounds import Limits
-from focusjax.focus._checks import require_number
+from focusjax.focus._checks import require_weight
 from focusjax.focus._close_focus import checked_close_focus, refuse_glass
 from focusjax.focus._glass_checks import checked_glass
 from focusjax.focus._image_points import (
@@ -101,7 +101,7 @@ def frames_asked(
         ArgumentError: as `solve_frames`.
     """
     over_time = {"smoothness": smoothness, "steadiness": steadiness}
-    over_time = {name: _smoothing(name, value) for name, value in over_time.items()}
+    over_time = {name: require_weight(name, value) for name, value in over_time.items()}
     _check_frames(points)
     count = len(points)
     if not isinstance(cameras, Sequence):
@@ -246,16 +246,6 @@ def _held(held: Mapping[str, Sequence[bool]], free: tuple[str, ...], count: int)
             raise ArgumentError(f"{name!r} is free and held in all frames; leave it out of one", "held")
         columns.append(column)
     return device_array(np.stack(columns, axis=1))
-
-
-def _smoothing(name: str, weight: ArrayLike) -> Float[Array, ""]:
-    return require_number(
-        weight,
-        lambda v: (v >= 0) & (v < np.inf),
-        name,
-        "zero or a positive finite number",
-        name,
-    )
 
 
 def _check_frames(points: Sequence[ImagePoints]) -> None:

@@ -1,17 +1,18 @@
 """Control values of a focal surface from wishes: weighted linear least squares with a smoothness term."""
 
 import dataclasses
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from focusjax._arguments import ArgumentError, require_kind
 from focusjax._programs import jit
-from focusjax.focus._checks import require_number
+from focusjax.focus._checks import require_weight
 from focusjax.focus._image_points import (
     EQUAL,
     ImagePoints,
@@ -148,13 +149,7 @@ def solve_focal_surface(
     require_kind(surface, FocalSurface, usage, "`focal_surface` makes one", "surface")
     require_kind(lens, ThinLens, usage, "`thin_lens` makes one", "lens")
     points = without_relations(checked_points(points))
-    smoothness = require_number(
-        smoothness,
-        lambda v: (v >= 0) & (v < jnp.inf),
-        "smoothness",
-        "zero or a positive finite number",
-        "smoothness",
-    )
+    smoothness = require_weight("smoothness", smoothness)
     return solve_surface_asked(SurfaceAsked(points, camera, surface, opened(lens), smoothness))
 
 
@@ -303,23 +298,41 @@ def starting_sides(linear: LinearSurface, points: ImagePoints) -> Float[Array, "
             jnp.sign(linear.behind[:count]),
             jnp.where(points.disparity > middle, -1.0, 1.0),
         ]
-    )
+    ).astype(linear.target.dtype)
+
+
+def settled_sides(
+    start: Float[Array, "*t n"],
+    signed: Bool[Array, "*t n"],
+    blur: Callable[[Float[Array, "*t n"]], Float[Array, "*t n"]],
+) -> Float[Array, "*t n"]:
+    """Factors 1 or -1 that make the wished blurs signed ones, where unsigned wishes choose by turns.
+
+    Args:
+        start: where the search starts (`starting_sides`).
+        signed: wishes that have a side.
+        blur: of all points with the best surface for some sides, by any factor above 0.
+    """
+
+    def clear(side: Float[Array, "*t n"]) -> Float[Array, "*t n"]:
+        return jnp.where(signed | (side >= 0), 1.0, -1.0).astype(start.dtype)
+
+    def turn(_: Array, side: Float[Array, "*t n"]) -> Float[Array, "*t n"]:
+        now = blur(side)
+        # A point of no weight says nothing, and one on the focus keeps its side.
+        return jnp.where(now == 0, side, clear(now))
+
+    return jax.lax.fori_loop(0, _ROUNDS, turn, clear(start))
 
 
 def _sides(linear: LinearSurface, points: ImagePoints) -> Float[Array, "n"]:
-    """Factors 1 or -1 that make the wished blurs signed ones."""
-    count = points.weight.size
+    """The sides that cost least."""
 
-    def clear(side: Float[Array, "n"]) -> Float[Array, "n"]:
-        return jnp.where(points.signed | (side >= 0), 1.0, -1.0).astype(linear.target.dtype)
+    def blur(side: Float[Array, "n"]) -> Float[Array, "n"]:
+        return (linear.matrix @ linear.change(side) + linear.behind)[: side.size]
 
-    def settle(side: Float[Array, "n"]) -> tuple[Float[Array, "n"], Float[Array, ""]]:
-        def turn(_, side):
-            blur = (linear.matrix @ linear.change(side) + linear.behind)[:count]
-            # A point of no weight says nothing, and one on the focus keeps its side.
-            return jnp.where(blur == 0, side, clear(blur))
-
-        side = jax.lax.fori_loop(0, _ROUNDS, turn, clear(side))
+    def settle(start: Float[Array, "n"]) -> tuple[Float[Array, "n"], Float[Array, ""]]:
+        side = settled_sides(start, points.signed, blur)
         miss = linear.matrix @ linear.change(side) - linear.right(side)
         return side, miss @ miss
 

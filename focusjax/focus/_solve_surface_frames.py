@@ -12,17 +12,20 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from focusjax._arguments import ArgumentError
 from focusjax._programs import jit
-from focusjax.focus._checks import require_number
+from focusjax.focus._checks import require_weight
 from focusjax.focus._frames_solution import LargestChange, largest_change, no_points
 from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, stacked, together
 from focusjax.focus._refuse import checked_points, opened
 from focusjax.focus._solution import Result, WishResult, one_row, wish_table
-from focusjax.focus._solve_surface import LinearSurface, linear_surface, starting_sides, without_relations
+from focusjax.focus._solve_surface import (
+    LinearSurface,
+    linear_surface,
+    settled_sides,
+    starting_sides,
+    without_relations,
+)
 from focusjax.geometry import Camera
 from focusjax.lens import FocalSurface, FocalSurfaceLens, ThinLens, focal_surface_lens
-
-_ROUNDS = 8
-"""Turns in which unsigned wishes choose sides and the surfaces follow, as for one picture."""
 
 _DAMPING = 1e-8
 """Weight of a change of 1 px of any control value: what nothing else determines stays as given."""
@@ -152,12 +155,8 @@ def solve_surface_frames(
         ArgumentError: a weight out of range, frames that do not fit together, no point with weight, or a wish
             for a limit or for another point's blur.
     """
-    weights = [
-        require_number(
-            value, lambda v: (v >= 0) & (v < np.inf), name, "zero or a positive finite number", name
-        )
-        for name, value in (("roughness", roughness), ("smoothness", smoothness), ("steadiness", steadiness))
-    ]
+    weights = {"roughness": roughness, "smoothness": smoothness, "steadiness": steadiness}
+    weights = {name: require_weight(name, value) for name, value in weights.items()}
     counts = {len(points), len(cameras), len(surfaces), len(lenses)}
     if len(counts) > 1 or not points:
         raise ArgumentError(
@@ -183,9 +182,7 @@ def solve_surface_frames(
         camera=jax.tree.map(together, *cameras),
         surface=jax.tree.map(together, *surfaces),
         lens=jax.tree.map(together, *(opened(lens) for lens in lenses)),
-        roughness=weights[0],
-        smoothness=weights[1],
-        steadiness=weights[2],
+        **weights,
         names=points[0].names,
     )
     return solve_surface_frames_asked(asked)
@@ -318,22 +315,15 @@ def _sides(rows: _Rows, points: ImagePoints) -> Float[Array, "t n"]:
     """Factors 1 or -1 that make the wished blurs signed ones, chosen for all frames together."""
     starts = jax.vmap(starting_sides, out_axes=1)(rows.frames, points)
 
-    def clear(side: Float[Array, "t n"]) -> Float[Array, "t n"]:
-        return jnp.where(points.signed | (side >= 0), 1.0, -1.0).astype(rows.start.dtype)
+    def blur(side: Float[Array, "t n"]) -> Float[Array, "t n"]:
+        return (rows.jacobian.mv(rows.change(side))[0] + rows.frames.behind)[:, : side.shape[1]]
 
-    def settle(side: Float[Array, "t n"]) -> tuple[Float[Array, "t n"], Float[Array, ""]]:
-        def turn(_, side):
-            change = rows.change(side)
-            count = side.shape[1]
-            blur = rows.jacobian.mv(change)[0] + rows.frames.behind
-            # A point of no weight says nothing, and one on the focus keeps its side.
-            return jnp.where(blur[:, :count] == 0, side, clear(blur[:, :count]))
-
-        side = jax.lax.fori_loop(0, _ROUNDS, turn, clear(side))
+    def settle(start: Float[Array, "t n"]) -> tuple[Float[Array, "t n"], Float[Array, ""]]:
+        side = settled_sides(start, points.signed, blur)
         change = rows.change(side)
         return side, jnp.sum(rows.miss(change, side) ** 2) + rows.over_time(change)
 
-    sides, costs = jax.lax.map(lambda side: settle(side), starts)
+    sides, costs = jax.lax.map(settle, starts)
     return sides[jnp.argmin(costs)]
 
 

@@ -10,20 +10,19 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
 from focusjax._arguments import ArgumentError
 from focusjax._programs import jit
 from focusjax._words import kind_of
+from focusjax.focus._glass_blur import square_points
 from focusjax.focus._glass_rows import wished_sharp
 from focusjax.focus._image_points import ImagePoints
 from focusjax.focus._refuse import require_points
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, moved_film, refocused
 
-_RAYS = 256
 _ROUNDINGS = 1e3
 
 
@@ -112,7 +111,7 @@ def _scatter(
 ) -> Float[Array, "n s 2"]:
     """Distances of rays from the middles of their spots times the roots of their shares of the light."""
     seen = [(one.lens, sum(one.colour) / 3.0) for one in lens.channels()] or [(lens, 1.0)]
-    square = jnp.asarray(_square_points(), dtype=disparity.dtype)
+    square = jnp.asarray(square_points(), dtype=disparity.dtype)
     pupil = jax.vmap(lens.pupil_point)(square)
 
     def one(film: Array, w: Array) -> Array:
@@ -164,9 +163,3 @@ def _search(
     sizes = spots(xy, disparity, camera, moved_film(lens, camera, focus))
     failed = found.result != optx.RESULTS.successful
     return focus, sizes, jnp.asarray(found.stats["num_steps"]), failed
-
-
-def _square_points() -> Float[np.ndarray, "s 2"]:
-    from scipy.stats import qmc
-
-    return qmc.Sobol(2, rng=np.random.default_rng(0)).random(_RAYS)

@@ -64,7 +64,7 @@ def glass_blur(
 
     Differentiable in everything but where rays are aimed.
     """
-    square = jnp.asarray(_square_points(), dtype=disparity.dtype)
+    square = jnp.asarray(square_points(), dtype=disparity.dtype)
     pupil = jax.vmap(lambda sample: lens.pupil_point(sample, opening))(square)
     channels = lens.set_to(camera, focus_disparity, opening)
 
@@ -214,7 +214,8 @@ def _of_camera(camera: Camera) -> tuple[Array, Array, Array]:
     return camera.focal_length, camera.sensor_width, camera.principal_point
 
 
-def _square_points() -> Float[np.ndarray, "s 2"]:
+def square_points() -> Float[np.ndarray, "s 2"]:
+    """Where rays go through the opening, spread over a unit square."""
     # Imported for real lenses alone, as it takes long.
     from scipy.stats import qmc
 

@@ -13,7 +13,7 @@ from focusjax.focus._objective import make_objective
 from focusjax.focus._parameters import FOCUS, RADIUS, Start, blur_models, make_start, scales
 from focusjax.focus._priors import PriorRows, prior_rows
 from focusjax.focus._search import Basin, search
-from focusjax.focus._solution import PARTLY_OPEN, Asked, Result, Solution
+from focusjax.focus._solution import PARTLY_OPEN, Asked, Result, Solution, has_failed, result_of
 
 
 def place_of(asked: Asked) -> tuple[Start, PriorRows, Box, Float[Array, "k"]]:
@@ -51,9 +51,7 @@ def ended(
 ) -> tuple[Solution, Bool[Array, ""]]:
     """The solution at `value`, and whether the solver failed; `priced` is what priors cost in px^2."""
     is_open = basin.held | (jnp.diag(basin.open) > PARTLY_OPEN)
-    result = Result.where(basin.settled, result, Result.max_steps_reached)
-    result = Result.where((result == Result.solved) & jnp.any(is_open), Result.undetermined, result)
-    result = Result.where(jnp.all(jnp.isfinite(error)), result, Result.not_finite)
+    result = result_of(basin.settled, is_open, error, result)
     solution = Solution(
         lens=start.lens_at(value),
         camera=start.camera_at(value),
@@ -68,7 +66,7 @@ def ended(
         open=is_open,
         free=start.free,
     )
-    return solution, (result == Result.max_steps_reached) | (result == Result.not_finite)
+    return solution, has_failed(result)
 
 
 def _exact_basin(points: ImagePoints, start: Start, whole_box: Box) -> Basin:

@@ -6,9 +6,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from focusjax.focus._glass_blur import GlassBlur, Sensed, sensed
-from focusjax.focus._glass_rows import placed
-from focusjax.focus._glass_search import own_and_other, rows_and_references
-from focusjax.focus._image_points import SAME, ImagePoints, errors_of
+from focusjax.focus._glass_search import rows_and_references
+from focusjax.focus._image_points import SAME, ImagePoints
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, SettableLens, pupil_radius, settable
 
@@ -87,15 +86,3 @@ def with_references(points: ImagePoints, own: Bool[Array, "t n"]) -> Bool[Array,
     if points.reference is None:
         return own
     return jnp.concatenate([own, own & (points.relation == SAME)], axis=1)
-
-
-def seen(found: Sensed, points: ImagePoints) -> tuple[Float[Array, "t n"], Float[Array, "t n"]]:
-    """Signed blur and error in pixels of every row; rows that count and get no light have no error."""
-
-    def one(blur: GlassBlur, points: ImagePoints) -> tuple[Array, Array]:
-        own, other = own_and_other(blur, points)
-        blurred = placed(points, own.signed)
-        error = errors_of(points, blurred, None if other is None else other.signed)
-        return own.signed, jnp.where((own.light > 0.0) | (points.weight == 0.0), error, jnp.nan)
-
-    return jax.vmap(one)(found.blur, points)

@@ -18,7 +18,6 @@ from focusjax.focus._objective import Objective, make_objective
 from focusjax.focus._parameters import Start, make_start
 from focusjax.focus._path import answers_of_each, filled, paths_through
 from focusjax.focus._priors import prior_rows
-from focusjax.focus._solution import Result
 from focusjax.geometry import Camera
 from focusjax.lens import ThinLens, TiltShiftLens
 
@@ -154,10 +153,3 @@ def openness(joint: Joint, here: Linearised) -> Float[Array, "k"]:
     small = jnp.linalg.qr(jnp.pad(rows, ((0, short), (0, 0))), mode="r")
     _, strength, directions = jnp.linalg.svd(small)
     return jnp.sum(jnp.where(strength[:, None] < UNDETERMINED_PX, directions**2, 0.0), axis=0)
-
-
-def result_of(settled: Bool[Array, ""], is_open: Bool[Array, "k"], error: Float[Array, "t n"]) -> Result:
-    """How a solve of all frames ended."""
-    result = Result.where(settled, Result.solved, Result.max_steps_reached)
-    result = Result.where((result == Result.solved) & jnp.any(is_open), Result.undetermined, result)
-    return Result.where(jnp.all(jnp.isfinite(error)), result, Result.not_finite)

@@ -7,7 +7,6 @@ from jaxtyping import Array, Bool, Float, Int
 
 from focusjax.focus._glass_blur import Sensed
 from focusjax.focus._image_points import (
-    ACROSS,
     AT_LEAST,
     AT_MOST,
     BLUR,
@@ -134,10 +133,3 @@ def wished_sharp(points: ImagePoints) -> Bool[Array, "n"]:
     if points.quantity is not None:
         sharp &= points.quantity == BLUR
     return sharp
-
-
-def placed(points: ImagePoints, blur: Float[Array, "n"]) -> Float[Array, "n"]:
-    """What every row is about: its blur, or where it is shown."""
-    if points.quantity is None:
-        return blur
-    return jnp.where(points.quantity == BLUR, blur, jnp.where(points.quantity == ACROSS, *points.xy.T))

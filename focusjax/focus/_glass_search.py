@@ -19,7 +19,7 @@ from focusjax.focus._basin import basin_of, place_of
 from focusjax.focus._bounds import Box
 from focusjax.focus._glass_blur import GlassBlur, Sensed, blank_sensed, sensed
 from focusjax.focus._glass_rows import GlassRows, Linear
-from focusjax.focus._image_points import BLUR, SAME, ImagePoints
+from focusjax.focus._image_points import BLUR, SAME, ImagePoints, errors_of
 from focusjax.focus._parameters import FOCUS, Start, scales
 from focusjax.focus._search import Basin
 from focusjax.focus._solution import Asked
@@ -189,6 +189,13 @@ def rows_and_references(points: ImagePoints) -> tuple[Float[Array, "m 2"], Float
         return points.xy, points.disparity
     other = points.reference
     return jnp.concatenate([points.xy, other[:, :2]]), jnp.concatenate([points.disparity, other[:, 2]])
+
+
+def glass_errors(blur: GlassBlur, points: ImagePoints) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
+    """Signed blur and error in pixels of every row; rows that count and get no light have no error."""
+    own, other = own_and_other(blur, points)
+    error = errors_of(points, own.signed, None if other is None else other.signed)
+    return own.signed, jnp.where((own.light > 0.0) | (points.weight == 0.0), error, jnp.nan)
 
 
 def own_and_other(blur: GlassBlur, points: ImagePoints) -> tuple[GlassBlur, GlassBlur | None]:

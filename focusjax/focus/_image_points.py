@@ -75,9 +75,8 @@ def blurs(points: ImagePoints, camera: Camera, lens: AbstractLens) -> Float[Arra
     return jax.vmap(lambda xy, disparity: lens.blur(camera, xy, disparity))(points.xy, points.disparity)
 
 
-def values(points: ImagePoints, camera: Camera, lens: AbstractLens) -> Float[Array, "n"]:
+def _about(points: ImagePoints, blur: Float[Array, "n"]) -> Float[Array, "n"]:
     """What every row is about, in pixels: signed blur, or the place across or down where it is shown."""
-    blur = blurs(points, camera, lens)
     if points.quantity is None:
         return blur
     across, down = points.xy.T
@@ -95,13 +94,14 @@ def errors(points: ImagePoints, camera: Camera, lens: AbstractLens) -> Float[Arr
     other = None
     if points.reference is not None:
         other = jax.vmap(lambda row: lens.blur(camera, row[:2], row[2]))(points.reference)
-    return errors_of(points, values(points, camera, lens), other)
+    return errors_of(points, blurs(points, camera, lens), other)
 
 
 def errors_of(
-    points: ImagePoints, value: Float[Array, "n"], other: Float[Array, "n"] | None
+    points: ImagePoints, blur: Float[Array, "n"], other: Float[Array, "n"] | None
 ) -> Float[Array, "n"]:
-    """As `errors`, given what every row is about and the signed blur of its reference, if there are any."""
+    """As `errors`, given the signed blur of every row and of its reference, if there are any."""
+    value = _about(points, blur)
     excess = jnp.where(points.signed, value, jnp.abs(value)) - points.target
     if other is not None:
         excess = excess - jnp.where(points.signed, other, jnp.abs(other)) * (points.relation == SAME)

@@ -40,6 +40,23 @@ class Result(eqx.Enumeration):
     not_finite = "The solver met a value that is not finite; check the focus points and the lens."
 
 
+def result_of(
+    settled: Bool[Array, ""],
+    is_open: Bool[Array, "k"],
+    error: Float[Array, "*t n"],
+    result: Result = Result.solved,
+) -> Result:
+    """How a solve ended, of which the last part ended with `result`."""
+    result = Result.where(settled, result, Result.max_steps_reached)
+    result = Result.where((result == Result.solved) & jnp.any(is_open), Result.undetermined, result)
+    return Result.where(jnp.all(jnp.isfinite(error)), result, Result.not_finite)
+
+
+def has_failed(result: Result) -> Bool[Array, ""]:
+    """Whether the solver failed."""
+    return (result == Result.max_steps_reached) | (result == Result.not_finite)
+
+
 @dataclasses.dataclass(frozen=True)
 class WishResult:
     """One line of the table of wishes; for an object, its worst sample speaks.

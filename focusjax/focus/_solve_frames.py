@@ -12,11 +12,11 @@ from jaxtyping import Array, ArrayLike, Float
 from focusjax._programs import jit_in_haste
 from focusjax.focus._frames_asked import FramesAsked, frames_asked, padded_frames
 from focusjax.focus._frames_implicit import following
-from focusjax.focus._frames_problem import at_bounds, frames_problem, openness, result_of, thin_walk
+from focusjax.focus._frames_problem import at_bounds, frames_problem, openness, thin_walk
 from focusjax.focus._frames_solution import FramesSolution, without_padding
 from focusjax.focus._image_points import ImagePoints, blurs, errors
 from focusjax.focus._parameters import Start
-from focusjax.focus._solution import PARTLY_OPEN, Result
+from focusjax.focus._solution import PARTLY_OPEN, Result, has_failed, result_of
 from focusjax.focus._solve import Glass
 from focusjax.focus._solve_frames_glass import solve_frames_through
 from focusjax.geometry import Camera
@@ -114,10 +114,9 @@ def solve_frames(
         held=held or {}, options=options,
     )  # fmt: skip
     solution = solve_frames_asked(asked)
-    result = solution.result
-    failed = (result == Result.max_steps_reached) | (result == Result.not_finite)
+    failed = has_failed(solution.result)
     if isinstance(failed, Tracer):
-        return result.error_if(solution, failed) if throw else solution
+        return solution.result.error_if(solution, failed) if throw else solution
     if throw and bool(failed):
         raise RuntimeError(
             f"the solve of {len(points)} frames failed after {int(solution.steps)} steps:"

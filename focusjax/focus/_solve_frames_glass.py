@@ -23,7 +23,6 @@ from focusjax.focus._frames_glass import (
     FramesGlass,
     frames_glass,
     frames_radius,
-    seen,
     with_references,
 )
 from focusjax.focus._frames_problem import (
@@ -31,18 +30,17 @@ from focusjax.focus._frames_problem import (
     at_bounds,
     frames_problem,
     openness,
-    result_of,
     thin_walk,
 )
 from focusjax.focus._frames_solution import FramesSolution, without_padding
 from focusjax.focus._glass_blur import Sensed
 from focusjax.focus._glass_rows import GlassRows
-from focusjax.focus._glass_search import exchanged
+from focusjax.focus._glass_search import exchanged, glass_errors
 from focusjax.focus._image_points import ImagePoints, repeated
 from focusjax.focus._joint import Linearised
 from focusjax.focus._parameters import Start
 from focusjax.focus._priors import PriorRows
-from focusjax.focus._solution import PARTLY_OPEN
+from focusjax.focus._solution import PARTLY_OPEN, result_of
 from focusjax.lens import AbstractLens, ThinLens, is_tilted
 
 ROUNDS, STEPS, REPORT, DONE = range(4)
@@ -136,7 +134,7 @@ def _seen_at(
     aimed = frames_glass(glass, solution.camera, focus)
     settings = jnp.stack([focus, aimed.widest], axis=1)
     every = with_references(points, jnp.ones(points.weight.shape, dtype=bool))
-    return seen(aimed.look(points, settings, every), points)
+    return jax.vmap(glass_errors)(aimed.look(points, settings, every).blur, points)
 
 
 @jit
@@ -321,7 +319,7 @@ def _reported(asked: FramesAsked, problem: FramesProblem, reached: FramesReached
         return start.camera_at(value), start.lens_at(value)
 
     camera, lens = jax.vmap(of_frame)(problem.start, value)
-    blur, error = seen(reached.found, points)
+    blur, error = jax.vmap(glass_errors)(reached.found.blur, points)
     is_open = reached.open > PARTLY_OPEN
     settled = reached.thin & (reached.last < _SAME_PX)
     return FramesSolution(

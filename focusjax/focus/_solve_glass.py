@@ -17,11 +17,12 @@ from jaxtyping import Array, Bool, Float
 from focusjax._programs import jit
 from focusjax.focus._basin import basin_of, ended, place_of
 from focusjax.focus._glass_blur import GlassBlur, Sensed, changes, numbers_of, of_row, row_of, sensed
-from focusjax.focus._glass_rows import GlassRows, placed
+from focusjax.focus._glass_rows import GlassRows
 from focusjax.focus._glass_search import (
     Reached,
     best_settings,
     exchanged,
+    glass_errors,
     inverted,
     own_and_other,
     rows_and_references,
@@ -128,13 +129,9 @@ def _carried(
     follows = jnp.where(basin.at_lower, low, jnp.where(basin.at_upper, high, follows))
     found = still(jax.tree.map(lambda leaf: leaf[0], reached.found))
     value, blur = _optimum(asked, widest, glass, basin, best + follows, found)
-    own, points, count = blur.signed, asked.points, asked.points.disparity.shape[0]
-    light, other = blur.light[:count], None if points.reference is None else own[count:]
-    error = errors_of(points, placed(points, own[:count]), other)
-    # Without light there is no blur.
-    error = jnp.where((light > 0.0) | (points.weight == 0.0), error, jnp.nan)
+    signed, error = glass_errors(blur, asked.points)
     priced = jnp.sum(priors(value) ** 2)
-    return ended(points, start, basin, value, own[:count], error, priced, reached.number, Result.solved)
+    return ended(asked.points, start, basin, value, signed, error, priced, reached.number, Result.solved)
 
 
 def defocus_slopes(
@@ -199,7 +196,7 @@ def _thin_again(
 def _errors_of(points: ImagePoints, found: Sensed) -> Float[Array, "n"]:
     """Errors in pixels of rows whose blur rays say."""
     own, other = own_and_other(found.blur, points)
-    return errors_of(points, placed(points, own.signed), None if other is None else other.signed)
+    return errors_of(points, own.signed, None if other is None else other.signed)
 
 
 @jit

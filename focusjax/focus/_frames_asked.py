@@ -16,8 +16,6 @@ from focusjax._device import device_array
 from focusjax._words import kind_of
 from focusjax.focus._bounds import Limits
 from focusjax.focus._checks import require_weight
-from focusjax.focus._close_focus import checked_close_focus, refuse_glass
-from focusjax.focus._glass_checks import checked_glass
 from focusjax.focus._image_points import (
     ImagePoints,
     anonymous,
@@ -28,7 +26,13 @@ from focusjax.focus._image_points import (
     together,
 )
 from focusjax.focus._priors import Numbers
-from focusjax.focus._refuse import require_lens, require_points
+from focusjax.focus._refuse import (
+    checked_close_focus,
+    checked_glass,
+    refuse_glass,
+    require_lens,
+    require_points,
+)
 from focusjax.focus._solution import Plan
 from focusjax.focus._solve import prepared
 from focusjax.geometry import Camera

@@ -8,16 +8,32 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
+from jaxtyping import Array, Bool
 
 from focusjax._arguments import ArgumentError, require_kind
-from focusjax._words import shown
+from focusjax._words import kind_of, shown
 from focusjax.focus._bounds import Limits
 from focusjax.focus._checks import require
 from focusjax.focus._image_points import ImagePoints
+from focusjax.focus._solution import Asked
 from focusjax.geometry import Camera
-from focusjax.lens import CloseFocus, ThinLens, TiltShiftLens
+from focusjax.lens import (
+    AbstractLens,
+    CloseFocus,
+    FittedLens,
+    PrescriptionLens,
+    SpectralLens,
+    ThinLens,
+    TiltedPrescriptionLens,
+    TiltShiftLens,
+    nearest_focus,
+    pupil_radius,
+)
 
 Lens = TypeVar("Lens", ThinLens, TiltShiftLens)
+
+_WIDER = 1e-3
+"""Share by which an f-number may be wider than the glass, as engraved ones are rounded."""
 
 
 def check_start(
@@ -161,3 +177,143 @@ def opened(lens: Lens) -> Lens:
         "lens",
     )
     return eqx.tree_at(lambda lens: lens.aperture_radius, lens, radius)
+
+
+def checked_glass(glass: object, asked: Asked, usage: str = "solve(through=)") -> AbstractLens:
+    """`glass`, when the problem can be solved through it.
+
+    Raises:
+        ArgumentError: another kind of lens, a solver, something free that glass does not have, a start wider
+            than the glass, or a closest focus that it does not reach.
+    """
+    kinds = (PrescriptionLens, SpectralLens, FittedLens, TiltedPrescriptionLens)
+    remedy = "`prescription_lens`, `spectral_lens` and `tilted_lens` make one"
+    require_kind(glass, kinds, usage, remedy, "through")
+    assert isinstance(glass, AbstractLens)
+    if asked.plan.solver is not None:
+        raise ArgumentError(
+            f"solver is {kind_of(asked.plan.solver)}; blur through glass has one solver, so leave it out",
+            "solver",
+        )
+    others = [name for name in asked.plan.free if name not in ("focus", "f_number")]
+    if others:
+        raise ArgumentError(
+            f"free has {others[0]!r}, which is not solved for through glass; solve for it without `through`"
+            " first, make the glass for the camera and turn it (`tilted_lens`) as found, and leave it out",
+            "free",
+        )
+    if not isinstance(asked.lens, ThinLens):
+        raise ArgumentError(
+            "the starting lens is turned; start with a thin lens, and turn the glass (`tilted_lens`)", "lens"
+        )
+    leaves = jax.tree.leaves((glass, asked.camera, asked.lens, asked.limits))
+    if any(isinstance(leaf, Tracer) for leaf in leaves):
+        return glass
+    length = float(asked.camera.focal_length)
+    widest = length / (2.0 * float(pupil_radius(glass)))
+    starts = length / (2.0 * max(float(asked.lens.aperture_radius), 1e-30))
+    if starts < widest * (1.0 - _WIDER):
+        raise ArgumentError(
+            f"the starting f-number is {shown(starts)}, and the glass is open to f/{widest:.3g}; open the"
+            " glass as far as the solve may go, or start with a larger f-number",
+            "lens",
+        )
+    near, nearest = float(asked.limits.near), float(nearest_focus(glass))
+    if near <= nearest and "focus" in asked.plan.free:
+        raise ArgumentError(
+            f"the minimum focus distance is {shown(near)} m, and the glass focuses no nearer than"
+            f" {nearest:.3g} m from its entrance pupil; raise it",
+            "min_focus_distance",
+        )
+    return glass
+
+
+def refuse_glass(close_focus: CloseFocus) -> None:
+    """Refuse a model of close focus for a real lens, which has its own image distance.
+
+    Raises:
+        ArgumentError: there is one.
+    """
+    if close_focus != "ignored":
+        raise ArgumentError(
+            f"close_focus is {close_focus!r}, and `through` is a real lens, whose glass says how its image"
+            " distance and framing change; leave close_focus out",
+            "close_focus",
+        )
+
+
+def checked_close_focus(
+    points: ImagePoints,
+    camera: Camera,
+    lens: ThinLens | TiltShiftLens,
+    free: tuple[str, ...],
+    priors: tuple[str, ...],
+    close_focus: CloseFocus,
+) -> ImagePoints:
+    """The points, of a problem that a model of close focus can be solved with.
+
+    Raises:
+        ArgumentError: something else than focus and f-number is free, a tilted lens, a prior of the focus, a
+            wish for a place in a picture whose size changes, or a place that the lens has no real image of.
+    """
+    others = [name for name in free if name not in ("focus", "f_number")]
+    if others:
+        raise ArgumentError(
+            f"close_focus is {close_focus!r} and {others[0]!r} is free; only the focus and the f-number of an"
+            " upright lens at its length are solved for with it, so leave one of them out",
+            "close_focus",
+        )
+    if isinstance(lens, TiltShiftLens):
+        raise ArgumentError(
+            f"close_focus is {close_focus!r} and the lens is a TiltShiftLens, which has another image"
+            " distance at every tilt; use a ThinLens, or leave close_focus out",
+            "close_focus",
+        )
+    if "focus" in priors:
+        raise ArgumentError(
+            f"close_focus is {close_focus!r} and the focus has a prior, which is linear in dioptres while the"
+            " blur is not; leave one of them out",
+            "close_focus",
+        )
+    if close_focus == "breathing" and points.quantity is not None:
+        raise ArgumentError(
+            "close_focus is 'breathing', where the focus moves everything in the picture, and a wish is for"
+            " the place where something is shown; use 'framing', or leave that wish out",
+            "close_focus",
+        )
+    if close_focus != "breathing":
+        return points
+    return _with_real_images(points, camera, lens)
+
+
+def _nearest_of(points: ImagePoints, counted: Bool[Array, "*p n"]) -> str:
+    """What to call the nearest focus point that counts."""
+    nearness = jnp.where(counted, points.disparity, 0.0)
+    if isinstance(nearness, Tracer) or not points.names:
+        return "a focus point"
+    return repr(points.names[int(points.wish.reshape(-1)[jnp.argmax(nearness)])])
+
+
+def _with_real_images(points: ImagePoints, camera: Camera, lens: ThinLens) -> ImagePoints:
+    """The points, all of which are beyond the focal length where they count; so is what is in focus."""
+    expected = "less than 1, since nearer than its focal length no lens forms a real image; move farther away"
+    length = camera.focal_length
+    require(
+        lens.focus_disparity * length,
+        lambda v: v < 1.0,
+        "the focal length over the starting focus distance",
+        expected,
+        "lens",
+    )
+    counted = points.weight > 0
+    nearness = require(
+        jnp.where(counted, points.disparity, 0.0) * length,
+        lambda v: v < 1.0,
+        f"the focal length over the distance of {_nearest_of(points, counted)}",
+        expected,
+        "points",
+    )
+    if not isinstance(nearness, Tracer):
+        return points
+    # So that what is checked when compiled code runs is not left out of it.
+    return dataclasses.replace(points, disparity=points.disparity + 0.0 * nearness)

@@ -16,14 +16,20 @@ from focusjax._programs import jit_in_haste
 from focusjax._words import kind_of
 from focusjax.focus._basin import basin_of, ended, place_of
 from focusjax.focus._bounds import Range, make_limits, refuse_idle
-from focusjax.focus._close_focus import checked_close_focus, refuse_glass
-from focusjax.focus._glass_checks import checked_glass
 from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, named_like, padded, room_for
 from focusjax.focus._objective import make_objective
 from focusjax.focus._parameters import in_order, reframes
 from focusjax.focus._priors import Prior, checked_priors
 from focusjax.focus._refine import Problem, refined
-from focusjax.focus._refuse import check_start, checked_points, require_lens, require_points
+from focusjax.focus._refuse import (
+    check_start,
+    checked_close_focus,
+    checked_glass,
+    checked_points,
+    refuse_glass,
+    require_lens,
+    require_points,
+)
 from focusjax.focus._solution import Asked, Plan, Result, Solution, first_rows
 from focusjax.focus._solve_glass import solve_through
 from focusjax.geometry import Camera

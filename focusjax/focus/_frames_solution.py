@@ -1,6 +1,7 @@
 """What a solve of all frames found: a lens for each, and how much they change from one to the next."""
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from functools import partial
 
@@ -13,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 from focusjax._arguments import ArgumentError
 from focusjax.focus._frames_asked import FramesAsked
 from focusjax.focus._image_points import ImagePoints, together
-from focusjax.focus._solution import Result, WishResult, first_rows, html_of, one_row, text_of, wish_table
+from focusjax.focus._solution import AbstractPrinted, Result, WishResult, first_rows, one_row, wish_table
 from focusjax.geometry import Camera
 from focusjax.lens import (
     AbstractLens,
@@ -55,7 +56,7 @@ class LargestChange:
         return self.per_frame > _ROUNDING
 
 
-class FramesSolution(eqx.Module):
+class FramesSolution(AbstractPrinted):
     """The solved lenses of a shot. A pytree; every array has a leading axis t of frames.
 
     Attributes:
@@ -98,12 +99,6 @@ class FramesSolution(eqx.Module):
     asked: FramesAsked | None = None
     glass: AbstractLens | None = None
 
-    def __str__(self) -> str:
-        return text_of(self)
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
-
     @property
     def count(self) -> int:
         """Number of frames."""
@@ -112,7 +107,7 @@ class FramesSolution(eqx.Module):
     @property
     def undetermined(self) -> tuple[str, ...]:
         """Parameters that the wishes leave open in all frames, such as "f_number"."""
-        return tuple(name for name, is_open in zip(self.free, np.asarray(self.open), strict=True) if is_open)
+        return tuple(itertools.compress(self.free, np.asarray(self.open)))
 
     def at(self, frame: int) -> tuple[Camera, ThinLens | TiltShiftLens]:
         """Camera and lens of one frame, counted from 0."""
@@ -137,10 +132,7 @@ class FramesSolution(eqx.Module):
 
     def table(self, frame: int) -> tuple[WishResult, ...]:
         """One line per wish for one frame, counted from 0."""
-        points, blur, error = jax.tree.map(
-            lambda leaf: np.asarray(leaf)[frame], (self.points, self.blur, self.error)
-        )
-        return wish_table(points, blur, error)
+        return wish_table(self.points, self.blur, self.error, frame)
 
     def settings(self) -> dict[str, Float[np.ndarray, "t"]]:
         """Each setting of every frame in a photographer's units, by a name that ends in its unit.
@@ -178,14 +170,8 @@ class FramesSolution(eqx.Module):
         pixels = np.asarray(self.pixels, dtype=float)
         found = {}
         for name, values in self.settings().items():
-            free = names[name] in self.free
-            own = pixels[:, self.free.index(names[name])] if free else None
-            found[name] = LargestChange(
-                largest_change(values, 1),
-                largest_change(values, 2),
-                None if own is None else largest_change(own, 1),
-                None if own is None else largest_change(own, 2),
-            )
+            own = pixels[:, self.free.index(names[name])] if names[name] in self.free else None
+            found[name] = largest_changes(values, own)
         return found
 
 
@@ -251,9 +237,17 @@ def no_points(count: int) -> ImagePoints:
     )
 
 
-def largest_change(values: Float[np.ndarray, "t"], order: int) -> float:
-    """Largest difference of that order in size; 0 where there are too few frames for one."""
-    # Settings that stay infinite, as the f-number of a pinhole does, do not change.
-    with np.errstate(invalid="ignore"):
-        steps = np.abs(np.diff(values, n=order))
-    return float(np.nan_to_num(steps, nan=0.0).max(initial=0.0))
+def largest_changes(values: Float[np.ndarray, "t"], pixels: Float[np.ndarray, "t"] | None) -> LargestChange:
+    """The largest differences of a setting, and of what it is in pixels where it was solved for.
+
+    0 where there are too few frames for one.
+    """
+
+    def largest(values: Float[np.ndarray, "t"], order: int) -> float:
+        # Settings that stay infinite, as the f-number of a pinhole does, do not change.
+        with np.errstate(invalid="ignore"):
+            steps = np.abs(np.diff(values, n=order))
+        return float(np.nan_to_num(steps, nan=0.0).max(initial=0.0))
+
+    of_pixels = (None, None) if pixels is None else (largest(pixels, 1), largest(pixels, 2))
+    return LargestChange(largest(values, 1), largest(values, 2), *of_pixels)

@@ -10,7 +10,7 @@ import numpy as np
 from focusjax._settings import angle, f_number, metres
 from focusjax.focus._diagnose import diagnose
 from focusjax.focus._frames_solution import FramesSolution
-from focusjax.focus._solution import Solution, WishResult
+from focusjax.focus._solution import AbstractPrinted, Solution, WishResult
 from focusjax.focus._solve_surface import SurfaceSolution
 from focusjax.lens import TiltShiftLens
 
@@ -44,7 +44,7 @@ def wished(row: WishResult) -> str:
     return "sharp" if not row.wished else f"{row.wished:+g} px" if row.signed else f"{row.wished:g} px"
 
 
-def printed(solution: Solution | SurfaceSolution | FramesSolution) -> str:
+def printed(solution: AbstractPrinted) -> str:
     """A solution of known values in lines of text.
 
     Example:
@@ -73,7 +73,7 @@ def printed(solution: Solution | SurfaceSolution | FramesSolution) -> str:
     return "\n".join([*([said.first] if said.first else []), *lines, *said.sentences])
 
 
-def as_html(solution: Solution | SurfaceSolution | FramesSolution) -> str:
+def as_html(solution: AbstractPrinted) -> str:
     """The same as a piece of a page, for notebooks; what is between the tags is text, whatever its names."""
     said = _said(solution)
     parts = [f"<p><b>{html.escape(said.first)}</b></p>"] if said.first else []
@@ -96,9 +96,10 @@ class _Said:
     sentences: tuple[str, ...]
 
 
-def _said(solution: Solution | SurfaceSolution | FramesSolution) -> _Said:
+def _said(solution: AbstractPrinted) -> _Said:
     if isinstance(solution, FramesSolution):
         return _Said(_shot_line(solution), [], tuple(diagnose(solution).sentences))
+    assert isinstance(solution, Solution | SurfaceSolution)
     if np.ndim(solution.cost) > 0:
         count = f"{len(solution.cost)} solutions, of which `at` gives one: at(0), at(1), ..."
         return _Said(count, [], ())

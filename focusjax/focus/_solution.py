@@ -1,6 +1,7 @@
 """What a solve found: the lens, how well each wish is met, and what stood in the way."""
 
 import dataclasses
+import itertools
 from typing import Any, TypeVar
 
 import equinox as eqx
@@ -153,7 +154,24 @@ class Asked(eqx.Module):
         return self.limits.box(self.camera, self.plan.close_focus)
 
 
-class Solution(eqx.Module):
+class AbstractPrinted(eqx.Module):
+    """A solution that `print` and notebooks show: settings, wishes and diagnosis."""
+
+    # The diagnosis solves again, and so knows of solutions: `_printed` is imported late.
+    def __str__(self) -> str:
+        if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(self)):
+            return repr(self)
+        from focusjax.focus._printed import printed
+
+        return printed(self)
+
+    def _repr_html_(self) -> str:
+        from focusjax.focus._printed import as_html
+
+        return as_html(self)
+
+
+class Solution(AbstractPrinted):
     """The solved lens and how it was found. A pytree; the lens and camera carry gradients.
 
     That of `solve_many` has a leading axis on every array, and `at` gives one of its solutions.
@@ -199,12 +217,6 @@ class Solution(eqx.Module):
     asked: Asked | None = None
     glass: AbstractLens | None = None
 
-    def __str__(self) -> str:
-        return text_of(self)
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
-
     def at(self, index: int) -> "Solution":
         """One of the solutions that `solve_many` found, counted from 0."""
         if np.ndim(self.cost) == 0:
@@ -238,13 +250,13 @@ class Solution(eqx.Module):
         columns = [PARAMETERS.index(name) for name in self.free]
         names = [*(LOWER_NAMES[column] for column in columns), *(UPPER_NAMES[column] for column in columns)]
         flags = np.concatenate([np.asarray(self.at_lower), np.asarray(self.at_upper)])
-        return tuple(name for name, active in zip(names, flags, strict=True) if active)
+        return tuple(itertools.compress(names, flags))
 
     @property
     def undetermined(self) -> tuple[str, ...]:
         """Parameters that the wishes leave open, such as "f_number"."""
         self._alone("undetermined")
-        return tuple(name for name, is_open in zip(self.free, np.asarray(self.open), strict=True) if is_open)
+        return tuple(itertools.compress(self.free, np.asarray(self.open)))
 
     def settings(self) -> LensSettings:
         """Focal length, f-number and magnification in the model of close focus that was solved with."""
@@ -259,12 +271,15 @@ class Solution(eqx.Module):
 
 def wish_table(
     points: ImagePoints,
-    blur: Float[Array, "n"] | Float[np.ndarray, "n"],
-    error: Float[Array, "n"] | Float[np.ndarray, "n"],
+    blur: Float[Array, "*t n"],
+    error: Float[Array, "*t n"],
+    frame: int | None = None,
 ) -> tuple[WishResult, ...]:
-    """One line per wish, given the signed blur and the error in pixels at every point."""
+    """One line per wish, given the signed blur and the error in pixels at every point, or of one frame."""
     # Once to numpy: picking entries out of JAX arrays takes milliseconds each.
     points, blur, error = jax.tree.map(np.asarray, (points, blur, error))
+    if frame is not None:
+        points, blur, error = jax.tree.map(lambda leaf: leaf[frame], (points, blur, error))
     met = np.abs(error) <= points.tolerance
     lines = []
     for index, name in enumerate(points.names):
@@ -315,23 +330,6 @@ def _framing(
     place = np.where(points.quantity[rows] == ACROSS, *points.xy[rows].T)
     room = np.where(points.relation[rows] == AT_LEAST, 1.0, -1.0) * (place - points.target[rows])
     return IN_FRAME, margin, margin + float(room.min()), -float(short)
-
-
-def text_of(solution: Any) -> str:
-    """What `print` says: settings, wishes and diagnosis; where values are traced, the arrays' shapes."""
-    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(solution)):
-        return repr(solution)
-    # The diagnosis solves again, and so knows of solutions.
-    from focusjax.focus._printed import printed
-
-    return printed(solution)
-
-
-def html_of(solution: Any) -> str:
-    """What a notebook shows: the same."""
-    from focusjax.focus._printed import as_html
-
-    return as_html(solution)
 
 
 def one_row(tree: Tree, index: int) -> Tree:

@@ -26,7 +26,7 @@ from focusjax.focus._image_points import (
     unweighted,
 )
 from focusjax.focus._refuse import checked_points, opened, require_points
-from focusjax.focus._solution import WishResult, first_rows, html_of, text_of, wish_table
+from focusjax.focus._solution import AbstractPrinted, WishResult, first_rows, wish_table
 from focusjax.geometry import Camera
 from focusjax.lens import FocalSurface, FocalSurfaceLens, ThinLens, focal_surface_lens
 
@@ -58,7 +58,7 @@ class SurfaceAsked(eqx.Module):
     smoothness: Float[Array, ""]
 
 
-class SurfaceSolution(eqx.Module):
+class SurfaceSolution(AbstractPrinted):
     """The solved focal surface, the lens that has it, and how well each wish is met. A pytree.
 
     Attributes:
@@ -81,12 +81,6 @@ class SurfaceSolution(eqx.Module):
     roughness: Float[Array, ""]
     cost: Float[Array, ""]
     asked: SurfaceAsked | None = None
-
-    def __str__(self) -> str:
-        return text_of(self)
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
 
     def table(self) -> tuple[WishResult, ...]:
         """One line per wish, in the order they were given."""

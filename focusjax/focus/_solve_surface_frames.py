@@ -13,7 +13,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from focusjax._arguments import ArgumentError
 from focusjax._programs import jit
 from focusjax.focus._checks import require_weight
-from focusjax.focus._frames_solution import LargestChange, largest_change, no_points
+from focusjax.focus._frames_solution import LargestChange, largest_changes, no_points
 from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, stacked, together
 from focusjax.focus._refuse import checked_points, opened
 from focusjax.focus._solution import Result, WishResult, one_row, wish_table
@@ -94,10 +94,7 @@ class SurfaceFramesSolution(eqx.Module):
 
     def table(self, frame: int) -> tuple[WishResult, ...]:
         """One line per wish for one frame, counted from 0."""
-        points, blur, error = jax.tree.map(
-            lambda leaf: np.asarray(leaf)[frame], (self.points, self.blur, self.error)
-        )
-        return wish_table(points, blur, error)
+        return wish_table(self.points, self.blur, self.error, frame)
 
     def settings(self) -> dict[str, Float[np.ndarray, "t"]]:
         """Each setting of every frame, as the middle of the picture has it; see `FramesSolution.settings`."""
@@ -113,10 +110,7 @@ class SurfaceFramesSolution(eqx.Module):
 
     def largest_changes(self) -> dict[str, LargestChange]:
         """How unsteady each setting is; the same names as in `settings`."""
-        return {
-            name: LargestChange(largest_change(values, 1), largest_change(values, 2), None, None)
-            for name, values in self.settings().items()
-        }
+        return {name: largest_changes(values, None) for name, values in self.settings().items()}
 
 
 def solve_surface_frames(

@@ -74,7 +74,7 @@ def best_settings(
     """
     start, priors, box, first = place_of(asked)
     points, columns = asked.points, jnp.array(start.columns)
-    unit = unit_steps(start)
+    unit, places = unit_steps(start), rows_and_references(points)
 
     def aim(value: Float[Array, "k"]) -> SettableLens:
         return settable(glass, asked.camera, start.whole(value)[FOCUS])
@@ -104,10 +104,12 @@ def best_settings(
         state, aims = carry
         anew = jnp.any(state.number == jnp.array(_AIMED_ANEW)) | (state.exact & jnp.isinf(state.last))
         aims = jax.lax.cond(anew, lambda: eqx.filter(aim(state.value), eqx.is_array), lambda: aims)
-        glass, settings = eqx.combine(aims, fixed), _settings(start, state.value)
+        glass = eqx.combine(aims, fixed)
+        # Focus and aperture radius of where rays look.
+        settings = jax.vmap(start.setting)(state.value[None] + _about(unit))
 
         def look(at: Array, found: Sensed) -> Sensed:
-            one = sensed_rows(points, glass, asked.camera, widest, settings[at][None])
+            one = sensed(glass, asked.camera, widest, *places, settings[at][None])
             return jax.tree.map(lambda whole, row: whole.at[at].set(row[0]), found, one)
 
         # Rounds need no curvature. What is looked at in turn is compiled once.
@@ -122,8 +124,7 @@ def best_settings(
     shapes, fixed = eqx.partition(eqx.filter_eval_shape(aim, first), lambda leaf: isinstance(leaf, _SHAPE))
     sample = shapes, eqx.filter_eval_shape(basin_of, asked)
     blank, basin = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), sample)
-    _, places = rows_and_references(points)
-    unseen = blank_sensed(1 + 2 * first.size, places)
+    unseen = blank_sensed(1 + 2 * first.size, places[1])
     far = jnp.full_like(first[0], jnp.inf)
     state = Reached(jnp.array(0), jnp.array(False), basin, first, first, unseen, far, far)
     state, aims = jax.lax.while_loop(moving, step, (state, blank))
@@ -139,11 +140,6 @@ def _about(unit: Float[Array, "k"]) -> Float[Array, "v k"]:
     """Steps to where rays look: none, one of each parameter beyond, and one before."""
     away = jnp.diag(unit)
     return jnp.concatenate([jnp.zeros_like(unit)[None], away, -away])
-
-
-def _settings(start: Start, value: Float[Array, "k"]) -> Float[Array, "v 2"]:
-    """Focus and aperture radius of where rays look about `value`."""
-    return jax.vmap(start.setting)(value[None] + _about(unit_steps(start)))
 
 
 def exchanged(points: ImagePoints, camera: Camera, setting: Float[Array, "2"], found: Sensed) -> ImagePoints:
@@ -170,17 +166,6 @@ def exchanged(points: ImagePoints, camera: Camera, setting: Float[Array, "2"], f
     depth = setting[0] - other.signed / gain
     reference = jnp.concatenate([points.reference[:, :2], depth[:, None]], axis=1)
     return dataclasses.replace(changed, reference=reference)
-
-
-def sensed_rows(
-    points: ImagePoints,
-    glass: SettableLens,
-    camera: Camera,
-    widest: Float[Array, ""],
-    settings: Float[Array, "v 2"],
-) -> Sensed:
-    """The blur of rows and, after them, of their references."""
-    return sensed(glass, camera, widest, *rows_and_references(points), settings)
 
 
 def rows_and_references(points: ImagePoints) -> tuple[Float[Array, "m 2"], Float[Array, "m"]]:

@@ -16,7 +16,7 @@ from focusjax.focus._bounds import Box
 from focusjax.focus._global import UNDETERMINED_PX
 from focusjax.focus._image_points import AT_LEAST, AT_MOST
 from focusjax.focus._least_distance import least_distance
-from focusjax.focus._objective import Objective
+from focusjax.focus._objective import Objective, with_slopes
 from focusjax.focus._parameters import RADIUS
 from focusjax.focus._walk import PLANE, has_products, walk, with_products
 
@@ -120,7 +120,8 @@ def _to_nearest(
 ) -> Float[Array, "k"]:
     """The change of the parameters that leads to the nearest place of the linearised set of solutions."""
     width = box.upper - box.lower
-    excess, slopes = _excess(objective, value, side)
+    # Errors, also where a limit allows them.
+    excess, slopes = with_slopes(lambda at: objective.excess(at, side), value)
     limit = jnp.zeros_like(objective.points.signed)
     if objective.relation is not None:
         limit = (objective.relation == AT_MOST) | (objective.relation == AT_LEAST)
@@ -135,19 +136,6 @@ def _to_nearest(
         rows, room = jnp.concatenate([rows, limits]), jnp.concatenate([room, spare])
     away = open_ @ (objective.scale * (first - value))
     return open_ @ least_distance(away, (rows / objective.scale[None]) @ open_, room) / objective.scale
-
-
-def _excess(
-    objective: Objective, value: Float[Array, "k"], side: Float[Array, "n"]
-) -> tuple[Float[Array, "n"], Float[Array, "n k"]]:
-    """Errors, also where a limit allows them, and their slopes."""
-
-    def both(value: Float[Array, "k"]) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-        excess = objective.excess(value, side)
-        return excess, excess
-
-    slopes, excess = jax.jacfwd(both, has_aux=True)(value)
-    return excess, slopes
 
 
 def _limits(

@@ -1,5 +1,7 @@
 """What a solve minimises, in closed form: quick enough to try many starts."""
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -126,13 +128,7 @@ class Objective(eqx.Module):
         self, value: Float[Array, "k"], side: Float[Array, "n"]
     ) -> tuple[Float[Array, "n"], Float[Array, "n k"]]:
         """Errors in pixels, and their slopes."""
-
-        def both(value: Float[Array, "k"]) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-            error = self.errors(value, side)
-            return error, error
-
-        slopes, error = jax.jacfwd(both, has_aux=True)(value)
-        return error, slopes
+        return with_slopes(lambda at: self.errors(at, side), value)
 
     def on(self, value: Float[Array, "k"], side: Float[Array, "n"]) -> Bool[Array, "n"]:
         """Rows whose wish holds the solution: all but limits that are kept with room to spare."""
@@ -145,6 +141,14 @@ class Objective(eqx.Module):
             excess > -near,
             jnp.where(self.relation == AT_LEAST, excess < near, True),
         )
+
+
+def with_slopes(
+    function: Callable[[Float[Array, "k"]], Float[Array, "n"]], value: Float[Array, "k"]
+) -> tuple[Float[Array, "n"], Float[Array, "n k"]]:
+    """What a function returns, and its slopes, in one pass."""
+    slopes, found = jax.jacfwd(lambda at: (function(at),) * 2, has_aux=True)(value)
+    return found, slopes
 
 
 def make_objective(points: ImagePoints, start: Start, priors: PriorRows) -> Objective:

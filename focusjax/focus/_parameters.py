@@ -149,14 +149,9 @@ class Start(eqx.Module):
             lambda lens: (lens.focus_disparity, lens.aperture_radius), self.lens, (focus, radius)
         )
 
-    @property
-    def reframes(self) -> bool:
-        """Whether what is solved for moves things in the picture."""
-        return reframes(self.free, self.close_focus)
-
     def points_at(self, value: Float[Array, "k"], points: ImagePoints) -> ImagePoints:
         """The points where the camera with `value` for the free parameters sees them."""
-        if not self.reframes:
+        if not reframes(self.free, self.close_focus):
             return points
         before, after = self.camera.principal_point, self._principal_point(value)
         zoom = 1.0 if self.keep_view else self.whole(value)[ZOOM]
@@ -344,13 +339,7 @@ def blur_models(points: ImagePoints, start: Start) -> tuple[BlurModel, BlurModel
             # Rows that do not count may be behind the lens, where the scale ends.
             disparity = jnp.where(scale.gain(disparity) > 0.0, disparity, 0.0)
             gain, disparity = gain * scale.gain(disparity), scale.setting(disparity)
-        return BlurModel(
-            gain=gain,
-            across=across,
-            disparity=disparity,
-            frame=frame,
-            power=power,
-        )
+        return BlurModel(gain, across, disparity, frame, power)
 
     own = model(points.xy, points.disparity, _frame_model(points, start))
     if points.reference is None:

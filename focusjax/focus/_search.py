@@ -235,11 +235,7 @@ def _open(
     slopes = jax.jacfwd(objective.excess)(value, side)
     slopes = jnp.where((on & objective.counted)[:, None], slopes, 0.0)
     projection = weak_directions(jnp.concatenate([slopes, jnp.diag(objective.priors.inverse)]) * unit[None])
-    held = _alone(moves, projection)
+    # The parameter's own axis is open, whatever the others do.
+    held = moves & (jnp.diag(projection) > 1.0 - _ALIGNED)
     mixed = moves & ~held
     return held, jnp.where(mixed[:, None] & mixed[None], projection, 0.0)
-
-
-def _alone(moves: Bool[Array, "k"], projection: Float[Array, "k k"]) -> Bool[Array, "k"]:
-    """Parameters whose own axis is open, whatever the others do."""
-    return moves & (jnp.diag(projection) > 1.0 - _ALIGNED)

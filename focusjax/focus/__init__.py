@@ -29,7 +29,6 @@ from focusjax.focus._image_points import named_like as named_like
 from focusjax.focus._image_points import residuals as residuals
 from focusjax.focus._image_points import stacked as stacked
 from focusjax.focus._locate import locate as locate
-from focusjax.focus._many import solve_many as solve_many
 from focusjax.focus._parameters import PARAMETERS as PARAMETERS
 from focusjax.focus._parameters import reframes as reframes
 from focusjax.focus._plane import PlaneFit as PlaneFit
@@ -52,6 +51,7 @@ from focusjax.focus._solution import WishResult as WishResult
 from focusjax.focus._solution import one_row as one_row
 from focusjax.focus._solve import Glass as Glass
 from focusjax.focus._solve import solve as solve
+from focusjax.focus._solve import solve_many as solve_many
 from focusjax.focus._solve_frames import solve_frames as solve_frames
 from focusjax.focus._solve_frames_glass import frames_seen_through as frames_seen_through
 from focusjax.focus._solve_glass import seen_through as seen_through

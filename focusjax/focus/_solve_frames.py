@@ -11,10 +11,10 @@ from jaxtyping import Array, ArrayLike, Float
 
 from focusjax._programs import jit_in_haste
 from focusjax.focus._frames_asked import FramesAsked, frames_asked, padded_frames
-from focusjax.focus._frames_implicit import following
 from focusjax.focus._frames_problem import at_bounds, frames_problem, openness, thin_walk
 from focusjax.focus._frames_solution import FramesSolution, without_padding
 from focusjax.focus._image_points import ImagePoints, blurs, errors
+from focusjax.focus._joint import following
 from focusjax.focus._parameters import Start
 from focusjax.focus._solution import PARTLY_OPEN, Result, has_failed, result_of
 from focusjax.focus._solve import Glass

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float, Integer
+from jaxtyping import Array, Float, Int, Integer
 
 from focusjax._arguments import real_numbers
 from focusjax._device import device_array
@@ -24,7 +24,6 @@ from focusjax.focus._points import (
     OnTriangle,
     Vector,
 )
-from focusjax.focus._surface import surface_samples, thin_out
 from focusjax.focus._visibility import VISIBLE_WITHIN, seen_at, visibility
 from focusjax.geometry import Camera
 
@@ -33,6 +32,10 @@ BEHIND, OUTSIDE, HIDDEN = "behind the camera", "outside the frame", "hidden"
 
 # Surface points drawn per sample wanted: an object seen only in part still gets its samples.
 _CANDIDATES = 16
+
+# The plastic number's powers: the two-dimensional counterpart of the golden ratio, whose
+# multiples modulo 1 fill the square more evenly than random numbers.
+_PLASTIC = 1.32471795724474602596
 
 
 @dataclasses.dataclass(frozen=True)
@@ -177,18 +180,18 @@ class Finder:
             )
         vertices, faces = self._mesh(label)
         corners = vertices[faces[span.start : span.stop]].astype(float)
-        drawn = _project(self.camera, surface_samples(corners, _CANDIDATES * samples))
+        drawn = _project(self.camera, _surface_samples(corners, _CANDIDATES * samples))
         ahead = drawn[(drawn[:, 2] > 0) & np.isfinite(drawn).all(axis=-1)]
         if len(ahead) == 0:
             return self._nowhere(BEHIND)
         rows = ahead[self._in_frame(ahead[:, :2])]
         if len(rows) == 0:
-            return Place(ahead[thin_out(len(ahead), samples)], OUTSIDE, 0.0)
+            return Place(ahead[_thin_out(len(ahead), samples)], OUTSIDE, 0.0)
         seen = np.abs(seen_at(self.disparity_map, rows[:, :2]) - rows[:, 2]) <= VISIBLE_WITHIN * rows[:, 2]
         if not seen.any():
-            return Place(rows[thin_out(len(rows), samples)], HIDDEN, 0.0)
+            return Place(rows[_thin_out(len(rows), samples)], HIDDEN, 0.0)
         rows = rows[seen]
-        return Place(rows[thin_out(len(rows), samples)])
+        return Place(rows[_thin_out(len(rows), samples)])
 
     def _mask(self, mask: np.ndarray, samples: int, label: str) -> Place:
         if self.disparity_map is None:
@@ -203,7 +206,7 @@ class Finder:
         solid = mask & (self.disparity_map > 0)
         line, column = np.nonzero(solid if solid.any() else mask)
         order = np.argsort(_along_z_curve(line, column), kind="stable")
-        chosen = order[thin_out(len(order), samples)]
+        chosen = order[_thin_out(len(order), samples)]
         line, column = line[chosen], column[chosen]
         return Place(np.column_stack([column + 0.5, line + 0.5, self.disparity_map[line, column]]))
 
@@ -251,3 +254,41 @@ def _finite(values: Vector, what: str) -> Float[np.ndarray, "3"]:
     if array.shape != (3,) or not np.all(np.isfinite(array)):
         raise ValueError(f"{what} is {shown(array)}; expected three finite numbers")
     return array
+
+
+def _surface_samples(corners: Float[np.ndarray, "t 3 3"], count: int) -> Float[np.ndarray, "n 3"]:
+    """`count` points spread over triangles in proportion to their area; the same every time.
+
+    Args:
+        corners: triangle, corner, coordinate in metres.
+        count: number of points n.
+
+    Returns:
+        Points in metres; none when the triangles have no area.
+    """
+    edges = corners[:, 1:] - corners[:, :1]
+    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=-1)
+    total = area.sum()
+    if not total > 0:
+        return np.zeros((0, 3))
+    # Equal steps along the summed area: every triangle gets its share to within one point.
+    steps = (np.arange(count) + 0.5) / count * total
+    triangle = np.minimum(np.searchsorted(np.cumsum(area), steps), len(area) - 1)
+    barycentric = _barycentric(np.arange(count))
+    return np.einsum("nk,nkx->nx", barycentric, corners[triangle])
+
+
+def _barycentric(index: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n 3"]:
+    """Well-spread barycentric weights: the unit square folded along its diagonal."""
+    u = (0.5 + index / _PLASTIC) % 1.0
+    v = (0.5 + index / _PLASTIC**2) % 1.0
+    fold = u + v > 1.0
+    u, v = np.where(fold, 1.0 - u, u), np.where(fold, 1.0 - v, v)
+    return np.stack([1.0 - u - v, u, v], axis=-1)
+
+
+def _thin_out(count: int, keep: int) -> Int[np.ndarray, "n"]:
+    """Indices of at most `keep` out of `count` items, evenly spaced."""
+    if count <= keep:
+        return np.arange(count)
+    return np.floor((np.arange(keep) + 0.5) * count / keep).astype(int)

@@ -18,7 +18,7 @@ from focusjax._programs import jit
 from focusjax._words import kind_of
 from focusjax.focus._glass_blur import square_points
 from focusjax.focus._glass_rows import wished_sharp
-from focusjax.focus._image_points import ImagePoints
+from focusjax.focus._image_points import ImagePoints, root_weight
 from focusjax.focus._refuse import require_points
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, moved_film, refocused
@@ -80,7 +80,7 @@ def focus_by_rays(
         )
     if not isinstance(parallax := lens.parallax(camera), Tracer) and not float(parallax) > 0:
         raise ArgumentError("the lens is a pinhole, to which all is sharp; open it", "lens")
-    weight = _sharp_weights(points)
+    weight = jnp.where(wished_sharp(points), points.weight, 0.0)
     if not isinstance(weight, Tracer) and not bool(jnp.any(weight > 0)):
         raise ArgumentError("nothing is wished sharp; rays are focused on what is", "points")
     focus, sizes, steps, failed = _search(points.xy, points.disparity, weight, camera, lens, max_steps)
@@ -89,11 +89,6 @@ def focus_by_rays(
     elif bool(failed):
         raise RuntimeError(f"focusing by rays failed after {int(steps)} steps")
     return RayFocus(refocused(lens, camera, focus), focus, sizes, steps)
-
-
-def _sharp_weights(points: ImagePoints) -> Float[Array, "n"]:
-    """The weights of the rows that wish for sharpness, and 0 for all others."""
-    return jnp.where(wished_sharp(points), points.weight, 0.0)
 
 
 @jit
@@ -121,8 +116,7 @@ def _scatter(
         total = jnp.sum(light)
         share = jnp.where(total > 0.0, light / jnp.where(total > 0.0, total, 1.0), 0.0)
         off = places - (share @ places)[None]
-        lit = share > 0.0
-        return jnp.where(lit, jnp.sqrt(jnp.where(lit, share, 1.0)), 0.0)[:, None] * off
+        return root_weight(share)[:, None] * off
 
     return jax.vmap(one)(xy, disparity)
 
@@ -141,7 +135,7 @@ def _search(
     from focusjax.solvers import BoundedLevenbergMarquardt
 
     share = weight / jnp.sum(weight)
-    roots = jnp.where(share > 0.0, jnp.sqrt(jnp.where(share > 0.0, share, 1.0)), 0.0)
+    roots = root_weight(share)
     dynamic, static = eqx.partition(lens, eqx.is_array)
     unit = jax.lax.stop_gradient(1.0 / lens.parallax(camera))
 

@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from focusjax.focus._objective import with_slopes
 from focusjax.geometry import Camera
 from focusjax.lens import PrescriptionLens, SettableLens, TiltedPrescriptionLens
 
@@ -144,15 +145,10 @@ def sensed(
         settings: focus disparity in 1/m and aperture radius in metres.
     """
 
-    def blur(setting: Float[Array, "2"]) -> tuple[GlassBlur, GlassBlur]:
-        found = glass_blur(lens, camera, setting[0], setting[1] / widest, xy, disparity)
-        return found, found
+    def blur(setting: Float[Array, "2"]) -> GlassBlur:
+        return glass_blur(lens, camera, setting[0], setting[1] / widest, xy, disparity)
 
-    def one(setting: Float[Array, "2"]) -> Sensed:
-        slope, found = jax.jacfwd(blur, has_aux=True)(setting)
-        return Sensed(found, slope)
-
-    return jax.vmap(one)(settings)
+    return Sensed(*jax.vmap(lambda setting: with_slopes(blur, setting))(settings))
 
 
 def numbers_of(

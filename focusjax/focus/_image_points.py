@@ -125,7 +125,7 @@ def residuals(points: ImagePoints, camera: Camera, lens: AbstractLens) -> Float[
     return root_weight(points.weight) * errors(points, camera, lens)
 
 
-def root_weight(weight: Float[Array, "n"]) -> Float[Array, "n"]:
+def root_weight(weight: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """The square root; its slope is infinite at weight 0, where 0 is reported instead."""
     counts = weight > 0
     return jnp.where(counts, jnp.sqrt(jnp.where(counts, weight, 1.0)), 0.0)

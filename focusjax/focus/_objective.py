@@ -1,6 +1,7 @@
 """What a solve minimises, in closed form: quick enough to try many starts."""
 
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -143,10 +144,8 @@ class Objective(eqx.Module):
         )
 
 
-def with_slopes(
-    function: Callable[[Float[Array, "k"]], Float[Array, "n"]], value: Float[Array, "k"]
-) -> tuple[Float[Array, "n"], Float[Array, "n k"]]:
-    """What a function returns, and its slopes, in one pass."""
+def with_slopes(function: Callable[[Float[Array, "k"]], Any], value: Float[Array, "k"]) -> tuple[Any, Any]:
+    """What a function returns, and its slopes on a last axis, in one pass."""
     slopes, found = jax.jacfwd(lambda at: (function(at),) * 2, has_aux=True)(value)
     return found, slopes
 

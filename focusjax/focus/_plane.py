@@ -27,7 +27,7 @@ from focusjax._programs import jit
 from focusjax.focus._bounds import LIFE_SIZE
 from focusjax.focus._checks import require, require_number
 from focusjax.focus._disk import least_in_disk
-from focusjax.focus._image_points import repeated, room_for, unweighted
+from focusjax.focus._image_points import repeated, room_for, root_weight, unweighted
 from focusjax.focus._refuse import opened, require_lens
 from focusjax.focus._solution import first_rows
 from focusjax.geometry import Camera
@@ -172,21 +172,19 @@ def _checked_limits(
     """
     if min_focus_distance is None:
         min_focus_distance = LIFE_SIZE * camera.focal_length
-    turn, near = (
-        require_number(
-            max_tilt,
-            lambda v: (v >= 0) & (v < np.pi / 2),
-            "the tilt limit in radians",
-            "0 up to less than pi/2",
-            "max_tilt",
-        ),
-        require_number(
-            min_focus_distance,
-            lambda v: (v * jnp.cos(jnp.asarray(max_tilt)) > camera.focal_length) & (v < np.inf),
-            "minimum focus distance in metres",
-            "a finite distance beyond the focal length over the cosine of the tilt limit; raise it",
-            "min_focus_distance",
-        ),
+    turn = require_number(
+        max_tilt,
+        lambda v: (v >= 0) & (v < np.pi / 2),
+        "the tilt limit in radians",
+        "0 up to less than pi/2",
+        "max_tilt",
+    )
+    near = require_number(
+        min_focus_distance,
+        lambda v: (v * jnp.cos(jnp.asarray(max_tilt)) > camera.focal_length) & (v < np.inf),
+        "minimum focus distance in metres",
+        "a finite distance beyond the focal length over the cosine of the tilt limit; raise it",
+        "min_focus_distance",
     )
     return turn.astype(dtype), near.astype(dtype)
 
@@ -260,7 +258,7 @@ def _nearest_solution(
     still = jax.lax.stop_gradient(counted)
     turned = open_ - ((counted - still) @ open_.T).T @ still @ inverse
     share = weight / jnp.max(jnp.where(counts, weight, 1e-30))
-    root = jnp.where(counts, jnp.sqrt(jnp.where(counts, share, 1.0)), 0.0)
+    root = root_weight(share)
     # Heavy rows first: Householder's QR is then accurate for each row by itself.
     order = jnp.argsort(-jax.lax.stop_gradient(root))
     weighted = (root[:, None] * (counted - (counted @ open_.T) @ open_))[order]

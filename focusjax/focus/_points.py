@@ -43,7 +43,8 @@ class AtPixel:
     y: SupportsFloat
 
     def __post_init__(self) -> None:
-        _pixels(self.x, self.y, "a focus point's pixel")
+        for each, axis in ((self.x, "x"), (self.y, "y")):
+            real_number(each, f"{axis} of a focus point's pixel", "a number of pixels")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -122,7 +123,7 @@ class OnObject:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
             raise ValueError(f"an object's name is {self.name!r}; expected the text it has in the scene")
-        _check_samples(self.samples, f"object {self.name!r}")
+        require_counts(**{f"the number of samples of object {self.name!r}": self.samples})
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -154,7 +155,7 @@ class OnMask:
                 f"a mask is {kind_of(self.mask)}; expected an array of True and False, one for each pixel, as"
                 " image > 0.5 makes"
             )
-        _check_samples(self.samples, "a mask")
+        require_counts(**{"the number of samples of a mask": self.samples})
 
 
 @dataclasses.dataclass(frozen=True)
@@ -243,14 +244,3 @@ def check_kind(what: str, value: object, kinds: Any) -> None:
     if not isinstance(value, kinds):
         names = ", ".join(kind.__name__ for kind in get_args(kinds))
         raise ValueError(f"{what} {value!r}; expected one of {names}")
-
-
-def _pixels(x: Any, y: Any, what: str) -> tuple[float, float]:
-    """A position in the picture, finite or not."""
-    return real_number(x, f"x of {what}", "a number of pixels"), real_number(
-        y, f"y of {what}", "a number of pixels"
-    )
-
-
-def _check_samples(samples: int, what: str) -> None:
-    require_counts(**{f"the number of samples of {what}": samples})

@@ -273,7 +273,7 @@ def linear_surface(
     places = jnp.stack([part.reshape(-1) for part in jnp.meshgrid(x, y)], axis=1).astype(surface.xy.dtype)
     gradient = jax.vmap(jax.jacfwd(surface.shares))(places)
     steps = jnp.moveaxis(gradient, 1, 2).reshape(-1, surface.weight.size)
-    steps = root_weight((smoothness / len(places))[None])[0] * _STEP_PX * steps
+    steps = root_weight(smoothness / len(places)) * _STEP_PX * steps
     return LinearSurface(
         matrix=jnp.concatenate([(root * scale)[:, None] * shares, steps]),
         behind=jnp.concatenate([root * now, slope * steps @ surface.focus_disparity]),

@@ -8,13 +8,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from focusjax._arguments import ArgumentError
 from focusjax._programs import jit
 from focusjax.focus._checks import require_weight
 from focusjax.focus._frames_solution import LargestChange, largest_changes, no_points
-from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, stacked, together
+from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, root_weight, stacked, together
 from focusjax.focus._refuse import checked_points, opened
 from focusjax.focus._solution import Result, WishResult, one_row, wish_table
 from focusjax.focus._solve_surface import (
@@ -266,15 +266,11 @@ def _solve(asked: SurfaceFramesAsked) -> SurfaceFramesSolution:
     )
     number = jnp.arange(slope.size)
 
-    def root(weight: Float[Array, ""], there: Bool[Array, "t"]) -> Float[Array, "t"]:
-        positive = there & (weight > 0)
-        return jnp.where(positive, jnp.sqrt(jnp.where(weight > 0, weight, 1.0)), 0.0)
-
     rows = _Rows(
         frames,
         slope[:, None] * asked.surface.focus_disparity,
-        root(asked.smoothness, number >= 2),
-        root(asked.steadiness, number >= 1),
+        jnp.where(number >= 2, root_weight(asked.smoothness), 0.0),
+        jnp.where(number >= 1, root_weight(asked.steadiness), 0.0),
     )
     side = jax.lax.stop_gradient(_sides(jax.lax.stop_gradient(rows), asked.points))
     change = rows.change(side)

@@ -129,11 +129,7 @@ def make_limits(
     shift_range: Range | None = None,
     rise_range: Range | None = None,
 ) -> Limits:
-    """Checked limits; arguments as for `solve`.
-
-    Raises:
-        ValueError: limits that are out of range or reversed.
-    """
+    """Checked limits: in range, and not reversed; arguments as for `solve`."""
     length = camera.focal_length
     shortest, longest = (
         (length, length) if focal_length_range is None else _ends("focal_length_range", focal_length_range)
@@ -200,11 +196,7 @@ def make_limits(
 
 
 def refuse_idle(limits: Mapping[str, Any], free: tuple[str, ...]) -> None:
-    """Refuse limits to what is not free, which would limit nothing.
-
-    Raises:
-        ArgumentError: one is given.
-    """
+    """Refuses limits to what is not free, which would limit nothing."""
     for name, parameter in LIMITED.items():
         if limits.get(name) is not None and parameter not in free:
             raise ArgumentError(

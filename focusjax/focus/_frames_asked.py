@@ -99,11 +99,7 @@ def frames_asked(
     held: Mapping[str, Sequence[bool]],
     options: dict[str, Any],
 ) -> FramesAsked:
-    """The arguments of `solve_frames`, checked.
-
-    Raises:
-        ArgumentError: as `solve_frames`.
-    """
+    """The arguments of `solve_frames`, checked."""
     over_time = {"smoothness": smoothness, "steadiness": steadiness}
     over_time = {name: require_weight(name, value) for name, value in over_time.items()}
     _check_frames(points)

@@ -136,13 +136,7 @@ def sensed(
 ) -> Sensed:
     """The blur of points at several settings, and its change with them.
 
-    Args:
-        lens: the glass.
-        camera: that it is made for.
-        widest: radius in metres of its entrance pupil when it is open.
-        xy: pixels.
-        disparity: 1/m.
-        settings: focus disparity in 1/m and aperture radius in metres.
+    Settings are focus disparity in 1/m and aperture radius in metres, `widest` when the lens is open.
     """
 
     def blur(setting: Float[Array, "2"]) -> GlassBlur:

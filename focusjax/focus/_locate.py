@@ -182,11 +182,7 @@ def _check_wishes(points: object, camera: object) -> None:
 
 
 def _names(points: Sequence[FocusPoint]) -> tuple[str, ...]:
-    """What reports call the wishes.
-
-    Raises:
-        ValueError: two of the same name.
-    """
+    """What reports call the wishes, each by a name of its own."""
     names = tuple(point.name or f"point {index + 1}" for index, point in enumerate(points))
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

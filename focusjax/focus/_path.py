@@ -48,15 +48,7 @@ class Answers(eqx.Module):
 def answers_of_each(
     joint: Joint, first: Float[Array, "t k"], boxes: Box, *, many: bool, max_steps: int
 ) -> Answers:
-    """The answers of all frames.
-
-    Args:
-        joint: the whole problem; every frame of it has points with weight.
-        first: the lens as given, in the parameters of each frame.
-        boxes: bounds on these.
-        many: whether some wishes leave their side open (static).
-        max_steps: steps allowed to each walk (static).
-    """
+    """The answers of all frames, each of which has points with weight; arguments as for `search`."""
 
     def answers(frame: Objective, first: Float[Array, "k"], box: Box) -> Answers:
         values, sides = starts(frame, first, box, many=many)
@@ -80,15 +72,8 @@ def paths_through(
 ) -> Float[Array, "p t k"]:
     """The cheapest path at each of `PRICES`: parameters of all frames in pixels.
 
-    Of frames with wishes it has one good answer each; of others, what is in between.
-
-    Args:
-        joint: the whole problem.
-        answers: of its frames.
-        first: the lens as given, in the parameters of each frame.
-        boxes: bounds on these.
-        counts: frames whose wishes are their own.
-        max_steps: steps allowed to each walk (static).
+    Of frames that count, as their wishes are their own, it has one good answer each; of others, what is in
+    between.
     """
     values, cost, distance = _candidates(joint, answers, boxes, counts)
     pixels = values * joint.scale[:, None]

@@ -140,11 +140,7 @@ def _checked_points(
     weight: Float[Array, "n"] | None,
     blur: Float[Array, "n"] | None,
 ) -> tuple[Float[Array, "n 2"], Float[Array, "n"], Float[Array, "n"], Float[Array, "n"]]:
-    """Positions, disparities, weights and wanted blurs, with what is not given filled in.
-
-    Raises:
-        ValueError: a value out of range.
-    """
+    """Positions, disparities, weights and wanted blurs in range, with what is not given filled in."""
 
     def finite(v: Any) -> Any:
         return abs(v) < np.inf
@@ -165,11 +161,7 @@ def _checked_points(
 def _checked_limits(
     camera: Camera, max_tilt: ArrayLike, min_focus_distance: ArrayLike | None, dtype: np.dtype
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """The tilt limit in radians and the closest focus distance in metres.
-
-    Raises:
-        ValueError: a limit out of range.
-    """
+    """The tilt limit in radians and the closest focus distance in metres, in range."""
     if min_focus_distance is None:
         min_focus_distance = LIFE_SIZE * camera.focal_length
     turn = require_number(

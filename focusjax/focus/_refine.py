@@ -114,16 +114,8 @@ def refined(
     """Least squares on the face of the active bounds: the parameters, the steps, and how it ended.
 
     Differentiable by the implicit function theorem: parameters on the face move with the points, pinned
-    ones with their bounds, and what is left open with the starting lens.
-
-    Args:
-        problem: what is solved, with the sides and limits that hold in the basin.
-        basin: where the best solution is.
-        first: the free parameters of the lens as given.
-        box: bounds.
-        solver: of Optimistix, which starts from the lens as given; None for `BoundedLevenbergMarquardt` from
-            the basin's bottom.
-        max_steps: steps allowed.
+    ones with their bounds, and what is left open with the starting lens, `first`. From that a `solver` of
+    Optimistix starts; None is `BoundedLevenbergMarquardt` from the basin's bottom.
     """
     import optimistix as optx
 

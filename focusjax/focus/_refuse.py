@@ -43,11 +43,7 @@ def check_start(
     free: tuple[str, ...],
     close_focus: CloseFocus = "ignored",
 ) -> None:
-    """Refuses a start outside the range of a free parameter, which a silent clamp would hide.
-
-    Raises:
-        ValueError: says what starts where.
-    """
+    """Refuses a start outside the range of a free parameter, which a silent clamp would hide."""
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((camera, lens, limits))):
         return
     # An end of the range must not be refused for the last bits of its reciprocal or sine.
@@ -85,11 +81,7 @@ def check_start(
 
 
 def checked_points(points: ImagePoints) -> ImagePoints:
-    """The points, with every value in range.
-
-    Raises:
-        ValueError: a value that is not, or no point.
-    """
+    """The points, of which there are some, with every value in range."""
     if points.disparity.shape[-1] == 0:
         raise ArgumentError("there are no focus points; give at least one wish", "points")
     weight = require(
@@ -126,15 +118,9 @@ def checked_points(points: ImagePoints) -> ImagePoints:
 
 
 def require_points(points: object, usage: str, *, axes: int) -> None:
-    """Refuse what is no set of located wishes, or as many sets as are not expected.
+    """Refuses what is no set of located wishes, or not as many as expected: one for 1 of `axes`, many for 2.
 
-    Args:
-        points: what was given.
-        usage: the call with its arguments in order.
-        axes: 1 for one set, 2 for many.
-
-    Raises:
-        ArgumentError: says what to do.
+    `usage` is the call with its arguments in order.
     """
     remedy = "`find_points` or `locate` finds wishes in the picture"
     require_kind(points, ImagePoints, usage, remedy, "points")
@@ -153,22 +139,14 @@ def require_points(points: object, usage: str, *, axes: int) -> None:
 
 
 def require_lens(camera: object, lens: object, usage: str) -> None:
-    """Refuse what is no camera, and no lens.
-
-    Raises:
-        ArgumentError: says what to do.
-    """
+    """Refuses what is no camera, and no lens."""
     require_kind(camera, Camera, usage, "`look_at` and `make_camera` make one", "camera")
     lenses = (ThinLens, TiltShiftLens)
     require_kind(lens, lenses, usage, "`thin_lens` and `tilt_shift_lens` make one", "lens")
 
 
 def opened(lens: Lens) -> Lens:
-    """The lens, when it is no pinhole, of which no focus can be seen.
-
-    Raises:
-        ValueError: it is one.
-    """
+    """The lens, when it is no pinhole, of which no focus can be seen."""
     radius = require(
         lens.aperture_radius,
         lambda v: (v > 0) & (v < np.inf),
@@ -229,11 +207,7 @@ def checked_glass(glass: object, asked: Asked, usage: str = "solve(through=)") -
 
 
 def refuse_glass(close_focus: CloseFocus) -> None:
-    """Refuse a model of close focus for a real lens, which has its own image distance.
-
-    Raises:
-        ArgumentError: there is one.
-    """
+    """Refuses a model of close focus for a real lens, which has its own image distance."""
     if close_focus != "ignored":
         raise ArgumentError(
             f"close_focus is {close_focus!r}, and `through` is a real lens, whose glass says how its image"

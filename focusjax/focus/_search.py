@@ -68,14 +68,8 @@ def search(objective: Objective, first: Float[Array, "k"], box: Box, *, many: bo
     """The best solution over all starts.
 
     Of several that are equally good to within rounding the one is taken that changes the picture least, and
-    of two that change it as much the one of nearest focus.
-
-    Args:
-        objective: what to minimise.
-        first: the lens as given.
-        box: bounds.
-        many: whether some wishes leave their side open, so that one start may not do (static).
-        max_steps: steps allowed to each walk.
+    of two that change it as much the one of nearest focus. `first` is the lens as given; where some wishes
+    leave their side open there are `many` starts (static).
     """
     values, sides = starts(objective, first, box, many=many)
     found, natural, cost, slack = walks(objective, sides, values, first, box, max_steps)
@@ -110,15 +104,7 @@ def walks(
     """Walks from all starts: with the sides on which they end, their costs, and what of these is rounding.
 
     Every walk is taken a second time, from where the first one ends but with what the wishes leave open
-    brought back towards the lens as given.
-
-    Args:
-        objective: what to minimise.
-        sides: of all points, for every start.
-        values: starts.
-        first: the lens as given.
-        box: bounds.
-        max_steps: steps allowed to each walk.
+    brought back towards the lens as given, `first`.
     """
 
     def round_(start: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], tuple[Any, ...]]:

@@ -198,11 +198,7 @@ def prepared(
     close_focus: CloseFocus = "ignored",
     **ranges: Any,
 ) -> Asked:
-    """The arguments of a solve, checked; `usage` and `axes` are for `require_points`.
-
-    Raises:
-        ArgumentError: as `solve`.
-    """
+    """The arguments of a solve, checked; `usage` and `axes` are for `require_points`."""
     require_points(points, usage, axes=axes)
     require_lens(camera, lens, usage)
     free = in_order(free)

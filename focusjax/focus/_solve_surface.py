@@ -256,12 +256,7 @@ def linear_surface(
 ) -> LinearSurface:
     """The residuals of wishes and of the smoothness term, which are linear in the control values.
 
-    Args:
-        points: wishes for sharpness or blurs.
-        camera: the pinhole that frames the picture.
-        surface: control points, and the values from which changes count.
-        slope: 2 f E, px of blur per 1/m of focal disparity.
-        smoothness: weight of the smoothness term.
+    Changes count from those of `surface`; `slope` is 2 f E, px of blur per 1/m of focal disparity.
     """
     root = root_weight(points.weight)
     shares = surface.shares(points.xy.T).T

@@ -128,7 +128,7 @@ def frames_asked(
         _refuse_traced((points, cameras, lenses, glasses, smoothness, steadiness, options))
     if any(isinstance(lens, TiltShiftLens) for lens in lenses):
         lenses = [as_tilt_shift(lens) for lens in lenses]
-    stand_ins = _with_weight(points)
+    stand_ins = with_weight(points)
     checked: dict[tuple[int, int, int], Any] = {}
     frames = []
     for t in range(count):
@@ -266,7 +266,7 @@ def _check_frames(points: Sequence[ImagePoints]) -> None:
             )
 
 
-def _with_weight(points: Sequence[ImagePoints]) -> list[int]:
+def with_weight(points: Sequence[ImagePoints]) -> list[int]:
     """For every frame the nearest one in which some wish counts; itself where that is not known yet."""
     if any(isinstance(each.weight, Tracer) for each in points):
         return list(range(len(points)))

@@ -13,6 +13,7 @@ from jaxtyping import Array, ArrayLike, Float
 from focusjax._arguments import ArgumentError
 from focusjax._programs import jit
 from focusjax.focus._checks import require_weight
+from focusjax.focus._frames_asked import with_weight
 from focusjax.focus._frames_solution import LargestChange, largest_changes, no_points
 from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, root_weight, stacked, together
 from focusjax.focus._refuse import checked_points, opened
@@ -164,13 +165,11 @@ def solve_surface_frames(
             " they are not there",
             "surfaces",
         )
-    own = [float(np.sum(np.asarray(each.weight))) > 0 for each in points]
-    if not any(own):
-        raise ArgumentError(
-            "no wish counts in any frame; give at least one a weight in one of them", "points"
-        )
-    rows = [without_relations(checked_points(p)) if has else without_relations(p)
-            for p, has in zip(points, own, strict=True)]  # fmt: skip
+    # Frames in which no wish counts have nothing to check.
+    rows = [
+        without_relations(checked_points(each) if own == frame else each)
+        for frame, (each, own) in enumerate(zip(points, with_weight(points), strict=True))
+    ]
     asked = SurfaceFramesAsked(
         points=stacked([anonymous(each) for each in rows]),
         camera=jax.tree.map(together, *cameras),

@@ -140,12 +140,8 @@ def _search(own: _Quadratic, bend: Float[Array, "t k"], pace: Float[Array, "t k"
 def _extended(q: _Quadratic, bend: Float[Array, "k"], pace: Float[Array, "k"]) -> _Quadratic:
     """A function of two frames as one of three, with what smoothness costs in the third."""
     size = bend.size
-    differences = jnp.concatenate(
-        [
-            jnp.concatenate([part * jnp.diag(factor) for part in row], axis=1)
-            for factor, row in ((bend, (1.0, -2.0, 1.0)), (pace, (0.0, -1.0, 1.0)))
-        ]
-    )
+    rows = (bend, (1.0, -2.0, 1.0)), (pace, (0.0, -1.0, 1.0))
+    differences = jnp.block([[part * jnp.diag(factor) for part in row] for factor, row in rows])
     matrix = jnp.pad(q.matrix, ((0, size), (0, size))) + differences.T @ differences
     return _Quadratic(matrix, jnp.pad(q.slope, (0, size)), q.rest)
 

@@ -65,22 +65,13 @@ def solve_hessian(
     diagonals = jax.vmap(jnp.diag)
     a, b = may[0::2], may[1::2]
     inside = diagonals(next_[0::2] * a * b)
-    blocks = _square(own[0::2], inside, inside, own[1::2])
+    blocks = jnp.block([[own[0::2], inside], [inside, own[1::2]]])
     # A pair's coupling to the pair after it, as rows of that one and columns of this.
-    below = _square(
-        diagonals(after[0:-2:2] * a[1:] * a[:-1]),
-        diagonals(next_[1:-1:2] * a[1:] * b[:-1]),
-        jnp.zeros_like(own[2::2]),
-        diagonals(after[1:-1:2] * b[1:] * b[:-1]),
-    )
+    first = [diagonals(after[0:-2:2] * a[1:] * a[:-1]), diagonals(next_[1:-1:2] * a[1:] * b[:-1])]
+    second = [jnp.zeros_like(own[2::2]), diagonals(after[1:-1:2] * b[1:] * b[:-1])]
+    below = jnp.block([first, second])
     found = _block_tridiagonal(blocks, below, right.reshape(-1, 2 * size))
     return found.reshape(-1, size)[:count] * unit
-
-
-def _square(
-    a: Float[Array, "p k k"], b: Float[Array, "p k k"], c: Float[Array, "p k k"], d: Float[Array, "p k k"]
-) -> Float[Array, "p j j"]:
-    return jnp.concatenate([jnp.concatenate([a, b], axis=2), jnp.concatenate([c, d], axis=2)], axis=1)
 
 
 def _block_tridiagonal(

@@ -88,8 +88,7 @@ class Finder:
                 vertices, faces = self._mesh(label)
                 span = self._span(name, label)
                 corners = vertices[np.unique(faces[span.start : span.stop])].astype(float)
-                drawn = _project(self.camera, corners)
-                ahead = drawn[(drawn[:, 2] > 0) & np.isfinite(drawn).all(axis=-1)]
+                ahead = self._ahead(corners)
                 return Place(ahead) if len(ahead) else self._nowhere(BEHIND)
             case OnMask(mask, _):
                 line, column = np.nonzero(mask)
@@ -130,10 +129,8 @@ class Finder:
         return Place(np.append(xy, seen_at(self.disparity_map, xy[None])).reshape(1, 3))
 
     def _point(self, position: Float[np.ndarray, "3"]) -> Place:
-        rows = _project(self.camera, position[None])
-        if not rows[0, 2] > 0 or not np.all(np.isfinite(rows)):
-            return self._nowhere(BEHIND)
-        return self._judged(rows)
+        row = self._ahead(position[None])
+        return self._judged(row) if len(row) else self._nowhere(BEHIND)
 
     def _direction(self, direction: Float[np.ndarray, "3"], label: str) -> Place:
         if not np.any(direction):
@@ -180,8 +177,7 @@ class Finder:
             )
         vertices, faces = self._mesh(label)
         corners = vertices[faces[span.start : span.stop]].astype(float)
-        drawn = _project(self.camera, _surface_samples(corners, _CANDIDATES * samples))
-        ahead = drawn[(drawn[:, 2] > 0) & np.isfinite(drawn).all(axis=-1)]
+        ahead = self._ahead(_surface_samples(corners, _CANDIDATES * samples))
         if len(ahead) == 0:
             return self._nowhere(BEHIND)
         rows = ahead[self._in_frame(ahead[:, :2])]
@@ -219,6 +215,11 @@ class Finder:
         size = np.array([self.camera.width, self.camera.height])
         return np.all((xy >= 0) & (xy <= size), axis=-1)
 
+    def _ahead(self, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "m 3"]:
+        """Rows of those positions that are in front of the camera."""
+        rows = np.asarray(_project_all(self.camera, device_array(positions, dtype=float))).astype(float)
+        return rows[(rows[:, 2] > 0) & np.isfinite(rows).all(axis=-1)]
+
     def _middle(self) -> Float[np.ndarray, "2"]:
         return np.asarray(self.camera.principal_point).astype(float)
 
@@ -229,13 +230,9 @@ class Finder:
 
 @jit
 def _project_all(camera: Camera, positions: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
+    """Image position and disparity of world points."""
     xy, disparity = jax.vmap(camera.project)(positions)
     return jnp.concatenate([xy, disparity[:, None]], axis=-1)
-
-
-def _project(camera: Camera, positions: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """Image position and disparity of world points, in float64 rows."""
-    return np.asarray(_project_all(camera, device_array(positions, dtype=float))).astype(float)
 
 
 def _along_z_curve(

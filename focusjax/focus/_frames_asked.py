@@ -19,6 +19,7 @@ from focusjax.focus._checks import require_weight
 from focusjax.focus._image_points import (
     ImagePoints,
     anonymous,
+    filled_up,
     padded,
     repeated,
     room_for,
@@ -180,17 +181,9 @@ def padded_frames(asked: FramesAsked) -> FramesAsked:
         asked,
         **longer,
         points=padded(asked.points, size),
-        held=more_frames(asked.held, size, fill=True),
-        present=more_frames(asked.present, size, fill=False),
+        held=filled_up(asked.held, size, True),
+        present=filled_up(asked.present, size, False),
     )
-
-
-def more_frames(flags: Bool[ArrayLike, "t *n"], size: int, *, fill: bool) -> Bool[Array, "s *n"]:
-    """Flags of frames with those of frames that fill up; by numpy where it can be, which compiles nothing."""
-    xp = jnp if isinstance(flags, Tracer) else np
-    flags = xp.asarray(flags)
-    extra = ((0, size - len(flags)), *((0, 0) for _ in flags.shape[1:]))
-    return device_array(xp.pad(flags, extra, constant_values=fill))
 
 
 def _refuse_plan(plan: Plan, through: Any) -> None:

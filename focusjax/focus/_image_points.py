@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, ArrayLike, Bool, Float, Int, Shaped
 
 from focusjax._device import device_array
 from focusjax.geometry import Camera
@@ -143,7 +143,7 @@ def room_for(count: int, least: int = 8) -> int:
 def padded(points: ImagePoints, size: int) -> ImagePoints:
     """The points with their last row repeated, without weight, up to `size` rows."""
     longest = jax.tree.map(lambda leaf: repeated(leaf, size), points)
-    return dataclasses.replace(longest, weight=unweighted(points.weight, size))
+    return dataclasses.replace(longest, weight=filled_up(points.weight, size))
 
 
 def repeated(rows: Array, size: int) -> Array:
@@ -151,9 +151,9 @@ def repeated(rows: Array, size: int) -> Array:
     return device_array(_repeated(rows, size))
 
 
-def unweighted(weight: Float[Array, "n *r"], size: int) -> Float[Array, "m *r"]:
-    """The weights with zeros, up to `size`."""
-    return device_array(_unweighted(weight, size))
+def filled_up(rows: Shaped[ArrayLike, "n *r"], size: int, fill: Any = 0) -> Shaped[Array, "m *r"]:
+    """The rows and then `fill`, up to `size`."""
+    return device_array(_filled_up(rows, size, fill))
 
 
 # By numpy where values are known, which compiles nothing.
@@ -166,9 +166,9 @@ def _repeated(rows: Any, size: int) -> Any:
     return xp.concatenate([rows, xp.repeat(rows[-1:], extra, axis=0)])
 
 
-def _unweighted(weight: Any, size: int) -> Any:
-    pad = jnp.pad if isinstance(weight, Tracer) else np.pad
-    return pad(weight, ((0, size - weight.shape[0]), *((0, 0) for _ in weight.shape[1:])))
+def _filled_up(rows: Any, size: int, fill: Any = 0) -> Any:
+    pad = jnp.pad if isinstance(rows, Tracer) else np.pad
+    return pad(rows, ((0, size - len(rows)), *((0, 0) for _ in rows.shape[1:])), constant_values=fill)
 
 
 def stacked(problems: Sequence[ImagePoints], size: int = 0) -> ImagePoints:
@@ -191,7 +191,7 @@ def stacked(problems: Sequence[ImagePoints], size: int = 0) -> ImagePoints:
         leaves = [getattr(each, name) for each in alike]
         if leaves[0] is None:
             return None
-        longer = _unweighted if name == "weight" else _repeated
+        longer = _filled_up if name == "weight" else _repeated
         return together(*(longer(leaf, size) for leaf in leaves))
 
     names = [field.name for field in dataclasses.fields(ImagePoints) if not field.metadata.get("static")]

@@ -27,7 +27,7 @@ from focusjax._programs import jit
 from focusjax.focus._bounds import LIFE_SIZE
 from focusjax.focus._checks import require, require_number
 from focusjax.focus._disk import least_in_disk
-from focusjax.focus._image_points import repeated, room_for, root_weight, unweighted
+from focusjax.focus._image_points import filled_up, repeated, room_for, root_weight
 from focusjax.focus._refuse import opened, require_lens
 from focusjax.focus._solution import first_rows
 from focusjax.geometry import Camera
@@ -129,7 +129,7 @@ def fit_focal_plane(
     xy, disparity, weight, blur = _checked_points(xy, disparity, weight, blur)
     limits = _checked_limits(camera, max_tilt, min_focus_distance, disparity.dtype)
     room = room_for(count)
-    points = repeated(xy, room), repeated(disparity, room), unweighted(weight, room), repeated(blur, room)
+    points = repeated(xy, room), repeated(disparity, room), filled_up(weight, room), repeated(blur, room)
     found = _fit(*points, camera, opened(as_tilt_shift(lens)), *limits)
     return eqx.tree_at(lambda fit: fit.residual, found, first_rows(found.residual, count))
 

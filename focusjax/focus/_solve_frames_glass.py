@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from focusjax._device import device_array
 from focusjax._programs import jit
-from focusjax.focus._frames_asked import FramesAsked, more_frames, padded_frames, stacked_glass
+from focusjax.focus._frames_asked import FramesAsked, padded_frames, stacked_glass
 from focusjax.focus._frames_glass import (
     FramesGlass,
     frames_glass,
@@ -36,7 +36,7 @@ from focusjax.focus._frames_solution import FramesSolution, without_padding
 from focusjax.focus._glass_blur import Sensed
 from focusjax.focus._glass_rows import GlassRows
 from focusjax.focus._glass_search import exchanged, glass_errors
-from focusjax.focus._image_points import ImagePoints, repeated
+from focusjax.focus._image_points import ImagePoints, filled_up, repeated
 from focusjax.focus._joint import Linearised
 from focusjax.focus._parameters import Start
 from focusjax.focus._priors import PriorRows
@@ -106,7 +106,7 @@ def solve_frames_through(asked: FramesAsked, near: FramesSolution | None = None)
     none = device_array(np.zeros((count, len(asked.plan.free))), asked.points.disparity.dtype)
     first = repeated(none if near is None else near.pixels, size)
     reported = np.ones(asked.points.weight.shape, dtype=bool) if near is None else near.points.weight > 0.0
-    solution = _solve(longer, first, jnp.asarray(again), more_frames(reported, size, fill=False))
+    solution = _solve(longer, first, jnp.asarray(again), filled_up(reported, size, False))
     solution = without_padding(solution, count)
     points = dataclasses.replace(solution.points, names=asked.names)
     return dataclasses.replace(solution, points=points, asked=asked, glass=asked.glass)

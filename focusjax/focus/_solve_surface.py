@@ -19,11 +19,11 @@ from focusjax.focus._image_points import (
     anonymous,
     blurs,
     errors,
+    filled_up,
     padded,
     repeated,
     room_for,
     root_weight,
-    unweighted,
 )
 from focusjax.focus._refuse import checked_points, opened, require_points
 from focusjax.focus._solution import AbstractPrinted, WishResult, first_rows, wish_table
@@ -174,7 +174,7 @@ def _with_controls(surface: FocalSurface, size: int) -> FocalSurface:
     longest = {
         name: repeated(getattr(surface, name), size) for name in ("xy", "focus_disparity", "aperture_scale")
     }
-    return dataclasses.replace(surface, **longest, weight=unweighted(surface.weight, size))
+    return dataclasses.replace(surface, **longest, weight=filled_up(surface.weight, size))
 
 
 def without_relations(points: ImagePoints) -> ImagePoints:

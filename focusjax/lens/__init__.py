@@ -101,7 +101,7 @@ from focusjax.lens._tilted_lens import TiltedPrescriptionLens as TiltedPrescript
 from focusjax.lens._vignetted import VignettedLens as VignettedLens
 from focusjax.lens._vignetted import hooded_lens as hooded_lens
 from focusjax.lens._vignetted import vignetted_lens as vignetted_lens
-from focusjax.lens._vignetted_like import vignetted_like as vignetted_like
+from focusjax.lens._vignetted import vignetted_like as vignetted_like
 from focusjax.lens._wrapper import AbstractLensWrapper as AbstractLensWrapper
 from focusjax.lens.aberrations import AberratedLens as AberratedLens
 from focusjax.lens.aberrations import AbstractAberration as AbstractAberration

@@ -15,9 +15,9 @@ from focusjax._arguments import real_number
 from focusjax._programs import jit
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._base import AbstractLens
-from focusjax.lens._dimmed import AbstractDimmedLens
 from focusjax.lens._height_curve import checked_table
 from focusjax.lens._length import length
+from focusjax.lens._wrapper import AbstractDimmedLens
 
 
 class AbstractFalloff(eqx.Module):

@@ -6,8 +6,8 @@ from jaxtyping import Array, Float
 
 from focusjax._programs import jit
 from focusjax.geometry import Camera
-from focusjax.lens._all_sides import is_round
 from focusjax.lens._pupils import openness
+from focusjax.lens._ray_bounds import is_round
 from focusjax.optics import Prescription, film_distance, first_order, line, trace
 
 RINGS = 1024

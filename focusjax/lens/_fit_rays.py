@@ -6,10 +6,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
-from focusjax.lens._all_sides import is_round
 from focusjax.lens._prescription import PrescriptionLens
 from focusjax.lens._pupils import SOFTNESS, way_from_film
-from focusjax.lens._ray_bounds import STEEPEST, exit_line
+from focusjax.lens._ray_bounds import STEEPEST, exit_line, is_round
 from focusjax.lens._transfer import TracedRays
 from focusjax.optics import BLOCKED, trace_path
 

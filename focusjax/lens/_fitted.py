@@ -13,16 +13,21 @@ from jaxtyping import Array, Float
 from focusjax._arguments import real_number, require_kind
 from focusjax._programs import jit
 from focusjax.geometry import Camera, LensRay
-from focusjax.lens._aim import line_of
-from focusjax.lens._all_sides import is_round
 from focusjax.lens._aperture import AbstractAperture
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._fit_error import FitError, fit_error
 from focusjax.lens._fit_rays import limiting_rims, traced_rays
-from focusjax.lens._prescription import PrescriptionLens
+from focusjax.lens._prescription import PrescriptionLens, line_of
+from focusjax.lens._ray_bounds import is_round
 from focusjax.lens._spectral import SpectralLens
-from focusjax.lens._transfer import AbstractTransfer, TracedRays, Transfer, fit_transfers
-from focusjax.lens._uneven_transfer import UnevenTransfer, fit_uneven_transfers
+from focusjax.lens._transfer import (
+    AbstractTransfer,
+    TracedRays,
+    Transfer,
+    UnevenTransfer,
+    fit_transfers,
+    fit_uneven_transfers,
+)
 
 _traced = jit(traced_rays)
 _DEGREES = {Transfer: (2, 3, 4, 5, 6), UnevenTransfer: (3, 4, 5, 6, 7)}

@@ -7,8 +7,7 @@ from jaxtyping import Array, Float
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import AbstractAperture
 from focusjax.lens._base import AbstractLens
-from focusjax.lens._control_points import FocalSurface
-from focusjax.lens._corners import at_corners, corner_weights
+from focusjax.lens._control_points import FocalSurface, at_corners, corner_weights
 from focusjax.lens._thin import ThinLens
 
 

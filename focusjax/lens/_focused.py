@@ -14,12 +14,11 @@ from focusjax._arguments import real_number, require_kind
 from focusjax._programs import jit
 from focusjax._words import shown
 from focusjax.geometry import Camera
-from focusjax.lens._all_sides import find_all_around, is_round
 from focusjax.lens._aperture import AbstractAperture, Disk
 from focusjax.lens._film import GOLDEN_ANGLE, RINGS, film_for
 from focusjax.lens._prescription import PrescriptionLens
 from focusjax.lens._pupils import Pupils, find_pupils, from_film, openness
-from focusjax.lens._ray_bounds import STEEPEST, RayBounds, find_bounds
+from focusjax.lens._ray_bounds import STEEPEST, RayBounds, find_all_around, find_bounds, is_round
 from focusjax.lens._stop_map import StopMap, find_stop_map
 from focusjax.optics import (
     Prescription,

@@ -18,8 +18,7 @@ from focusjax.lens._height_curve import HeightCurve, height_curve
 from focusjax.lens._profile import CatsEyes, LensProfile
 from focusjax.lens._spectral import spectral_lens
 from focusjax.lens._thin import thin_lens
-from focusjax.lens._vignetted import VignettedLens
-from focusjax.lens._vignetted_like import vignetted_like
+from focusjax.lens._vignetted import VignettedLens, vignetted_like
 from focusjax.optics import Prescription, converging_length, first_order
 
 _ACROSS = 32

@@ -7,7 +7,6 @@ from jaxtyping import Array, Float
 
 from focusjax.geometry import Camera
 from focusjax.lens._base import AbstractLens
-from focusjax.lens._dimmed import AbstractDimmedLens
 from focusjax.lens._film import film_for
 from focusjax.lens._fitted import FittedLens, refitted, unfitted
 from focusjax.lens._focused import focused_lens, with_indices
@@ -17,6 +16,7 @@ from focusjax.lens._thin import ThinLens
 from focusjax.lens._tilt_shift import TiltShiftLens
 from focusjax.lens._tilted import retilted
 from focusjax.lens._tilted_lens import TiltedPrescriptionLens
+from focusjax.lens._wrapper import AbstractDimmedLens
 from focusjax.lens.aberrations import AberratedLens, ChromaticLens
 
 _Lens = TypeVar("_Lens", bound=AbstractLens)

@@ -8,9 +8,9 @@ import numpy as np
 
 from focusjax._arguments import require_kind
 from focusjax.lens._base import AbstractLens, Channel
-from focusjax.lens._coloured import AbstractColouredLens, colour_bands
 from focusjax.lens._focused import at_wavelength
 from focusjax.lens._prescription import PrescriptionLens
+from focusjax.lens._wrapper import AbstractColouredLens, colour_bands
 from focusjax.optics import RGB_WAVELENGTHS
 
 _Colour = tuple[float, float, float]

@@ -13,18 +13,15 @@ from jaxtyping import Array, Float
 from focusjax._arguments import real_number, require_kind
 from focusjax._programs import jit
 from focusjax.geometry import Camera
-from focusjax.lens._aim import polar
-from focusjax.lens._all_sides import is_round
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._focused import FRAME_MARGIN, focused_lens, with_indices
-from focusjax.lens._prescription import PrescriptionLens
+from focusjax.lens._prescription import PrescriptionLens, polar
 from focusjax.lens._pupils import turns
-from focusjax.lens._ray_bounds import STEEPEST
+from focusjax.lens._ray_bounds import STEEPEST, is_round
 from focusjax.lens._scheimpflug import MAX_TILT, turn_to
 from focusjax.lens._spectral import SpectralLens
 from focusjax.lens._tilted_bounds import FilmBounds, RayDisk, Rays, find_film_bounds
-from focusjax.lens._tilted_film import TiltedFilm, tilted_film
-from focusjax.lens._tilted_lens import TiltedPrescriptionLens
+from focusjax.lens._tilted_lens import TiltedFilm, TiltedPrescriptionLens, tilted_film
 
 _RINGS = (*(((ring + 0.5) / 4) ** 0.5 for ring in range(4)), 0.98, 1.0, 1.02)
 """Shares of the rim's radius at which bounds look: four that stand for equal areas, and about the rim."""

@@ -33,6 +33,7 @@ from focusjax.optics._paraxial import first_order as first_order
 from focusjax.optics._paraxial import opened_to as opened_to
 from focusjax.optics._paraxial import stopped_down as stopped_down
 from focusjax.optics._paraxial import with_focal_length as with_focal_length
+from focusjax.optics._pbrt import pbrt_lens_text as pbrt_lens_text
 from focusjax.optics._prescription import Prescription as Prescription
 from focusjax.optics._prescription import line as line
 from focusjax.optics._prescription import make_prescription as make_prescription
@@ -52,4 +53,3 @@ from focusjax.optics._trace import BLOCKED as BLOCKED
 from focusjax.optics._trace import RealRay as RealRay
 from focusjax.optics._trace import trace as trace
 from focusjax.optics._trace import trace_path as trace_path
-from focusjax.optics._write_pbrt import pbrt_lens_text as pbrt_lens_text

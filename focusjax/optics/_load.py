@@ -7,10 +7,10 @@ from importlib import resources
 from pathlib import Path
 
 from focusjax.optics._lens_text import LensFileError, LensText
+from focusjax.optics._pbrt import read_pbrt
 from focusjax.optics._prescription import Prescription
 from focusjax.optics._read_agf import glass_finder
 from focusjax.optics._read_json import read_json, read_toml
-from focusjax.optics._read_pbrt import read_pbrt
 from focusjax.optics._read_zemax import read_zemax
 
 _READERS = {".dat": read_pbrt, ".zmx": read_zemax, ".json": read_json, ".toml": read_toml}

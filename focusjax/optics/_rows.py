@@ -1,6 +1,12 @@
-"""What all readers of lens files share: rows with the line they come from, made into a prescription."""
+"""What all readers of lens files share: rows with the line they come from, made into a prescription.
+
+Clear radii of files may reach a little beyond where two surfaces meet: programs write them by the rays they
+traced, and need not ask whether there is room for glass. No ray passes there in a lens of glass, so such
+surfaces end where they meet.
+"""
 
 import dataclasses
+from collections.abc import Sequence
 
 import jax.numpy as jnp
 import numpy as np
@@ -8,9 +14,16 @@ import numpy as np
 from focusjax.optics._catalogue import find_glass
 from focusjax.optics._glass import AbstractGlass, ConstantIndex
 from focusjax.optics._lens_text import LensFileError, LensText
-from focusjax.optics._meeting import narrowed_to_meet
 from focusjax.optics._paraxial import first_order
-from focusjax.optics._prescription import Prescription, SurfaceError, check_surfaces, line, make_prescription
+from focusjax.optics._prescription import (
+    CROSSING,
+    Prescription,
+    SurfaceError,
+    check_surfaces,
+    gap_between,
+    line,
+    make_prescription,
+)
 from focusjax.optics._surfaces import AbstractSurface, Conic, EvenAsphere
 
 _ROUNDING = 1e-5
@@ -169,3 +182,57 @@ def _without_dummies(rows: list[Row]) -> list[Row]:
 
 def _is_air(glass: AbstractGlass | None) -> bool:
     return glass is None or (isinstance(glass, ConstantIndex) and float(glass.value) == 1.0)
+
+
+_LEAST_SHARE = 0.8
+"""Of both clear radii within which surfaces must not cross: farther in, a number of the file is wrong."""
+_HALVINGS = 40
+
+
+def narrowed_to_meet(
+    surfaces: Sequence[AbstractSurface],
+    thicknesses: Sequence[float],
+    radii: Sequence[float],
+    stop: int,
+) -> tuple[list[float], list[int]]:
+    """Clear radii of which no two neighbours cross, where a fifth less of both is enough for that.
+
+    The stop's is left as it is. What crosses farther in does so afterwards.
+
+    Args:
+        surfaces: of the lens.
+        thicknesses: mm from each to the next.
+        radii: their clear radii in mm.
+        stop: number of the stop.
+
+    Returns:
+        The radii, and the numbers of the first of each two surfaces that were narrowed.
+    """
+    found, narrowed = [float(radius) for radius in radii], []
+    for number in range(len(surfaces) - 1):
+        pair = slice(number, number + 2)
+        if stop in (number, number + 1):
+            continue
+        place = _meeting(surfaces[number], surfaces[number + 1], thicknesses[number], min(found[pair]))
+        if place is not None and place >= _LEAST_SHARE * max(radii[pair]):
+            found[pair] = place, place
+            narrowed.append(number)
+    return found, narrowed
+
+
+def _meeting(
+    surface: AbstractSurface, following: AbstractSurface, thickness: float, radius: float
+) -> float | None:
+    """How far from the axis, up to `radius`, two surfaces first meet; None where they do not."""
+    across = np.linspace(0.0, radius, 65)
+    crossed = gap_between(surface, following, thickness, across) < -CROSSING
+    if crossed[0] or not crossed.any():
+        return None
+    apart, beyond = across[crossed.argmax() - 1], across[crossed.argmax()]
+    for _ in range(_HALVINGS):
+        middle = (apart + beyond) / 2.0
+        if gap_between(surface, following, thickness, np.array([middle]))[0] < 0.0:
+            beyond = middle
+        else:
+            apart = middle
+    return float(apart)

@@ -8,8 +8,7 @@ from optics_lenses import GLASS
 
 from focusjax.geometry import look_at
 from focusjax.lens import PoorFitError, fitted_lens, polygon, prescription_lens, refitted
-from focusjax.lens._transfer import Transfer
-from focusjax.lens._uneven_transfer import UnevenTransfer
+from focusjax.lens._transfer import Transfer, UnevenTransfer
 from focusjax.optics import (
     find_glass,
     first_order,

@@ -4,6 +4,7 @@ from focusjax.lens.aberrations._aberrated import AberratedLens as AberratedLens
 from focusjax.lens.aberrations._base import AbstractAberration as AbstractAberration
 from focusjax.lens.aberrations._base import Bounds as Bounds
 from focusjax.lens.aberrations._chromatic import ChromaticLens as ChromaticLens
+from focusjax.lens.aberrations._chromatic import Magnification as Magnification
 from focusjax.lens.aberrations._chromatic import chromatic_lens as chromatic_lens
 from focusjax.lens.aberrations._chromatic import thin_lens_dispersion as thin_lens_dispersion
 from focusjax.lens.aberrations._focus_offsets import FieldCurvature as FieldCurvature
@@ -11,7 +12,6 @@ from focusjax.lens.aberrations._focus_offsets import FocusOffset as FocusOffset
 from focusjax.lens.aberrations._focus_offsets import PowerProfile as PowerProfile
 from focusjax.lens.aberrations._focus_offsets import field_curvature as field_curvature
 from focusjax.lens.aberrations._focus_offsets import power_profile as power_profile
-from focusjax.lens.aberrations._magnification import Magnification as Magnification
 from focusjax.lens.aberrations._seidel import Seidel as Seidel
 from focusjax.lens.aberrations._seidel import pixels_per_wave as pixels_per_wave
 from focusjax.lens.aberrations._seidel import seidel as seidel

@@ -1,4 +1,4 @@
-"""A lens that treats colours differently."""
+"""Lenses that treat colours differently, and lateral colour: a picture of another size for each channel."""
 
 from collections.abc import Sequence
 from typing import SupportsFloat
@@ -9,13 +9,51 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._arguments import real_number, real_numbers
+from focusjax.geometry import Camera
 from focusjax.lens._base import AbstractLens, Channel
-from focusjax.lens._coloured import AbstractColouredLens, colour_bands
+from focusjax.lens._wrapper import AbstractColouredLens, colour_bands
 from focusjax.lens.aberrations._aberrated import AberratedLens
-from focusjax.lens.aberrations._base import AbstractAberration
+from focusjax.lens.aberrations._base import AbstractAberration, Bounds, frame_corners
 from focusjax.lens.aberrations._focus_offsets import FocusOffset
-from focusjax.lens.aberrations._magnification import Magnification
 from focusjax.optics import FRAUNHOFER, RGB_WAVELENGTHS, AbstractGlass
+
+
+class Magnification(AbstractAberration):
+    """A picture larger about the principal point than that of the lens, in focus and out of it.
+
+    Attributes:
+        scale: how many times larger, near 1.
+    """
+
+    scale: Float[Array, ""]
+
+    def offset(
+        self,
+        camera: Camera,
+        film_point: Float[Array, "2"],
+        pupil_point: Float[Array, "2"],
+        b: Float[Array, "2"],
+    ) -> Float[Array, "2"]:
+        # The film point gets what the lens alone would have sent nearer the middle.
+        del pupil_point, b
+        return (film_point - camera.principal_point) * (1.0 / self.scale - 1.0)
+
+    def bounds(self, camera: Camera, film_point: Float[Array, "2"], parallax: Float[Array, ""]) -> Bounds:
+        del parallax
+        none = jnp.zeros_like(film_point[0])
+        return Bounds(none, none, self.offset(camera, film_point, film_point, film_point), none)
+
+    def overall(self, camera: Camera, parallax: Float[Array, ""]) -> Bounds:
+        del parallax
+        away = jnp.abs(frame_corners(camera, self.scale.dtype) - camera.principal_point[None]).max()
+        none = jnp.zeros_like(away)
+        return Bounds(none, none, jnp.stack([none, none]), away * jnp.abs(1.0 / self.scale - 1.0))
+
+    def defocus(
+        self, camera: Camera, film_point: Float[Array, "2"], parallax: Float[Array, ""]
+    ) -> Float[Array, ""]:
+        del camera, parallax
+        return jnp.zeros_like(film_point[0])
 
 
 class ChromaticLens(AbstractColouredLens):

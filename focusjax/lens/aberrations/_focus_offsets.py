@@ -7,8 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from focusjax.geometry import Camera
-from focusjax.lens._control_points import FocalSurface
-from focusjax.lens._corners import at_corners, corner_weights
+from focusjax.lens._control_points import FocalSurface, at_corners, corner_weights
 from focusjax.lens._length import length
 from focusjax.lens._spline import RadialSpline, radial_spline
 from focusjax.lens.aberrations._base import AbstractAberration, Bounds, focus_bounds

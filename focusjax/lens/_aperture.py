@@ -31,17 +31,17 @@ class AbstractAperture(eqx.Module):
     def rim(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
         """The point of the outline at `turn`, 0 to 1 once around. Equal turns sweep equal areas."""
 
-    @abc.abstractmethod
     def hole(self) -> Float[Array, ""] | None:
         """The size of the hole, a share of the outline around it; None where there is none."""
+        return None
 
     @abc.abstractmethod
     def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
         """Whether a point lies between hole and outline."""
 
-    @abc.abstractmethod
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         """Light per area at a point between hole and outline, relative to its mean there."""
+        return jnp.ones_like(point[0])
 
     @abc.abstractmethod
     def finest(self) -> Float[Array, ""]:
@@ -95,14 +95,8 @@ class Disk(AbstractAperture):
         angle = 2.0 * jnp.pi * turn
         return jnp.stack([jnp.cos(angle), jnp.sin(angle)])
 
-    def hole(self) -> None:
-        return None
-
     def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
         return point @ point <= 1.0
-
-    def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        return jnp.ones_like(point[0])
 
     def finest(self) -> Float[Array, ""]:
         return jnp.ones(())
@@ -150,17 +144,11 @@ class Polygon(AbstractAperture):
         angle = self.rotation + (2.0 * sector + 1.0) * half + t
         return edge * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
 
-    def hole(self) -> None:
-        return None
-
     def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
         half = jnp.pi / self.blades
         straight = (1.0 - self.roundness) * jnp.cos(half) ** 2
         t = jnp.mod(jnp.arctan2(point[1], point[0]) - self.rotation, 2.0 * half) - half
         return point @ point <= straight / jnp.cos(t) ** 2 + self.roundness
-
-    def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        return jnp.ones_like(point[0])
 
     def finest(self) -> Float[Array, ""]:
         straight = (1.0 - self.roundness) * jnp.cos(jnp.pi / self.blades) ** 2

@@ -119,3 +119,8 @@ def in_colour(seen: Callable[..., _Picture], *lenses: AbstractLens) -> _Picture 
         ]
         mixed.append(sum(parts[1:], parts[0]))
     return jnp.stack(mixed, axis=-1)
+
+
+def frame_corners(camera: Camera, dtype: jnp.dtype) -> Float[Array, "4 2"]:
+    """The corners of the frame in pixels."""
+    return jnp.array([(x, y) for x in (0, camera.width) for y in (0, camera.height)], dtype=dtype)

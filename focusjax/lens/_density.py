@@ -5,6 +5,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from focusjax.lens._length import root
+
 
 class Density(eqx.Module):
     """A density over the unit square, bilinear between its values on a grid of nodes.
@@ -78,8 +80,7 @@ def _inverse(
 def _share(p: Float[Array, ""], q: Float[Array, ""], c: Float[Array, ""]) -> Float[Array, ""]:
     """The t with p t + (q - p) t^2 / 2 = c; 0 where there is nothing."""
     square = p**2 + 2.0 * (q - p) * c
-    root = jnp.sqrt(jnp.where(square > 0.0, square, 1.0)) * (square > 0.0)
-    below = p + root
+    below = p + root(square)
     some = below > 0.0
     return jnp.clip(jnp.where(some, 2.0 * c / jnp.where(some, below, 1.0), 0.0), 0.0, 1.0)
 

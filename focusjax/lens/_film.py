@@ -10,9 +10,9 @@ from focusjax.lens._pupils import openness
 from focusjax.lens._ray_bounds import is_round
 from focusjax.optics import Prescription, film_distance, first_order, line, trace
 
-RINGS = 1024
+_RINGS = 1024
 """Of equal area, over which spots and light on the axis are averaged."""
-GOLDEN_ANGLE = 2.399963229728653
+_GOLDEN_ANGLE = 2.399963229728653
 
 
 def film_for(
@@ -46,33 +46,7 @@ def best_film(
     In the meridional plane the spot's variance over rings of equal area is a parabola in the film's distance.
     Of a lens that is not the same all around its axis, each ring is looked at in another direction.
     """
-    if not is_round(prescription):
-        return _best_film_all_around(prescription, indices, disparity)
     seen = first_order(prescription)
-    heights = seen.entrance_pupil_radius * jnp.sqrt((jnp.arange(RINGS, dtype=indices.dtype) + 0.5) / RINGS)
-
-    def land(height: Array) -> tuple[Array, Array, Array]:
-        slope = height * disparity
-        way = jnp.stack([slope, jnp.zeros_like(slope), jnp.ones_like(slope)])
-        start = jnp.stack([height, jnp.zeros_like(height), seen.entrance_pupil])
-        found = trace(prescription, indices, start, way / jnp.sqrt(way @ way))
-        exit_slope = found.direction[0] / found.direction[2]
-        place = found.position[0] + exit_slope * (prescription.vertices()[-1] - found.position[2])
-        return place, exit_slope, openness(found.clearance)
-
-    place, slope, weight = jax.vmap(land)(heights)
-    return -jnp.sum(weight * place * slope) / jnp.sum(weight * slope**2)
-
-
-def _best_film_all_around(
-    prescription: Prescription, indices: Float[Array, " n_plus_1"], disparity: Float[Array, ""]
-) -> Float[Array, ""]:
-    """As `best_film`, by rays over the whole opening."""
-    seen = first_order(prescription)
-    number = jnp.arange(RINGS, dtype=indices.dtype)
-    heights = seen.entrance_pupil_radius * jnp.sqrt((number + 0.5) / RINGS)
-    angles = GOLDEN_ANGLE * number
-    places = jnp.stack([heights * jnp.cos(angles), heights * jnp.sin(angles)], axis=1)
 
     def land(place: Array) -> tuple[Array, Array, Array]:
         way = jnp.append(place * disparity, 1.0)
@@ -82,8 +56,22 @@ def _best_film_all_around(
         gap = prescription.vertices()[-1] - found.position[2]
         return found.position[:2] + slope * gap, slope, openness(found.clearance)
 
-    place, slope, weight = jax.vmap(land)(places)
+    place, slope, weight = jax.vmap(land)(seen.entrance_pupil_radius * rings(prescription, indices.dtype))
     share = weight[:, None] / jnp.sum(weight)
-    # A wedge moves the whole spot, which is no blur.
-    place, slope = (values - jnp.sum(share * values, axis=0, keepdims=True) for values in (place, slope))
+    if not is_round(prescription):
+        # A wedge moves the whole spot, which is no blur.
+        place, slope = (values - jnp.sum(share * values, axis=0, keepdims=True) for values in (place, slope))
     return -jnp.sum(share * place * slope) / jnp.sum(share * slope**2)
+
+
+def rings(prescription: Prescription, dtype: jnp.dtype) -> Float[Array, "r 2"]:
+    """A point of each of many rings of equal area of the unit disk.
+
+    Of a lens that is the same all around, points are along x, and each stands for its ring; else each is
+    turned on from the last.
+    """
+    number = jnp.arange(_RINGS, dtype=dtype)
+    radii, angles = jnp.sqrt((number + 0.5) / _RINGS), _GOLDEN_ANGLE * number
+    if is_round(prescription):
+        angles = jnp.zeros_like(number)
+    return jnp.stack([radii * jnp.cos(angles), radii * jnp.sin(angles)], axis=1)

@@ -15,7 +15,7 @@ from focusjax._programs import jit
 from focusjax._words import shown
 from focusjax.geometry import Camera
 from focusjax.lens._aperture import AbstractAperture, Disk
-from focusjax.lens._film import GOLDEN_ANGLE, RINGS, film_for
+from focusjax.lens._film import film_for, rings
 from focusjax.lens._prescription import PrescriptionLens
 from focusjax.lens._pupils import Pupils, find_pupils, from_film, openness
 from focusjax.lens._ray_bounds import STEEPEST, RayBounds, find_all_around, find_bounds, is_round
@@ -282,9 +282,12 @@ def _mapped(
 def _light_on_axis(lens: PrescriptionLens) -> Float[Array, ""]:
     """What the opening lets through to the middle of the film, in mm^2."""
     dtype = lens.indices.dtype
-    points = _rings(dtype, 0.0 if is_round(lens.prescription) else GOLDEN_ANGLE)
-    if not isinstance(lens.aperture, Disk):
-        points = jax.vmap(lens.aperture.point)(_square(dtype))
+    if isinstance(lens.aperture, Disk):
+        points = rings(lens.prescription, dtype)
+    else:
+        middles = (jnp.arange(_EDGE, dtype=dtype) + 0.5) / _EDGE
+        square = jnp.stack(jnp.meshgrid(middles, middles), axis=-1).reshape(-1, 2)
+        points = jax.vmap(lens.aperture.point)(square)
 
     def light(point: Array) -> Array:
         zero = jnp.zeros_like(lens.film_place)
@@ -298,19 +301,3 @@ def _light_on_axis(lens: PrescriptionLens) -> Float[Array, ""]:
 def _film_radii(step: Float[Array, ""], dtype: jnp.dtype) -> Float[Array, " k"]:
     """Tangents of the film radii that are kept, and of those between them."""
     return 0.5 * step * jnp.arange(2 * _RADII - 1, dtype=dtype)
-
-
-def _rings(dtype: jnp.dtype, turn: float) -> Float[Array, "r 2"]:
-    """A point of each of many rings of equal area, each turned on from the last by `turn` radians.
-
-    On the axis of a lens that is the same all around a point stands for all of its ring.
-    """
-    number = jnp.arange(RINGS, dtype=dtype)
-    radii = jnp.sqrt((number + 0.5) / RINGS)
-    return jnp.stack([radii * jnp.cos(turn * number), radii * jnp.sin(turn * number)], axis=1)
-
-
-def _square(dtype: jnp.dtype) -> Float[Array, "s 2"]:
-    """Points spread evenly over the unit square, for shapes."""
-    middles = (jnp.arange(_EDGE, dtype=dtype) + 0.5) / _EDGE
-    return jnp.stack(jnp.meshgrid(middles, middles), axis=-1).reshape(-1, 2)

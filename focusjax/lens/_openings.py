@@ -217,9 +217,6 @@ class Mask(AbstractAperture):
     def rim(self, turn: Float[Array, ""]) -> Float[Array, "2"]:
         return Disk().rim(turn)
 
-    def hole(self) -> None:
-        return None
-
     def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
         return (jnp.abs(point) < self.half).all()
 

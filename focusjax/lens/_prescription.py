@@ -27,7 +27,7 @@ from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import AbstractAperture
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._length import Pair, root
-from focusjax.lens._pupils import Pupils, from_film, openness
+from focusjax.lens._pupils import Pupils, at_place, from_film, openness
 from focusjax.lens._ray_bounds import STEEPEST, RayBounds, exit_line
 from focusjax.lens._stop_map import StopMap
 from focusjax.optics import Prescription, first_order
@@ -231,11 +231,5 @@ class PrescriptionLens(AbstractLens):
         if self.stop_map is not None:
             return self.stop_map.at(place, r, t)
         pupils = self.pupils
-        last = pupils.centre.shape[0] - 1
-        low = jnp.clip(jnp.floor(place), 0, last - 1).astype(int)
-        share = jnp.clip(place - low, 0.0, 1.0)
-        centre, radial, tangential = (
-            values[low] + share * (values[low + 1] - values[low])
-            for values in (pupils.centre, pupils.radial, pupils.tangential)
-        )
+        centre, radial, tangential = at_place((pupils.centre, pupils.radial, pupils.tangential), place)
         return (centre + radial * r, tangential * t), radial * tangential

@@ -15,9 +15,9 @@ from focusjax.lens._falloff import CosineFalloff, DarkenedLens, TableFalloff, re
 from focusjax.lens._height_curve import HeightCurve
 from focusjax.lens._thin import ThinLens
 from focusjax.lens._vignetted import VignettedLens
+from focusjax.lens._wrapper import RGB
 from focusjax.lens.aberrations import AberratedLens, ChromaticLens, tabulated_aberrations
 
-_COLOURS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _SLACK = 1e-3
 """Of openings and lengths that are compared."""
 
@@ -181,7 +181,7 @@ def profiled_lens(
             tabulated_aberrations({"sagittal": focus, "tangential": focus, "shift": shift}, full)
             for focus, shift in zip(axial, lateral, strict=True)
         ]
-        made = ChromaticLens(made, tuple(bands), _COLOURS)
+        made = ChromaticLens(made, tuple(bands), RGB)
     if fitting.cats_eyes is not None:
         eyes = fitting.cats_eyes
         made = VignettedLens(made, eyes.behind_radius, -eyes.behind_distance)

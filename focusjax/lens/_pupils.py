@@ -6,7 +6,7 @@ corners. The place of the greatest clearance is found by narrowing a search alon
 region's rim from there by bisection, and an ellipse around it is what rays are spread over. So few are lost.
 """
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -15,6 +15,8 @@ from jaxtyping import Array, Bool, Float
 
 from focusjax.lens._length import Pair
 from focusjax.optics import Prescription, RealRay, trace
+
+_Tables = TypeVar("_Tables")
 
 SOFTNESS = 0.02
 """Share of its radius over which a rim goes from open to closed, so that weights have derivatives."""
@@ -94,6 +96,14 @@ def openness(clearance: Float[Array, ""]) -> Float[Array, ""]:
 def turns(dtype: jnp.dtype) -> Float[Array, " t"]:
     """The angles at which rims are found, 0 to pi."""
     return jnp.linspace(0.0, jnp.pi, _TURNS + 1, dtype=dtype)
+
+
+def at_place(tables: _Tables, place: Float[Array, ""]) -> _Tables:
+    """Tables over film radii at a `place` counted in steps, linear between them; as at the ends beyond."""
+    last = jax.tree.leaves(tables)[0].shape[0] - 1
+    place = jnp.clip(place, 0.0, last)
+    low = jnp.clip(jnp.floor(place), 0, last - 1).astype(int)
+    return jax.tree.map(lambda table: table[low] + (place - low) * (table[low + 1] - table[low]), tables)
 
 
 def find_pupils(

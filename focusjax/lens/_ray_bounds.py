@@ -19,8 +19,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax._programs import jit
-from focusjax.lens._length import Pair
-from focusjax.lens._pupils import Pupils, Turn, find_pupils, from_film, openness, turns
+from focusjax.lens._length import Pair, root
+from focusjax.lens._pupils import Pupils, Turn, at_place, find_pupils, from_film, openness, turns
 from focusjax.optics import HeightField, Prescription
 
 STEEPEST = 6.0
@@ -54,10 +54,7 @@ class RayBounds(eqx.Module):
 
     def at(self, place: Float[Array, ""]) -> "RayBounds":
         """Interpolated at a `place` counted in steps."""
-        last = self.focus.shape[0] - 1
-        place = jnp.clip(place, 0.0, last)
-        low = jnp.clip(jnp.floor(place), 0, last - 1).astype(int)
-        return jax.tree.map(lambda leaf: leaf[low] + (place - low) * (leaf[low + 1] - leaf[low]), self)
+        return at_place(self, place)
 
 
 def exit_line(
@@ -162,12 +159,10 @@ def disk_of_rays(
     a, b = middle(sharp), middle(crossing)
 
     def farthest(values: Array) -> Array:
-        most = jnp.max(jnp.where(lit, jnp.sum(values**2, axis=1), 0.0))
-        return jnp.where(most > 0.0, jnp.sqrt(jnp.where(most > 0.0, most, 1.0)), 0.0)
+        return root(jnp.max(jnp.where(lit, jnp.sum(values**2, axis=1), 0.0)))
 
-    root = jnp.sqrt(jnp.where(square > 0.0, 2.0 * square, 1.0))
-    radius = jnp.where(square > 0.0, root, 0.0)
-    return a - b * focus, b, focus, farthest(sharp - a[None]), farthest(crossing - b[None]), radius, found
+    spot, spread = farthest(sharp - a[None]), farthest(crossing - b[None])
+    return a - b * focus, b, focus, spot, spread, root(2.0 * square), found
 
 
 def _with_margins(fine: RayBounds) -> RayBounds:

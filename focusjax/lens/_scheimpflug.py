@@ -17,6 +17,7 @@ from jaxtyping import Array, ArrayLike, Float
 from focusjax._arguments import real_number, real_numbers
 from focusjax._programs import jit
 from focusjax.geometry import Camera
+from focusjax.lens._length import root
 
 MAX_TILT = math.pi / 4
 """Default limit of constructors for the angle from the sensor's normal to the lens's axis, in radians."""
@@ -67,10 +68,7 @@ def turn_to(axis: Float[Array, "3"]) -> Float[Array, "3 3"]:
 def lens_axis(plane: Float[Array, "3"], focal_length: Float[Array, ""]) -> Float[Array, "3"]:
     """The unit axis u of the lens that focuses on `plane`; at right angles to z beyond what one can reach."""
     across = focal_length * plane[:2]
-    square = 1.0 - across @ across
-    reaches = square > 0.0
-    ahead = jnp.where(reaches, jnp.sqrt(jnp.where(reaches, square, 1.0)), 0.0)
-    return jnp.concatenate([across, ahead[None]])
+    return jnp.append(across, root(1.0 - across @ across))
 
 
 @jit

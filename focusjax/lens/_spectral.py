@@ -10,11 +10,8 @@ from focusjax._arguments import require_kind
 from focusjax.lens._base import AbstractLens, Channel
 from focusjax.lens._focused import at_wavelength
 from focusjax.lens._prescription import PrescriptionLens
-from focusjax.lens._wrapper import AbstractColouredLens, colour_bands
+from focusjax.lens._wrapper import RGB, AbstractColouredLens, colour_bands
 from focusjax.optics import RGB_WAVELENGTHS
-
-_Colour = tuple[float, float, float]
-_COLOURS: tuple[_Colour, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class SpectralLens(AbstractColouredLens):
@@ -29,7 +26,7 @@ class SpectralLens(AbstractColouredLens):
 
     lens: AbstractLens
     bands: tuple[AbstractLens, ...]
-    colours: tuple[_Colour, ...] = eqx.field(static=True, default=_COLOURS)
+    colours: tuple[tuple[float, float, float], ...] = eqx.field(static=True, default=RGB)
 
     def channels(self) -> tuple[Channel, ...]:
         return tuple(Channel(band, colour) for band, colour in zip(self.bands, self.colours, strict=True))

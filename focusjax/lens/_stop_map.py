@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from focusjax.lens._length import Pair
-from focusjax.lens._pupils import Pupils, way_from_film
+from focusjax.lens._pupils import Pupils, at_place, way_from_film
 from focusjax.optics import BLOCKED, Prescription, trace_path
 
 _DEGREE = 5
@@ -44,13 +44,7 @@ class StopMap(eqx.Module):
 
     def at(self, place: Float[Array, ""], r: Float[Array, ""], t: Float[Array, ""]) -> tuple[Pair, Array]:
         """X_r, X_t, and mm^2 of them per square radius of the stop, at a `place` counted in film radii."""
-        last = self.radial.shape[0] - 1
-        low = jnp.clip(jnp.floor(place), 0, last - 1).astype(int)
-        share = jnp.clip(place - low, 0.0, 1.0)
-        radial, tangential = (
-            table[low] + share * (table[low + 1] - table[low]) for table in (self.radial, self.tangential)
-        )
-
+        radial, tangential = at_place((self.radial, self.tangential), place)
         # X_r = A_0 + A_2 t^2 + A_4 t^4 and X_t = A_1 t + A_3 t^3 + A_5 t^5, where A_j = sum_i c_ij r^i.
         tables = [iter(radial), iter(tangential)]
         factors = [[next(tables[j % 2]) for _ in range(_DEGREE + 1 - j)] for j in range(_DEGREE + 1)]

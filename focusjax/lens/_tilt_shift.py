@@ -36,7 +36,8 @@ from jaxtyping import Array, Float
 from focusjax._arguments import real_number
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import AbstractAperture, Disk
-from focusjax.lens._base import AbstractLens
+from focusjax.lens._base import AbstractLens, frame_corners
+from focusjax.lens._length import length, root
 from focusjax.lens._scheimpflug import (
     MAX_TILT,
     Movements,
@@ -114,13 +115,13 @@ class TiltShiftLens(AbstractLens):
 
     def reach(self, camera: Camera, disparity: Float[Array, ""]) -> Float[Array, ""]:
         # Affine, so its size is largest in a corner of the frame.
-        corners = _frame_corners(camera, self.plane.dtype)
+        corners = frame_corners(camera, self.plane.dtype)
         focus = jax.vmap(lambda corner: self.focal_disparity(camera, corner))(corners)
         return self.parallax(camera) * jnp.max(jnp.abs(focus - disparity))
 
     def parallax(self, camera: Camera) -> Float[Array, ""]:
         # Both factors are convex in the film point, so they are largest in a corner of the frame.
-        corners = _frame_corners(camera, self.plane.dtype)
+        corners = frame_corners(camera, self.plane.dtype)
         stretch = jax.vmap(lambda corner: self._stretch(camera, view_tangents(camera, corner)))(corners)
         gap = jax.vmap(lambda corner: self._gap(camera, self.focal_disparity(camera, corner)))(corners)
         return camera.focal_px * self.aperture_radius * jnp.max(stretch) * jnp.max(gap)
@@ -157,20 +158,13 @@ class TiltShiftLens(AbstractLens):
         cross = tangents[0] * axis[1] - tangents[1] * axis[0]
         square = trace**2 + 4.0 * cross**2
         # Upright, both are 0, where the root has no slope.
-        root = jnp.where(square > 0.0, jnp.sqrt(jnp.where(square > 0.0, square, 1.0)), 0.0)
-        return jnp.sqrt(1.0 + (trace + root) / 2.0)
+        return jnp.sqrt(1.0 + (trace + root(square)) / 2.0)
 
     def _gap(self, camera: Camera, focus: Float[Array, ""]) -> Float[Array, ""]:
         """Largest 1 / (1 - Q_z w_f) over the opening."""
         axis = lens_axis(self.plane, camera.focal_length)
-        square = axis[:2] @ axis[:2]
-        lean = jnp.where(square > 0.0, jnp.sqrt(jnp.where(square > 0.0, square, 1.0)), 0.0)
-        depth = self.aperture_radius * lean * jnp.abs(focus)
+        depth = self.aperture_radius * length(axis[:2]) * jnp.abs(focus)
         return 1.0 / jnp.maximum(1.0 - depth, _LEAST_GAP)
-
-
-def _frame_corners(camera: Camera, dtype: jnp.dtype) -> Float[Array, "4 2"]:
-    return jnp.array([(x, y) for x in (0, camera.width) for y in (0, camera.height)], dtype=dtype)
 
 
 def tilt_shift_lens(
@@ -262,7 +256,7 @@ def lens_for_plane(
     )
     check_plane(plane, length, max_tilt)
     lens = TiltShiftLens(jnp.asarray(plane, dtype=float), opening.aperture_radius, opening.aperture)
-    corners = _frame_corners(camera, lens.plane.dtype)
+    corners = frame_corners(camera, lens.plane.dtype)
     nearest = float(jax.vmap(lambda corner: lens.focal_disparity(camera, corner))(corners).max())
     if nearest < 0:
         raise ValueError(

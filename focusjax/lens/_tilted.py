@@ -16,7 +16,7 @@ from focusjax.geometry import Camera
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._focused import FRAME_MARGIN, focused_lens, with_indices
 from focusjax.lens._prescription import PrescriptionLens, polar
-from focusjax.lens._pupils import turns
+from focusjax.lens._pupils import at_place, turns
 from focusjax.lens._ray_bounds import STEEPEST, is_round
 from focusjax.lens._scheimpflug import MAX_TILT, turn_to
 from focusjax.lens._spectral import SpectralLens
@@ -161,11 +161,7 @@ def _rays_of(lens: TiltedPrescriptionLens, seen: Float[Array, "2"]) -> Rays:
     level = lens.lens
     radius, along = polar(*film)
     pupils = level.pupils
-    at = radius / level.film_step
-    last = pupils.centre.shape[0] - 1
-    low = jnp.clip(jnp.floor(at), 0, last - 1).astype(int)
-    part = jnp.clip(at - low, 0.0, 1.0)
-    inside, rim = (table[low] + part * (table[low + 1] - table[low]) for table in (pupils.inside, pupils.rim))
+    inside, rim = at_place((pupils.inside, pupils.rim), radius / level.film_step)
     angles = turns(rim.dtype)[None]
     shares = jnp.asarray(_RINGS, dtype=rim.dtype)[:, None]
     rings = shares * rim[None]

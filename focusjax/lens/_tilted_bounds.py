@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from focusjax.lens._length import root
 from focusjax.lens._ray_bounds import MARGIN, ROUNDING, disk_of_rays
 
 _CELLS = 16
@@ -141,5 +142,4 @@ def _around(excess: Float[Array, "c c"]) -> Array:
 
 
 def _size(vector: Float[Array, "*n 2"]) -> Float[Array, "*n"]:
-    square = jnp.sum(vector**2, axis=-1)
-    return jnp.where(square > 0.0, jnp.sqrt(jnp.where(square > 0.0, square, 1.0)), 0.0)
+    return root(jnp.sum(vector**2, axis=-1))

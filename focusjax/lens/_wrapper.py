@@ -1,6 +1,5 @@
 """What lenses around another lens have in common: those that dim its rays, those that see colours apart."""
 
-import abc
 import dataclasses
 
 import equinox as eqx
@@ -13,6 +12,9 @@ from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import AbstractAperture
 from focusjax.lens._base import AbstractLens, Channel
 from focusjax.lens._length import length
+
+RGB = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""What channels that are red, green and blue count in these."""
 
 
 class AbstractLensWrapper(AbstractLens):
@@ -42,10 +44,6 @@ class AbstractDimmedLens(AbstractLensWrapper):
     Attributes:
         lens: the other one.
     """
-
-    @abc.abstractmethod
-    def ray(self, camera: Camera, film_point: Float[Array, "2"], pupil_point: Float[Array, "2"]) -> LensRay:
-        """The other lens's ray, and how much of its light arrives."""
 
     def channels(self) -> tuple[Channel, ...]:
         return tuple(

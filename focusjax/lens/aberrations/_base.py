@@ -69,8 +69,3 @@ class AbstractAberration(eqx.Module):
         self, camera: Camera, film_point: Float[Array, "2"], parallax: Float[Array, ""]
     ) -> Float[Array, ""]:
         """The focus offset in 1/m that fits its rays best, over a round opening of |b| up to `parallax`."""
-
-
-def frame_corners(camera: Camera, dtype: jnp.dtype) -> Float[Array, "4 2"]:
-    """The corners of the frame in pixels."""
-    return jnp.array([(x, y) for x in (0, camera.width) for y in (0, camera.height)], dtype=dtype)

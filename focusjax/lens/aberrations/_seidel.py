@@ -8,9 +8,9 @@ from jaxtyping import Array, Float
 
 from focusjax._arguments import real_number
 from focusjax.geometry import Camera
-from focusjax.lens._base import AbstractLens
+from focusjax.lens._base import AbstractLens, frame_corners
 from focusjax.lens._length import length
-from focusjax.lens.aberrations._base import AbstractAberration, Bounds, frame_corners
+from focusjax.lens.aberrations._base import AbstractAberration, Bounds
 
 
 class Seidel(AbstractAberration):

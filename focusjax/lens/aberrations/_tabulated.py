@@ -8,9 +8,10 @@ from jaxtyping import Array, Float
 
 from focusjax._monotone_cubic import monotone_pieces, place_in_table
 from focusjax.geometry import Camera
+from focusjax.lens._base import frame_corners
 from focusjax.lens._height_curve import HeightCurve
 from focusjax.lens._length import length
-from focusjax.lens.aberrations._base import AbstractAberration, Bounds, frame_corners
+from focusjax.lens.aberrations._base import AbstractAberration, Bounds
 
 KINDS = {"distortion": True, "sagittal": True, "tangential": True, "spherical": True} | {
     "coma": False,

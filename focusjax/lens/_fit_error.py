@@ -12,7 +12,7 @@ from focusjax.lens._aperture import Disk
 from focusjax.lens._prescription import PrescriptionLens
 from focusjax.lens._pupils import SOFTNESS, openness
 from focusjax.lens._ray_bounds import STEEPEST
-from focusjax.lens._transfer import AbstractTransfer
+from focusjax.lens._transfer import Transfer
 
 _RAYS = 1 << 14
 _WORST = 48
@@ -50,7 +50,7 @@ class FitError(eqx.Module):
 
 @jit
 def fit_error(
-    exact: PrescriptionLens, transfer: AbstractTransfer, camera: Camera, disparities: Float[Array, "2"]
+    exact: PrescriptionLens, transfer: Transfer, camera: Camera, disparities: Float[Array, "2"]
 ) -> FitError:
     """The errors of `transfer` over rays that were not fitted, spread over frame and opening."""
     frame = jnp.array([camera.width, camera.height], dtype=disparities.dtype)

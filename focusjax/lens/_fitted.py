@@ -20,18 +20,11 @@ from focusjax.lens._fit_rays import limiting_rims, traced_rays
 from focusjax.lens._prescription import PrescriptionLens, line_of
 from focusjax.lens._ray_bounds import is_round
 from focusjax.lens._spectral import SpectralLens
-from focusjax.lens._transfer import (
-    AbstractTransfer,
-    TracedRays,
-    Transfer,
-    UnevenTransfer,
-    fit_transfers,
-    fit_uneven_transfers,
-)
+from focusjax.lens._transfer import TracedRays, Transfer, fit_transfers, fit_uneven_transfers
 
 _traced = jit(traced_rays)
-_DEGREES = {Transfer: (2, 3, 4, 5, 6), UnevenTransfer: (3, 4, 5, 6, 7)}
-"""Tried of each kind, the lowest first."""
+_DEGREES = {True: (2, 3, 4, 5, 6), False: (3, 4, 5, 6, 7)}
+"""Tried of polynomials for a lens that is round and for one that is not, the lowest first."""
 
 
 class FittedLens(AbstractLens):
@@ -53,7 +46,7 @@ class FittedLens(AbstractLens):
     """
 
     exact: PrescriptionLens
-    transfer: AbstractTransfer
+    transfer: Transfer
     rims: tuple[int, ...] = eqx.field(static=True)
     error: FitError
 
@@ -176,13 +169,14 @@ def fitted_lens(
     rays = _traced(lens, camera)
     rims = limiting_rims(rays)
     least = math.inf
-    kinds = (Transfer,) if is_round(lens.prescription) else (Transfer, UnevenTransfer)
-    for kind in kinds:
-        degrees = _DEGREES[kind]
-        found, rough = _fits(rays, lens, camera, disparities, rims, kind, degrees)
+    # A lens with a height field may be round all the same.
+    kinds = (True,) if is_round(lens.prescription) else (True, False)
+    for symmetric in kinds:
+        degrees = _DEGREES[symmetric]
+        found, rough = _fits(rays, lens, camera, disparities, rims, symmetric, degrees)
         for transfer, off in zip(found, np.asarray(rough), strict=True):
             # Over other rays the error is hardly less than over those that were fitted.
-            last = kind is kinds[-1] and transfer.degree == degrees[-1]
+            last = symmetric is kinds[-1] and transfer.degree == degrees[-1]
             if off > wanted and not last:
                 continue
             error = fit_error(lens, transfer, camera, disparities)
@@ -203,7 +197,7 @@ def refitted(fitted: FittedLens, lens: PrescriptionLens, camera: Camera) -> Fitt
     ends = fitted.error.disparities
     rays = traced_rays(lens, camera)
     old = fitted.transfer
-    (transfer,), _ = _fits(rays, lens, camera, ends, fitted.rims, type(old), (old.degree,))
+    (transfer,), _ = _fits(rays, lens, camera, ends, fitted.rims, old.is_round, (old.degree,))
     return FittedLens(lens, transfer, fitted.rims, fitted.error)
 
 
@@ -214,10 +208,10 @@ def _fits(
     camera: Camera,
     disparities: Float[Array, "2"],
     rims: tuple[int, ...],
-    kind: type[AbstractTransfer],
+    symmetric: bool,
     degrees: tuple[int, ...],
-) -> tuple[list[AbstractTransfer], Float[Array, " d"]]:
-    """Polynomials of a kind and of some degrees, and the largest error in pixels of each over its rays."""
+) -> tuple[list[Transfer], Float[Array, " d"]]:
+    """Polynomials of some degrees, and the largest error in pixels of each over its rays."""
     rays = eqx.tree_at(lambda r: r.squares, rays, rays.squares[:, jnp.array(rims)])
     last = lens.pupils.centre.shape[0] - 1
     steps = jnp.arange(last + 1, dtype=lens.indices.dtype)
@@ -226,8 +220,8 @@ def _fits(
     reach = jnp.max(jnp.hypot(beside + lens.pupils.radial, lens.pupils.tangential))
     scales = (1.0 / (last * lens.film_step), last * lean, 1.0 / reach)
     made, errors = [], []
-    fit = fit_uneven_transfers if kind is UnevenTransfer else fit_transfers
-    for transfer, slope, crossing, _ in fit(*scales, rays, degrees):
+    fit = fit_transfers if symmetric else fit_uneven_transfers
+    for transfer, slope, crossing in fit(scales, rays, degrees):
         off = slope[:, None] + 1e-3 * disparities[None, :, None] * crossing[:, None]
         lit = rays.line_weight == 1.0
         errors.append(

@@ -18,7 +18,6 @@ numbers t_x, t_y, T_x and T_y, with no symmetry to relate them: polynomials of t
 which is the aberrations of order n, of (n + 1) (n + 2) (n + 3) (n + 4) / 24 terms each.
 """
 
-import abc
 import functools
 import itertools
 from collections.abc import Sequence
@@ -34,27 +33,32 @@ from focusjax.lens._length import Pair
 _LEAST_SQUARE = 1e-3
 """Squares below it are taken for it: the root is steep there, and everything open."""
 
+_Scales = tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]
+"""The first three attributes of `Transfer`."""
 
-class AbstractTransfer(eqx.Module):
+
+class Transfer(eqx.Module):
     """Polynomials that a lens's rays are traced by.
 
     Attributes:
         film: 1 over the largest tangent of film points.
         lean: mm by which the openings of the outermost film points are off the axis.
         pupil: 1 over the largest distance in mm of a target from there.
-        lines: coefficients [4, m] of four functions that give slope and crossing.
+        lines: coefficients [4, m] of A and B, in tangents, and of C and D, in mm; of a lens that is not round
+            those of the slopes along x and y, and of where in mm a ray crosses the pupil.
         rims: coefficients [k, m] of the squares, over those of the rims that cut rays off.
         degree: the total degree n (static).
+        is_round: whether the lens is the same all around its axis (static).
     """
 
-    film: eqx.AbstractVar[Float[Array, ""]]
-    lean: eqx.AbstractVar[Float[Array, ""]]
-    pupil: eqx.AbstractVar[Float[Array, ""]]
-    lines: eqx.AbstractVar[Float[Array, "4 m"]]
-    rims: eqx.AbstractVar[Float[Array, "k m"]]
-    degree: eqx.AbstractVar[int]
+    film: Float[Array, ""]
+    lean: Float[Array, ""]
+    pupil: Float[Array, ""]
+    lines: Float[Array, "4 m"]
+    rims: Float[Array, "k m"]
+    degree: int = eqx.field(static=True)
+    is_round: bool = eqx.field(static=True)
 
-    @abc.abstractmethod
     def __call__(self, tangents: Pair, target: Pair) -> tuple[Pair, Pair, Float[Array, ""]]:
         """Where the ray from a film point to a target goes.
 
@@ -62,9 +66,8 @@ class AbstractTransfer(eqx.Module):
             its slopes beyond those of the pinhole's ray, where in mm it crosses the entrance pupil, and its
             least clearance of the rims.
         """
-
-    def functions(self, *variables: Float[Array, ""]) -> tuple[list[Array], Float[Array, ""]]:
-        """The four functions at a ray's variables, and its least clearance of the rims."""
+        t, T = shares((self.film, self.lean, self.pupil), tangents, target)
+        variables = invariants(t, T) if self.is_round else (*t, *T)
         # One after the other: XLA for CPU would else work each out anew for every number that it is part of,
         # and compile as many.
         rows = jnp.concatenate([self.lines, self.rims])
@@ -74,31 +77,10 @@ class AbstractTransfer(eqx.Module):
         farthest = jnp.full_like(variables[0], _LEAST_SQUARE)
         for square in squares:
             farthest = jnp.maximum(farthest, square)
-        return [line[0] for line in lines], 1.0 - jnp.sqrt(farthest)
-
-
-class Transfer(AbstractTransfer):
-    """The polynomials of a lens that is the same all around its axis, in u, v and w.
-
-    Attributes:
-        film: as of `AbstractTransfer`.
-        lean: likewise.
-        pupil: likewise.
-        lines: coefficients [4, m] of A and B, in tangents, and of C and D, in mm.
-        rims: as of `AbstractTransfer`.
-        degree: likewise (static).
-    """
-
-    film: Float[Array, ""]
-    lean: Float[Array, ""]
-    pupil: Float[Array, ""]
-    lines: Float[Array, "4 m"]
-    rims: Float[Array, "k m"]
-    degree: int = eqx.field(static=True)
-
-    def __call__(self, tangents: Pair, target: Pair) -> tuple[Pair, Pair, Float[Array, ""]]:
-        t, T = shares(self.film, self.lean, self.pupil, tangents, target)
-        (A, B, C, D), clearance = self.functions(*invariants(t, T))
+        clearance = 1.0 - jnp.sqrt(farthest)
+        A, B, C, D = (line[0] for line in lines)
+        if not self.is_round:
+            return (A, B), (C, D), clearance
         (x, y), (X, Y) = t, T
         return (A * x + B * X, A * y + B * Y), (C * x + D * X, C * y + D * Y), clearance
 
@@ -125,23 +107,24 @@ class TracedRays(eqx.Module):
     rim_weight: Float[Array, "*r"]
 
 
-def shares(film: Array, lean: Array, pupil: Array, tangents: Pair, target: Pair) -> tuple[Pair, Pair]:
-    """The vectors t and T; see `Transfer` for the scales."""
+def shares(scales: _Scales, tangents: Pair, target: Pair) -> tuple[Pair, Pair]:
+    """The vectors t and T."""
+    film, lean, pupil = scales
     x, y = tangents[0] * film, tangents[1] * film
     return (x, y), ((target[0] - lean * x) * pupil, (target[1] - lean * y) * pupil)
 
 
 def placed(
-    film: Float[Array, ""], lean: Float[Array, ""], pupil: Float[Array, ""], rays: TracedRays
-) -> tuple[tuple[Array, Array, Array], TracedRays, tuple[tuple[Array, Array], tuple[Array, Array]]]:
+    scales: _Scales, rays: TracedRays
+) -> tuple[_Scales, TracedRays, tuple[tuple[Array, Array], tuple[Array, Array]]]:
     """The scales, and the rays with their vectors t and T, without derivatives by where rays are."""
     rays = eqx.tree_at(
         lambda r: (r.tangents, r.target, r.line_weight, r.rim_weight),
         rays,
         replace_fn=jax.lax.stop_gradient,
     )
-    scales = jax.lax.stop_gradient((film, lean, pupil))
-    return scales, rays, jax.vmap(lambda a, b: shares(*scales, a, b))(rays.tangents, rays.target)
+    scales = jax.lax.stop_gradient(scales)
+    return scales, rays, jax.vmap(lambda a, b: shares(scales, a, b))(rays.tangents, rays.target)
 
 
 def invariants(t: Pair, T: Pair) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
@@ -178,17 +161,13 @@ def polynomial(
 
 
 def fit_transfers(
-    film: Float[Array, ""],
-    lean: Float[Array, ""],
-    pupil: Float[Array, ""],
-    rays: TracedRays,
-    degrees: Sequence[int],
-) -> list[tuple[Transfer, Float[Array, "r 2"], Float[Array, "r 2"], Float[Array, "r k"]]]:
-    """Polynomials of least squares for some increasing `degrees`, each with what is left of the rays.
+    scales: _Scales, rays: TracedRays, degrees: Sequence[int]
+) -> list[tuple[Transfer, Float[Array, "r 2"], Float[Array, "r 2"]]]:
+    """Polynomials of least squares for some increasing `degrees`, with what is left of slopes and crossings.
 
     Differentiable by what the rays do; where they are, and what counts how much, is taken as it is.
     """
-    (film, lean, pupil), rays, (t, T) = placed(film, lean, pupil, rays)
+    scales, rays, (t, T) = placed(scales, rays)
     place = jnp.stack(jax.vmap(invariants)(t, T), axis=1)
     table = jax.vmap(lambda each: monomials(each, degrees[-1]))(place)
     # Columns of A and of B in turns, those of lower degrees first: then the first few columns are those of
@@ -203,12 +182,28 @@ def fit_transfers(
     lines = least_squares(jnp.concatenate(along), wanted, weight, [2 * size for size in sizes])
     rims = least_squares(table, rays.squares, rays.rim_weight, sizes)
     found = []
-    for degree, (line, line_rest), (rim, rim_rest) in zip(degrees, lines, rims, strict=True):
+    for degree, (line, line_rest), (rim, _) in zip(degrees, lines, rims, strict=True):
         columns = line.T.reshape(2, -1, 2).swapaxes(1, 2).reshape(4, -1)
-        made = Transfer(film, lean, pupil, columns, rim.T, degree)
+        made = Transfer(*scales, columns, rim.T, degree, is_round=True)
         slope_rest, crossing_rest = jnp.moveaxis(line_rest.reshape(2, -1, 2), 2, 0)
-        found.append((made, slope_rest.T, crossing_rest.T, rim_rest))
+        found.append((made, slope_rest.T, crossing_rest.T))
     return found
+
+
+def fit_uneven_transfers(
+    scales: _Scales, rays: TracedRays, degrees: Sequence[int]
+) -> list[tuple[Transfer, Float[Array, "r 2"], Float[Array, "r 2"]]]:
+    """As `fit_transfers`, of a lens that is not round, by rays over all of the film and the opening."""
+    scales, rays, (t, T) = placed(scales, rays)
+    table = jax.vmap(lambda *place: monomials(jnp.stack(place), degrees[-1]))(*t, *T)
+    sizes = [len(terms(degree, 4)) for degree in degrees]
+    wanted = jnp.concatenate([rays.slope, rays.crossing], axis=1)
+    lines = least_squares(table, wanted, rays.line_weight, sizes)
+    rims = least_squares(table, rays.squares, rays.rim_weight, sizes)
+    return [
+        (Transfer(*scales, line.T, rim.T, degree, is_round=False), rest[:, :2], rest[:, 2:])
+        for degree, (line, rest), (rim, _) in zip(degrees, lines, rims, strict=True)
+    ]
 
 
 def monomials(place: Float[Array, " v"], degree: int) -> Float[Array, " m"]:
@@ -232,48 +227,3 @@ def least_squares(
         answer = jax.scipy.linalg.solve_triangular(r[:size, :size], projected[:size])
         found.append((answer, matrix[:, :size] @ answer - wanted))
     return found
-
-
-class UnevenTransfer(AbstractTransfer):
-    """The polynomials of a lens with any surfaces, in t_x, t_y, T_x and T_y.
-
-    Attributes:
-        film: as of `AbstractTransfer`.
-        lean: likewise.
-        pupil: likewise.
-        lines: coefficients [4, m] of the slopes along x and y, and of where in mm a ray crosses the pupil.
-        rims: as of `AbstractTransfer`.
-        degree: likewise (static).
-    """
-
-    film: Float[Array, ""]
-    lean: Float[Array, ""]
-    pupil: Float[Array, ""]
-    lines: Float[Array, "4 m"]
-    rims: Float[Array, "k m"]
-    degree: int = eqx.field(static=True)
-
-    def __call__(self, tangents: Pair, target: Pair) -> tuple[Pair, Pair, Float[Array, ""]]:
-        t, T = shares(self.film, self.lean, self.pupil, tangents, target)
-        (x, y, X, Y), clearance = self.functions(*t, *T)
-        return (x, y), (X, Y), clearance
-
-
-def fit_uneven_transfers(
-    film: Float[Array, ""],
-    lean: Float[Array, ""],
-    pupil: Float[Array, ""],
-    rays: TracedRays,
-    degrees: Sequence[int],
-) -> list[tuple[UnevenTransfer, Float[Array, "r 2"], Float[Array, "r 2"], Float[Array, "r k"]]]:
-    """As `fit_transfers`, of rays over all of the film and the opening."""
-    scales, rays, (t, T) = placed(film, lean, pupil, rays)
-    table = jax.vmap(lambda *place: monomials(jnp.stack(place), degrees[-1]))(*t, *T)
-    sizes = [len(terms(degree, 4)) for degree in degrees]
-    wanted = jnp.concatenate([rays.slope, rays.crossing], axis=1)
-    lines = least_squares(table, wanted, rays.line_weight, sizes)
-    rims = least_squares(table, rays.squares, rays.rim_weight, sizes)
-    return [
-        (UnevenTransfer(*scales, line.T, rim.T, degree), line_rest[:, :2], line_rest[:, 2:], rim_rest)
-        for degree, (line, line_rest), (rim, rim_rest) in zip(degrees, lines, rims, strict=True)
-    ]

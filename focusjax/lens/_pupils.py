@@ -106,6 +106,20 @@ def at_place(tables: _Tables, place: Float[Array, ""]) -> _Tables:
     return jax.tree.map(lambda table: table[low] + (place - low) * (table[low + 1] - table[low]), tables)
 
 
+def points_of(
+    inside: Float[Array, ""], rim: Float[Array, " t"], edges: tuple[float, ...]
+) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " n"]]:
+    """Points of one half of an opening, along the radial line and across, and the areas that they stand for.
+
+    They are on four rings of equal area, and at shares `edges` of the rim's radius, which stand for none.
+    """
+    equal = tuple(((ring + 0.5) / 4) ** 0.5 for ring in range(4))
+    shares = jnp.asarray((*equal, *edges), dtype=rim.dtype)[:, None]
+    rings, angles = shares * rim[None], turns(rim.dtype)[None]
+    area = jnp.where(jnp.arange(len(shares))[:, None] < len(equal), rim[None] ** 2, 0.0)
+    return (inside + rings * jnp.cos(angles)).ravel(), (rings * jnp.sin(angles)).ravel(), area.ravel()
+
+
 def find_pupils(
     lens: Prescription,
     indices: Float[Array, " n_plus_1"],

@@ -20,13 +20,11 @@ from jaxtyping import Array, Float
 
 from focusjax._programs import jit
 from focusjax.lens._length import Pair, root
-from focusjax.lens._pupils import Pupils, Turn, at_place, find_pupils, from_film, openness, turns
+from focusjax.lens._pupils import Pupils, Turn, at_place, find_pupils, from_film, openness, points_of
 from focusjax.optics import HeightField, Prescription
 
 STEEPEST = 6.0
 """Tangent to the axis beyond which no ray is taken: 80.5 degrees."""
-_RINGS = (*(((ring + 0.5) / 4) ** 0.5 for ring in range(4)), 1.0)
-"""Shares of the rim's radius: four that stand for equal areas, and the rim, which stands for none."""
 MARGIN = 1.08
 ROUNDING = 2e-6
 
@@ -84,11 +82,7 @@ def find_bounds(
     back = (lambda x, y: (x, y)) if turn is None else turn.back
 
     def one(radius: Array, inside: Array, rim: Array) -> tuple[Array, ...]:
-        angles = turns(rim.dtype)[None]
-        share = jnp.asarray(_RINGS, dtype=rim.dtype)[:, None]
-        rings = share * rim[None]
-        x, y = inside + rings * jnp.cos(angles), rings * jnp.sin(angles)
-        area = jnp.where(share < 1.0, rim[None] ** 2, 0.0)
+        x, y, area = points_of(inside, rim, (1.0,))
         film = turned(-film_scale * radius, jnp.zeros_like(radius))
 
         def ray(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
@@ -100,8 +94,7 @@ def find_bounds(
             open_ = openness(found.clearance + 1e-3)
             return slope, crossing * 1e-3, open_ * flat, open_ * ~flat
 
-        slope, crossing, light, dark = jax.vmap(ray)(x.reshape(-1), y.reshape(-1))
-        area = area.reshape(-1)
+        slope, crossing, light, dark = jax.vmap(ray)(x, y)
         lost, kept = jnp.sum(dark * area), jnp.sum(light * area)
         beyond = lost / jnp.where(lost > 0.0, lost + kept, 1.0)
         # The other half of the opening mirrors this one.

@@ -16,16 +16,15 @@ from focusjax.geometry import Camera
 from focusjax.lens._base import AbstractLens
 from focusjax.lens._focused import FRAME_MARGIN, focused_lens, with_indices
 from focusjax.lens._prescription import PrescriptionLens, polar
-from focusjax.lens._pupils import at_place, turns
+from focusjax.lens._pupils import at_place, points_of
 from focusjax.lens._ray_bounds import STEEPEST, is_round
 from focusjax.lens._scheimpflug import MAX_TILT, turn_to
 from focusjax.lens._spectral import SpectralLens
 from focusjax.lens._tilted_bounds import FilmBounds, RayDisk, Rays, find_film_bounds
 from focusjax.lens._tilted_lens import TiltedFilm, TiltedPrescriptionLens, tilted_film
 
-_RINGS = (*(((ring + 0.5) / 4) ** 0.5 for ring in range(4)), 0.98, 1.0, 1.02)
-"""Shares of the rim's radius at which bounds look: four that stand for equal areas, and about the rim."""
-_AREAS = 4
+_EDGES = (0.98, 1.0, 1.02)
+"""Shares of the rim's radius at which bounds look, besides all over the opening."""
 _BLOCKS = 1e-3
 """Clearance by which a ray may be cut off and still be bounded."""
 
@@ -162,12 +161,7 @@ def _rays_of(lens: TiltedPrescriptionLens, seen: Float[Array, "2"]) -> Rays:
     radius, along = polar(*film)
     pupils = level.pupils
     inside, rim = at_place((pupils.inside, pupils.rim), radius / level.film_step)
-    angles = turns(rim.dtype)[None]
-    shares = jnp.asarray(_RINGS, dtype=rim.dtype)[:, None]
-    rings = shares * rim[None]
-    counts = (jnp.arange(len(_RINGS)) < _AREAS)[:, None]
-    area = jnp.where(counts, rim[None] ** 2, 0.0)
-    out, aside = (inside + rings * jnp.cos(angles)).ravel(), (rings * jnp.sin(angles)).ravel()
+    out, aside, area = points_of(inside, rim, _EDGES)
     out, aside = jnp.tile(out, 2), jnp.concatenate([aside, -aside])
     targets = along[0] * out - along[1] * aside, along[1] * out + along[0] * aside
 
@@ -177,7 +171,7 @@ def _rays_of(lens: TiltedPrescriptionLens, seen: Float[Array, "2"]) -> Rays:
         return jnp.stack(slope), 1e-3 * jnp.stack(crossing), jnp.where(open_, 1.0, 0.0)
 
     slope, crossing, light = jax.vmap(one)(*targets)
-    return slope, crossing, light, jnp.tile(area.ravel(), 2)
+    return slope, crossing, light, jnp.tile(area, 2)
 
 
 def _bands(

@@ -15,8 +15,7 @@ from focusjax._programs import jit
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens._aperture import AbstractAperture
 from focusjax.lens._base import AbstractLens
-from focusjax.lens._fit_error import FitError, fit_error
-from focusjax.lens._fit_rays import limiting_rims, traced_rays
+from focusjax.lens._fit_error import FitError, fit_error, limiting_rims, traced_rays
 from focusjax.lens._prescription import PrescriptionLens, line_of
 from focusjax.lens._ray_bounds import is_round
 from focusjax.lens._spectral import SpectralLens

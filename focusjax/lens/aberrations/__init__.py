@@ -1,6 +1,6 @@
 """What keeps rays from meeting where an ideal lens would have them meet."""
 
-from focusjax.lens.aberrations._aberrated import AberratedLens as AberratedLens
+from focusjax.lens.aberrations._base import AberratedLens as AberratedLens
 from focusjax.lens.aberrations._base import AbstractAberration as AbstractAberration
 from focusjax.lens.aberrations._base import Bounds as Bounds
 from focusjax.lens.aberrations._chromatic import ChromaticLens as ChromaticLens

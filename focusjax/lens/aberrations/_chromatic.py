@@ -12,8 +12,7 @@ from focusjax._arguments import real_number, real_numbers
 from focusjax.geometry import Camera
 from focusjax.lens._base import AbstractLens, Channel, frame_corners
 from focusjax.lens._wrapper import AbstractColouredLens, colour_bands
-from focusjax.lens.aberrations._aberrated import AberratedLens
-from focusjax.lens.aberrations._base import AbstractAberration, Bounds
+from focusjax.lens.aberrations._base import AberratedLens, AbstractAberration, Bounds
 from focusjax.lens.aberrations._focus_offsets import FocusOffset
 from focusjax.optics import FRAUNHOFER, RGB_WAVELENGTHS, AbstractGlass
 

@@ -125,16 +125,9 @@ def table_falloff(
 
 
 def require_reach(what: str, reach: float, camera: Camera, *, slack: float) -> None:
-    """Refuse a table that ends before the picture does.
+    """Refuse a table `what` that ends, `reach` metres from the axis, before the picture's farthest corner.
 
-    Args:
-        what: how to call the table.
-        reach: metres on the film from the axis to its end.
-        camera: whose frame it has to cover.
-        slack: share of the way to the farthest corner that may be missing.
-
-    Raises:
-        ValueError: more than that is missing; the message says how much.
+    A share `slack` of the way there may be missing.
     """
     corner = corner_height(camera)
     if reach < corner * (1.0 - slack):
@@ -152,6 +145,7 @@ def corner_height(camera: Camera) -> float:
     return float(np.hypot(*farthest) * float(camera.sensor_width) / camera.width)
 
 
+@jit
 def illumination(
     lens: AbstractLens, camera: Camera, film_points: Float[Array, "n 2"], *, side: int = 64
 ) -> Float[Array, "n"]:
@@ -173,13 +167,6 @@ def illumination(
         >>> round(float(illumination(lens, camera, jnp.array([[36.0, 12.0]]))[0]), 6)
         0.25
     """
-    return _illumination(lens, camera, film_points, side)
-
-
-@jit
-def _illumination(
-    lens: AbstractLens, camera: Camera, film_points: Float[Array, "n 2"], side: int
-) -> Float[Array, "n"]:
     along = (jnp.arange(side, dtype=film_points.dtype) + 0.5) / side
     grid = jnp.stack(jnp.meshgrid(along, along), axis=-1).reshape(-1, 2)
     pupil = jax.vmap(lens.pupil_point)(grid)

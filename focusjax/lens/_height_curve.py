@@ -83,12 +83,7 @@ def height_curve(
 def checked_table(
     heights: ArrayLike | Sequence[float], values: ArrayLike | Sequence[float], name: str
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Heights in metres and what a table has there, as arrays.
-
-    Raises:
-        ValueError: numbers that do not match, fewer than two, values that are no numbers within 1e9, or
-            heights that do not rise from 0.
-    """
+    """Heights in metres and what a table has there, as arrays; refused as `height_curve` says."""
     places = real_numbers(heights, f"heights of {name}", "metres, rising from 0 on")
     found = real_numbers(values, f"values of {name}", "finite numbers, one for each height")
     if places.ndim != 1 or places.shape != found.shape or len(places) < 2:

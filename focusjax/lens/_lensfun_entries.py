@@ -89,12 +89,7 @@ def vignetting_near(
     Entries count by 1 / d^3.5, with d the distance in focal length (as a share of the zoom), in 4 / f-number
     and in 0.1 m / focus distance (`lfLens::InterpolateVignetting`, lensfun 0.3).
 
-    Args:
-        found: entries with an aperture and a distance.
-        focal: mm.
-        f_number: at which.
-        distance: focused on, in metres; may be infinite.
-        zoom: shortest and longest focal length of the lens in mm.
+    Focal lengths are mm, `zoom` the shortest and the longest of the lens; `distance` is metres, or infinite.
 
     Raises:
         ValueError: an entry without aperture or distance, of another model than "pa", or none that is near.

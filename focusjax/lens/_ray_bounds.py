@@ -120,16 +120,10 @@ def disk_of_rays(
     light: Float[Array, " r"],
     area: Float[Array, " r"],
 ) -> tuple[Array, ...]:
-    """The disk around the rays of a film point.
+    """The disk around the rays of a film point: a [2], b [2], w_0, A, B, radius, and whether any ray counts.
 
-    Args:
-        slope: tangents.
-        crossing: of the pupil's plane in metres.
-        light: above 0 for rays that count.
-        area: of the opening that a ray stands for in means.
-
-    Returns:
-        a [2], b [2], w_0, A, B, the radius of the equal opening, and whether any ray counts.
+    Slopes are tangents, crossings of the pupil's plane metres. Rays count whose light is above 0, in means by
+    the area of the opening that they stand for.
     """
     lit = light > 0.0
     found = jnp.any(lit)
@@ -197,16 +191,7 @@ def find_all_around(
     pupil: Float[Array, ""],
     radii: Float[Array, " k"],
 ) -> tuple[Pupils, RayBounds]:
-    """As `find_pupils` and `find_bounds`, for film points in every direction from the axis.
-
-    Args:
-        lens: in mm.
-        indices: refractive indices.
-        film: mm from the last vertex.
-        scale: mm of the film per tangent.
-        pupil: mm from the first vertex to the entrance pupil.
-        radii: tangents of film points, in equal steps, an odd number of them.
-    """
+    """As `find_pupils` and `find_bounds`, for film points in every direction from the axis."""
     angles = np.repeat(np.linspace(0.0, 2.0 * np.pi, _RADII, endpoint=False), 2)
     sides = np.tile([1.0, -1.0], _RADII)
     turns = Turn(*(jnp.asarray(each, radii.dtype) for each in (np.cos(angles), np.sin(angles), sides)))

@@ -91,10 +91,7 @@ def find_film_bounds(
     Film points in the middles of cells are traced, too: twice what they exceed the interpolated disks by is
     added around them, and a share for what lies between rays.
 
-    Args:
-        rays: of the film point at given tangents.
-        corner: least tangents.
-        far: largest tangents.
+    `rays` are those of the film point at given tangents; `corner` and `far` are the least and the largest.
     """
     step = (far - corner) / _CELLS
 

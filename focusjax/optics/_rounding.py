@@ -25,9 +25,8 @@ _ROOM = 1.02
 def without_rounding(heights: Float[np.ndarray, "n n"], step: float) -> Float[np.ndarray, "n n"]:
     """The smoothest heights that may have been rounded to these.
 
-    Args:
-        heights: in any unit, at least 4 rows and as many columns, finite.
-        step: in that unit, what they are multiples of.
+    Heights are finite, in any unit, at least 4 rows of them and as many columns; `step` is what they are
+    multiples of.
 
     Example:
         >>> x = np.linspace(-1.0, 1.0, 129)

@@ -195,18 +195,9 @@ def narrowed_to_meet(
     radii: Sequence[float],
     stop: int,
 ) -> tuple[list[float], list[int]]:
-    """Clear radii of which no two neighbours cross, where a fifth less of both is enough for that.
+    """Clear radii in mm of which no two neighbours cross, and the first of each two that were narrowed.
 
-    The stop's is left as it is. What crosses farther in does so afterwards.
-
-    Args:
-        surfaces: of the lens.
-        thicknesses: mm from each to the next.
-        radii: their clear radii in mm.
-        stop: number of the stop.
-
-    Returns:
-        The radii, and the numbers of the first of each two surfaces that were narrowed.
+    The stop's is left as it is, and so is what would still cross with a fifth less of both.
     """
     found, narrowed = [float(radius) for radius in radii], []
     for number in range(len(surfaces) - 1):

@@ -14,6 +14,7 @@ from focusjax._arguments import real_numbers
 from focusjax._parallel import CORES, in_parallel
 from focusjax._programs import jit
 from focusjax.geometry import Camera
+from focusjax.lens._density import cell
 from focusjax.lens._kernels import AbstractKernel, InverseDistance
 from focusjax.lens._moving_least_squares import Basis, moving_least_squares
 
@@ -153,7 +154,7 @@ def corner_weights(
             f"the focal surface was sampled for {columns - 1} x {rows - 1} pixels but the camera has"
             f" {camera.width} x {camera.height}; sample it for this camera"
         )
-    (i, u), (j, v) = _cell(film_point[0], camera.width), _cell(film_point[1], camera.height)
+    (i, u), (j, v) = cell(film_point[0], camera.width), cell(film_point[1], camera.height)
     return [
         ((j + step_j, i + step_i), share_j * share_i)
         for step_j, share_j in ((0, 1.0 - v), (1, v))
@@ -195,10 +196,3 @@ def _tiles(
         return surface.at(jnp.stack([columns, rows]).astype(surface.xy.dtype))
 
     return jax.lax.map(tile, numbers)
-
-
-def _cell(x: Float[Array, ""], count: int) -> tuple[Int[Array, ""], Float[Array, ""]]:
-    """Which of `count` unit intervals holds x, and how far into it x is, 0 to 1."""
-    x = jnp.clip(x, 0.0, float(count))
-    index = jnp.minimum(jnp.floor(x), count - 1.0)
-    return index.astype(int), x - jax.lax.stop_gradient(index)

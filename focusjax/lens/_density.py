@@ -23,7 +23,8 @@ class Density(eqx.Module):
 
     def at(self, place: Float[Array, "2"]) -> Float[Array, ""]:
         """The density at (x, y); beyond the square as on its nearest border."""
-        (i, u), (j, v) = (_cell(place[k], self.values.shape[1 - k]) for k in (0, 1))
+        rows, columns = self.values.shape
+        (i, u), (j, v) = (cell(place[k] * last, last) for k, last in ((0, columns - 1), (1, rows - 1)))
         near, far = self.values[j], self.values[j + 1]
         return (1.0 - v) * ((1.0 - u) * near[i] + u * near[i + 1]) + v * ((1.0 - u) * far[i] + u * far[i + 1])
 
@@ -85,7 +86,8 @@ def _share(p: Float[Array, ""], q: Float[Array, ""], c: Float[Array, ""]) -> Flo
     return jnp.clip(jnp.where(some, 2.0 * c / jnp.where(some, below, 1.0), 0.0), 0.0, 1.0)
 
 
-def _cell(x: Float[Array, ""], nodes: int) -> tuple[Int[Array, ""], Float[Array, ""]]:
-    scaled = jnp.clip(x, 0.0, 1.0) * (nodes - 1)
-    number = jnp.minimum(jnp.floor(scaled), nodes - 2.0)
-    return number.astype(int), scaled - jax.lax.stop_gradient(number)
+def cell(x: Float[Array, ""], count: int) -> tuple[Int[Array, ""], Float[Array, ""]]:
+    """Which of `count` unit intervals holds x, and how far into it x is, 0 to 1."""
+    x = jnp.clip(x, 0.0, float(count))
+    index = jnp.minimum(jnp.floor(x), count - 1.0)
+    return index.astype(int), x - jax.lax.stop_gradient(index)

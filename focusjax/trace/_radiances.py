@@ -4,15 +4,16 @@ import dataclasses
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers import Grid, Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._colour import Surface, met_at, surface_of
+from focusjax.trace._in_parts import in_parts
 from focusjax.trace._march import first_hits
 from focusjax.trace._samples import Starts
-from focusjax.trace._starts import lens_rays
 from focusjax.trace._walk import Volume, make_volume, path_of
 
 
@@ -73,6 +74,18 @@ def first_met(
     if deepest is not None:
         volume = dataclasses.replace(volume, deepest=deepest)
     return rays, first_hits(volume, paths, starts.chance)
+
+
+def lens_rays(camera: Camera, lens: AbstractLens, starts: Starts) -> LensRay:
+    """The rays [n] of film points through points of the aperture."""
+
+    def one(x: Array, y: Array, u: Array, v: Array) -> tuple[Array, ...]:
+        ray = lens.ray(camera, jnp.stack([x, y]), jnp.stack([u, v]))
+        return *ray.a, *ray.b, ray.weight
+
+    columns = starts.x, starts.y, starts.u, starts.v
+    a_x, a_y, b_x, b_y, weight = in_parts(lambda some: jax.vmap(one)(*some), columns, cpu=1 << 14)
+    return LensRay(jnp.stack([a_x, a_y], axis=-1), jnp.stack([b_x, b_y], axis=-1), weight)
 
 
 def on_grid(rays: LensRay, grid: Grid) -> LensRay:

@@ -103,7 +103,6 @@ def met_at(surface: Surface, ray: LensRay, hit: Int[Array, ""]) -> Met:
     planes = zip(surface.radiance, surface.across, surface.down, surface.background, strict=True)
     radiance = tuple(look(*colour) for colour in planes)
     if surface.gloss is not None:
-        at = jnp.where(met, disparity, 1.0)
-        gloss = gloss_at(surface.gloss, ray, at, [(number, jnp.ones_like(at))])
+        gloss = gloss_at(surface.gloss, ray, jnp.where(met, disparity, 1.0), number)
         radiance = tuple(colour + jnp.where(met, gloss[k], 0.0) for k, colour in enumerate(radiance))
     return Met(radiance, disparity)

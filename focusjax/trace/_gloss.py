@@ -1,6 +1,6 @@
 """Gloss as each lens ray sees it, from its own point of the lens (Lee09 section 5)."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -45,21 +45,16 @@ def gloss_at(
     planes: GlossPlanes,
     ray: LensRay,
     disparity: Float[Array, ""],
-    corners: Iterable[tuple[Int[Array, ""], Float[Array, ""]]],
+    number: Int[Array, ""],
 ) -> Float[Array, "3"]:
     """Radiance that gloss adds where `ray` (in grid units) meets a surface at `disparity` (1/m, above 0).
 
     A ray is straight, so the direction back to its point of the lens is that of its image at infinity,
     reversed: the line q(w) = a + b w gives both ends of it.
 
-    Args:
-        planes: the surfaces.
-        ray: seen along.
-        disparity: where it meets the surface.
-        corners: samples around the hit and their weights, which sum to 1; the first is the one that was hit.
+    `number` is the position of the sample that was hit in the arrays of `planes`.
     """
     camera, grid = planes.camera, planes.grid
-    corners = tuple(corners)
 
     # Component by component, which XLA fuses into one pass (a matrix product per ray it does not).
     pose, per_sample = camera.world_from_camera, 1.0 / (camera.focal_px * grid.supersampling)
@@ -74,14 +69,12 @@ def gloss_at(
     to_eye = _unit([-part for part in towards(a_x, a_y)])
     ahead = towards(a_x + b_x * disparity, a_y + b_y * disparity)
     point = camera.position + jnp.stack(ahead) / disparity
-    parts = [[part * weight for part in unpack_normal(planes.normal[i])] for i, weight in corners]
-    normal = _unit([sum(axis, jnp.zeros_like(disparity)) for axis in zip(*parts, strict=True)])
-    material = planes.material[corners[0][0]].astype(jnp.int32)
-    return planes.model(point, normal, to_eye, material)
+    normal = _unit(unpack_normal(planes.normal[number]))
+    return planes.model(point, normal, to_eye, planes.material[number].astype(jnp.int32))
 
 
 def _unit(parts: Sequence[Float[Array, ""]]) -> Float[Array, "3"]:
-    """A vector at length 1; normals that cancel out stay short, which leaves little of their gloss."""
+    """A vector at length 1."""
     square = sum((part**2 for part in parts), jnp.zeros_like(parts[0]))
     scale = jax.lax.rsqrt(jnp.maximum(square, 1e-12))
     return jnp.stack([part * scale for part in parts])
@@ -100,9 +93,7 @@ def radiance_from_centre(layers: Layers) -> Float[Array, "n 3"]:
         number, index, disparity = sample
         place = jnp.stack([index % columns, index // columns % rows]).astype(disparity.dtype) + 0.5
         ray = LensRay(a=place, b=jnp.zeros_like(place), weight=jnp.ones_like(disparity))
-        return gloss_at(
-            planes, ray, jnp.where(disparity > 0, disparity, 1.0), [(number, jnp.ones_like(disparity))]
-        )
+        return gloss_at(planes, ray, jnp.where(disparity > 0, disparity, 1.0), number)
 
     numbers = jnp.arange(len(disparity), dtype=jnp.int32)
     # Some at a time, to hold little at once.

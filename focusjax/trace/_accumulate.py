@@ -67,16 +67,22 @@ def traced_sums(
     them. `groups` and `bins` may be of some pixels in a row, which count from the picture's pixel `begin`;
     the rays are then added `onto` sums that are there already.
     """
-    camera = scene.camera
 
     def seen(some: SomeGroups, lens: AbstractLens) -> Seen:
         some = dataclasses.replace(some, pixel=some.pixel + begin)
-        column, row, _, starts = starts_of(some, samples, camera)
-        least, largest, depth = ranges.at(column, row)
-        least, largest = (jnp.tile(end, some.together) for end in (least, largest))
-        return seen_along(scene, lens, starts, least, largest, depth.max())
+        return seen_by(some, scene, lens, samples, ranges)
 
     return summed(seen, lens, groups, bins, groups.pixels, mesh, onto)
+
+
+def seen_by(
+    some: SomeGroups, scene: TracedScene, lens: AbstractLens, samples: RaySamples, ranges: DisparityRanges
+) -> Seen:
+    """What the rays of some groups see, in the order of `starts_of`."""
+    column, row, _, starts = starts_of(some, samples, scene.camera)
+    least, largest, depth = ranges.at(column, row)
+    least, largest = (jnp.tile(end, some.together) for end in (least, largest))
+    return seen_along(scene, lens, starts, least, largest, depth.max())
 
 
 def starts_of(

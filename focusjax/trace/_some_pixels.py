@@ -15,14 +15,14 @@ from jaxtyping import Array, Float, Int, UInt
 from focusjax._programs import jit
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
-from focusjax.trace._accumulate import PixelSums, summed
+from focusjax.trace._accumulate import PixelSums, seen_by, summed
 from focusjax.trace._allocate import FEWEST, allocated, contrast, counts_for, least_through
 from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._emitters import Emitters, split_emitters
 from focusjax.trace._groups import SomeGroups, groups_of
 from focusjax.trace._known_light import KnownLight, known_light
 from focusjax.trace._picture import RenderSettings, coc_bins, developed, light_of
-from focusjax.trace._radiances import Seen, seen_along, traced_scene
+from focusjax.trace._radiances import Seen, traced_scene
 from focusjax.trace._ranges import DisparityRanges, disparity_ranges
 from focusjax.trace._samples import ray_samples
 
@@ -122,7 +122,8 @@ def some_pixels(
         windows: how many of the pixels are in windows (static).
     """
     layers = ready.layers
-    count = _counts(ready, rays)[pixels]
+    least = None if ready.known is None else least_through(ready.known.share[:, 1], rays)
+    count = allocated(ready.variance, rays, rays, least=least)[pixels]
     levels = counts_for(most_rays)
     width = layers.camera.width
     # No more groups than if all of the pixels had the mean of the largest number, twice.
@@ -144,13 +145,9 @@ def some_pixels(
         )
 
         def seen(some: SomeGroups, lens: AbstractLens) -> Seen:
-            row, column = jnp.divmod(pixels[jnp.minimum(some.pixel, len(pixels) - 1)], width)
-            number = jnp.arange(_TOGETHER, dtype=jnp.int32)[:, None] + some.first[None]
-            of_column, of_row = (jnp.broadcast_to(a[None], number.shape) for a in (column, row))
-            starts = samples.at(of_column, of_row, number)
-            least, largest, depth = ready.ranges.at(column, row)
-            least, largest = (jnp.tile(end, _TOGETHER) for end in (least, largest))
-            return seen_along(scene, lens, jax.tree.map(jnp.ravel, starts), least, largest, depth.max())
+            of_picture = pixels[jnp.minimum(some.pixel, len(pixels) - 1)]
+            some = dataclasses.replace(some, pixel=of_picture)
+            return seen_by(some, scene, lens, samples, ready.ranges)
 
         sums = summed(seen, lens, groups, bins, len(pixels))
         plain = PixelSums(sums.binned.sum(axis=0, keepdims=True), sums.over)
@@ -171,9 +168,3 @@ def some_pixels(
 
     raw, smooth = jax.lax.map(of_seed, seeds)
     return raw, smooth, _TOGETHER * groups.used
-
-
-def _counts(ready: Prepared, rays: Int[Array, ""]) -> Int[Array, " p"]:
-    """Rays of each pixel of the picture."""
-    least = None if ready.known is None else least_through(ready.known.share[:, 1], rays)
-    return allocated(ready.variance, rays, rays, least=least)

@@ -5,7 +5,6 @@ places of the layers.
 """
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
@@ -69,13 +68,6 @@ class RayGroups(eqx.Module):
         first = self.first[place] + self.together * (number - self.before[place])
         pixel = jnp.where(number < self.used, self.pixel[place], self.pixels)
         return SomeGroups(pixel, first, self.share[place], self.together)
-
-
-def even_groups(width: int, height: int, rays: int, together: int) -> RayGroups:
-    """Groups of a picture in which every pixel has as many rays, a multiple of `together`."""
-    # XLA would work out at length, while it compiles, what follows from known numbers.
-    count = jax.lax.optimization_barrier(jnp.full(width * height, rays, dtype=jnp.int32))
-    return groups_of(count, width, height, together, most=width * height * (rays // together))
 
 
 def groups_of(

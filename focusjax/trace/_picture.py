@@ -29,11 +29,10 @@ from focusjax.trace._emitter_rays import emitter_light
 from focusjax.trace._emitters import Emitters, split_emitters
 from focusjax.trace._flux import Rays, Still, picture_flow
 from focusjax.trace._focal_zone import focal_zone
-from focusjax.trace._groups import even_groups
 from focusjax.trace._known_light import KnownLight, evened, known_light
 from focusjax.trace._radiances import TracedScene, traced_scene
 from focusjax.trace._ranges import DisparityRanges, disparity_ranges
-from focusjax.trace._ray_counts import RayCounts, adaptive_counts, even_counts, ray_group
+from focusjax.trace._ray_counts import RayCounts, adaptive_counts, even_counts
 from focusjax.trace._samples import RaySamples, ray_samples
 from focusjax.trace._sobol import stirred
 
@@ -289,8 +288,8 @@ def _still(layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: 
     camera, scene, number = layers.camera, traced_scene(layers), settings.derivative_rays
     ranges = disparity_ranges(layers, lens)
     samples = ray_samples(lens, (number,), seed, with_chances=layers.samples.opacity is not None)
-    together = ray_group(number, even=True)
-    groups = even_groups(camera.width, camera.height, number, together)
+    counts = even_counts(camera, number)
+    groups = counts.groups(counts.of_pixel, camera.width, camera.height)
     sums = traced_sums(scene, lens, samples, groups, ranges, CocBins(None))
     light, brought = sums.light(), sums.brought() + sums.over
     radiance = jnp.where(light > 0, brought / jnp.where(light > 0, light, 1.0), 0.0)

@@ -12,9 +12,10 @@ from focusjax.layers import peel
 from focusjax.scene import constant_background, make_scene
 from focusjax.trace import render
 from focusjax.trace._allocate import FEWEST, allocated, contrast, counts_for, least_through
-from focusjax.trace._groups import even_groups, groups_of, tiled_pixels
+from focusjax.trace._groups import groups_of, tiled_pixels
 from focusjax.trace._prefix import compacted, prefix_sums, running_max
 from focusjax.trace._ranges import EDGE, disparity_ranges
+from focusjax.trace._ray_counts import even_counts
 
 
 def allot(variance: np.ndarray, rays: int) -> np.ndarray:
@@ -157,7 +158,8 @@ def test_groups_hold_every_ray_once(most: int):
 
 
 def test_even_groups_hold_every_ray_once():
-    groups = even_groups(19, 18, 12, 4)
+    counts = even_counts(front_camera(width=19, height=18), 12)
+    groups = counts.groups(counts.of_pixel, 19, 18)
     some = groups.some(jnp.int32(0), groups.length)
     pixel, first = np.asarray(some.pixel), np.asarray(some.first)
     used = pixel < 19 * 18

@@ -33,7 +33,7 @@ from focusjax.trace._emitter_aim import aim_at
 from focusjax.trace._emitter_slots import SLOTS, Slots, within_outline
 from focusjax.trace._emitter_tiles import TILE
 from focusjax.trace._emitters import MOST_PAIRS, Emitters
-from focusjax.trace._samples import tile_edge
+from focusjax.trace._samples import tile_edge, z_order
 from focusjax.trace._sobol import sobol_points, stirred
 from focusjax.trace._walk import Volume
 
@@ -222,7 +222,7 @@ class Drawing:
     def _block(self, some: Pairs) -> Int[Array, " n"]:
         """Which block of points; clusters that a pixel sees have different ones each."""
         edge = tile_edge(self.most)
-        return _z_order((some.column + 7 * some.cluster) % edge, (some.row + 11 * some.cluster) % edge)
+        return z_order((some.column + 7 * some.cluster) % edge, (some.row + 11 * some.cluster) % edge, bits=5)
 
 
 def carried(
@@ -258,11 +258,3 @@ def reached(
     least, most = interval(slots.word.at[slot].get(mode="promise_in_bounds"))
     farther = interval(met)[0] <= most + (most - least) + _TOLERANCE
     return (hits < 0) | same | farther
-
-
-def _z_order(column: Int[Array, " n"], row: Int[Array, " n"]) -> Int[Array, " n"]:
-    """Position along the Z-order (Morton) curve, for edges up to 32."""
-    order = jnp.zeros_like(column)
-    for bit in range(5):
-        order |= ((column >> bit) & 1) << (2 * bit) | ((row >> bit) & 1) << (2 * bit + 1)
-    return order

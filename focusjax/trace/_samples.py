@@ -8,6 +8,7 @@ neighbours on it are well spread together, too, which moves the error to high fr
 """
 
 import math
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -23,6 +24,7 @@ _MOST_SAMPLES = 1 << 20
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 _CHANCE, _ORDER = 64, 65
 """Numbers of the seed's streams for chances and the order of pixels, after those of dimensions."""
+_Whole = TypeVar("_Whole", np.ndarray, Array)
 
 
 class RaySamples(eqx.Module):
@@ -161,9 +163,9 @@ def tile_edge(rays: int) -> int:
     return edge
 
 
-def z_order(column: np.ndarray, row: np.ndarray) -> np.ndarray:
-    """Position of each pixel along the Z-order (Morton) curve."""
-    out = np.zeros_like(column)
-    for bit in range(16):
+def z_order(column: _Whole, row: _Whole, bits: int = 16) -> _Whole:
+    """Position of each pixel along the Z-order (Morton) curve, of `bits` of its column and row."""
+    out = 0 * column
+    for bit in range(bits):
         out |= ((column >> bit) & 1) << (2 * bit) | ((row >> bit) & 1) << (2 * bit + 1)
     return out

@@ -15,8 +15,6 @@ from jaxtyping import Array, Float, Int, UInt
 _BITS = 32
 _POLYNOMIALS = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)), (3, 2, (1, 1, 1)))
 """Degree, inner coefficients and first numbers of dimensions 2 to 5 (Joe and Kuo 2008)."""
-DIMENSIONS = 1 + len(_POLYNOMIALS)
-"""Most dimensions that a point may have."""
 
 
 def sobol_points(

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float, Int
 from focusjax._programs import jit
 from focusjax.geometry import LensRay
 from focusjax.layers import Layers, interval
+from focusjax.trace._radiances import on_grid
 from focusjax.trace._walk import first_hit, make_volume
 
 _SAMPLES_BEYOND = 0.5
@@ -50,11 +51,11 @@ def _first_disparities(layers: Layers, rays: LensRay) -> Float[Array, " n"]:
     least, largest = jnp.where(layers.ranges.overall[1] > 0, layers.ranges.overall, 0.0)
 
     def one(ray: LensRay) -> Float[Array, ""]:
-        on_grid = LensRay(ray.a * grid.supersampling + grid.margin, ray.b * grid.supersampling, ray.weight)
-        hit = first_hit(volume, on_grid, least, largest)
+        ray = on_grid(ray, grid)
+        hit = first_hit(volume, ray, least, largest)
         sample = jnp.maximum(hit, 0)
         # From the sample's centre to where the ray is above its square, as far as the surface goes there.
-        low, high = _above_square(on_grid, sample % grid.size, grid.columns)
+        low, high = _above_square(ray, sample % grid.size, grid.columns)
         end, start = (steps * layers.disparity_scale for steps in interval(cells[sample]))
         disparity = jnp.clip(
             jnp.clip(layers.samples.disparity[layers.places.number(sample)], low, high), end, start

@@ -65,22 +65,13 @@ def disparity_of(surface: Surface, hit: Int[Array, ""]) -> Float[Array, ""]:
     return jnp.where(hit >= 0, surface.disparity.at[number].get(mode="promise_in_bounds"), 0.0)
 
 
-class Met(eqx.Module):
-    """What a ray meets.
-
-    Attributes:
-        radiance: red, green and blue along the ray.
-        disparity: where it is from, 1/m; 0 at infinity.
-    """
-
-    radiance: tuple[Float[Array, "*n"], ...]
-    disparity: Float[Array, "*n"]
-
-
-def met_at(surface: Surface, ray: LensRay, hit: Int[Array, ""]) -> Met:
+def met_at(
+    surface: Surface, ray: LensRay, hit: Int[Array, ""]
+) -> tuple[tuple[Float[Array, ""], ...], Float[Array, ""]]:
     """What `ray` (in grid units) sees in sample `hit`, or at infinity if that is -1.
 
-    Radiance is linear across the sample, with the slopes of `radiance_slopes`.
+    Red, green and blue along the ray, and the disparity of what it meets in 1/m, 0 at infinity. Radiance is
+    linear across the sample, with the slopes of `radiance_slopes`.
     """
     met, index = hit >= 0, jnp.maximum(hit, 0)
     number, disparity = surface.places.number(index), disparity_of(surface, hit)
@@ -105,4 +96,4 @@ def met_at(surface: Surface, ray: LensRay, hit: Int[Array, ""]) -> Met:
     if surface.gloss is not None:
         gloss = gloss_at(surface.gloss, ray, jnp.where(met, disparity, 1.0), number)
         radiance = tuple(colour + jnp.where(met, gloss[k], 0.0) for k, colour in enumerate(radiance))
-    return Met(radiance, disparity)
+    return radiance, disparity

@@ -15,11 +15,11 @@ from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._accumulate import PixelSums, starts_of, summed
 from focusjax.trace._coc_bins import CocBins
-from focusjax.trace._emitters import Emitters, split_emitters
+from focusjax.trace._emitters import Emitters
 from focusjax.trace._focal_zone import focal_zone
 from focusjax.trace._groups import SomeGroups
 from focusjax.trace._known_light import known_light
-from focusjax.trace._moving import MovingLayers, seen_in_motion
+from focusjax.trace._moving import MovingLayers, seen_in_motion, split_at_once
 from focusjax.trace._moving_emitters import moving_light
 from focusjax.trace._picture import RenderSettings, developed, light_of, picture_sums
 from focusjax.trace._radiances import Seen
@@ -28,7 +28,6 @@ from focusjax.trace._samples import RaySamples
 from focusjax.trace._sobol import stirred
 from focusjax.trace._timed import RowShares, Timing, row_shares, timed_groups, timed_samples
 
-_split = jit(split_emitters)
 _TOGETHER = 4
 """At most so many rays of a pixel, one after the other in time, that look up one range of disparities."""
 _FEWEST_GROUPS = 1 << 12
@@ -84,7 +83,7 @@ def exposed(
     total, light = None, jnp.zeros((len(changing), 3), dtype=camera.focal_px.dtype)
     if not changing.all():
         if settings.emitters:
-            backdrop, emitters = _split(backdrop, lens)
+            backdrop, emitters = split_at_once(backdrop, lens)
             light = _still_light(emitters, backdrop, lens, seed, settings=settings)
             light = jnp.where(here[:, None], 0.0, light)
         total = _still_sums(backdrop, lens, seed, bins, ~here, settings=settings)

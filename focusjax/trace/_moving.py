@@ -6,7 +6,6 @@ is repeated as ghosts. Of several bodies a ray sees the one that it meets at the
 """
 
 import dataclasses
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -23,13 +22,11 @@ from focusjax.trace._colour import disparity_of, met_at
 from focusjax.trace._emitters import Emitters, may_emit, split_emitters
 from focusjax.trace._march import first_hits
 from focusjax.trace._radiances import Seen, TracedScene, lens_rays, on_grid, traced_scene
+from focusjax.trace._ranges import narrowed
 from focusjax.trace._samples import Starts
 from focusjax.trace._walk import path_of
 
-_split = jit(split_emitters)
-_ROUNDS = 4
-_SLACK = 1.0
-"""Samples."""
+split_at_once = jit(split_emitters)
 _STIR = 0x9E3779B1
 """By which chances of one body are made independent of another's."""
 
@@ -82,7 +79,7 @@ def moving_layers(
     if may_emit(layers):
         # What stands still in the axes of rays is split as a still picture's layers are, by the same program.
         moves = motion if len(matrices) > 1 else None
-        layers, emitters = _split(layers, lens, moves)
+        layers, emitters = split_at_once(layers, lens, moves)
     return MovingLayers(
         traced_scene(layers),
         layers.ranges,
@@ -115,7 +112,9 @@ def seen_in_motion(
     rays = lens_rays(camera, lens, starts)
     seen: Seen | None = None
     for body in bodies:
-        found = _seen_of(body, rays, starts.chance, time, together)
+        along, hits, now = met_in_motion(body, rays, starts.chance, time, together)
+        radiance, _ = jax.vmap(lambda ray, hit, body=body: met_at(body.scene.surface, ray, hit))(along, hits)
+        found = Seen(radiance, rays.weight, now)
         if seen is not None:
             nearer, before = found.disparity > seen.disparity, seen
             found = jax.tree.map(lambda a, b, nearer=nearer: jnp.where(nearer, a, b), found, before)
@@ -153,7 +152,16 @@ def met_in_motion(
 
     rays, depth, along = jax.vmap(line)(rays, matrices)
     grouped = jax.tree.map(lambda a: a.reshape(together, -1, *a.shape[1:]), rays)
-    least, largest, deepest = jax.vmap(lambda group: _range(body.ranges, group), in_axes=1)(grouped)
+
+    def range_of(group: LensRay) -> tuple[Array, Array, Array]:
+        def box(least: Float[Array, ""], largest: Float[Array, ""]) -> tuple[Array, Array]:
+            ends = [group.a + group.b * w for w in (least, largest)]
+            low, high = (end.min(axis=0) for end in ends), (end.max(axis=0) for end in ends)
+            return jnp.minimum(*low), jnp.maximum(*high)
+
+        return narrowed(body.ranges, box)
+
+    least, largest, deepest = jax.vmap(range_of, in_axes=1)(grouped)
     paths = jax.vmap(path_of)(rays, jnp.tile(least, together), jnp.tile(largest, together))
     # A ray that runs backwards among what has turned by more than a quarter sees none of it.
     paths = dataclasses.replace(paths, steps=jnp.where((along > 0) & (rays.weight > 0), paths.steps, 0))
@@ -164,34 +172,3 @@ def met_in_motion(
     met = (hits >= 0) & (ahead > 0)
     now = jnp.where(met, along * there / jnp.where(met, ahead, 1.0), body.beyond)
     return rays, jnp.where(met, hits, -1), now
-
-
-def _seen_of(
-    body: MovingLayers,
-    rays: LensRay,
-    chance: UInt[Array, " n"] | None,
-    time: Float[Array, " n"],
-    together: int,
-) -> Seen:
-    """What rays see of one body; see `met_in_motion`."""
-    along, hits, now = met_in_motion(body, rays, chance, time, together)
-    found = jax.vmap(lambda ray, hit: met_at(body.scene.surface, ray, hit))(along, hits)
-    return Seen(found.radiance, rays.weight, now)
-
-
-def _range(ranges: RangePyramid, rays: LensRay) -> tuple[Float[Array, ""], Float[Array, ""], Int[Array, ""]]:
-    """Least and largest disparity that some rays, in grid units, can meet, and layer count.
-
-    As `disparity_range`.
-    """
-
-    def narrow(_: Any, state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        ends = [rays.a + rays.b * w for w in state[:2]]
-        low = jnp.minimum(*(end.min(axis=0) for end in ends)) - _SLACK
-        high = jnp.maximum(*(end.max(axis=0) for end in ends)) + _SLACK
-        least, largest, depth = ranges.query(low, high)
-        return jnp.where(largest <= 0, 0.0, least), jnp.where(largest <= 0, 0.0, largest), depth
-
-    overall = ranges.overall
-    start = jnp.where(overall[1] > 0, overall[0], 0.0), overall[1], ranges.most_layers
-    return jax.lax.fori_loop(0, _ROUNDS, narrow, start)

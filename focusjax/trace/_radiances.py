@@ -103,5 +103,5 @@ def seen_along(
 ) -> Seen:
     """What n rays see; arguments are those of `first_met`."""
     rays, hits = first_met(scene, lens, starts, least, largest, deepest)
-    met = jax.vmap(lambda ray, hit: met_at(scene.surface, ray, hit))(rays, hits)
-    return Seen(met.radiance, rays.weight, met.disparity)
+    radiance, disparity = jax.vmap(lambda ray, hit: met_at(scene.surface, ray, hit))(rays, hits)
+    return Seen(radiance, rays.weight, disparity)

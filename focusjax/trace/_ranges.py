@@ -1,5 +1,6 @@
 """How deep the rays of a pixel need to look: the disparities found under their footprint."""
 
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -8,12 +9,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from focusjax.geometry import filter_radius
-from focusjax.layers import Layers
+from focusjax.layers import Layers, RangePyramid
 from focusjax.lens import AbstractLens
 from focusjax.trace._few import largest_of_few, least_of_few
 from focusjax.trace._in_parts import in_parts
 
 _ROUNDS = 4
+_SLACK = 1.0
+"""Samples."""
 EDGE = 2
 """Pixels along the edge of the squares that ranges are found for."""
 
@@ -85,17 +88,11 @@ def disparity_ranges(layers: Layers, lens: AbstractLens, pixel_filter: str = "bo
 def disparity_range(
     layers: Layers, lens: AbstractLens, film_point: Float[Array, "2"], wide: float
 ) -> tuple[Float[Array, ""], Float[Array, ""], Int[Array, ""]]:
-    """Least and largest disparity that rays can meet, and layer count.
-
-    Those of film points up to `wide` pixels from `film_point` along x and y. Lee10 section 3.1: bound the
-    footprint for the whole scene, look up the disparities under it, bound again for those alone, and so on; a
-    few rounds gain nearly all. The largest is 0 where there is nothing to meet.
-    """
+    """As `narrowed`, for rays of film points up to `wide` pixels from `film_point` along x and y."""
     grid = layers.grid
     # Those of film points between are bounded by those of the corners, but for what the slack makes up for.
     ends = sorted({-wide, wide})
     offsets = jnp.array([(x, y) for y in ends for x in ends], dtype=film_point.dtype)
-    slack = 1.0
 
     def bound(film: Float[Array, "2"], disparity: Float[Array, ""]) -> tuple[Array, Array]:
         """The square on the grid around the footprint of one film point."""
@@ -103,17 +100,33 @@ def disparity_range(
         on_grid, reach = centre * grid.supersampling + grid.margin, radius * grid.supersampling
         return on_grid - reach, on_grid + reach
 
-    def narrow(_: Any, state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        least, largest, _depth = state
+    def box(least: Float[Array, ""], largest: Float[Array, ""]) -> tuple[Array, Array]:
         ends = jnp.stack([least, largest])
         bounds = jax.vmap(lambda w: jax.vmap(lambda step: bound(film_point + step, w))(offsets))(ends)
-        low = least_of_few(bounds[0].reshape(-1, 2)) - slack
-        high = largest_of_few(bounds[1].reshape(-1, 2)) + slack
-        found_least, found_largest, depth = layers.ranges.query(low, high)
-        # Where nothing is below, the range is empty: collapse it to infinity.
-        empty = found_largest <= 0
-        return jnp.where(empty, 0.0, found_least), jnp.where(empty, 0.0, found_largest), depth
+        return least_of_few(bounds[0].reshape(-1, 2)), largest_of_few(bounds[1].reshape(-1, 2))
 
-    overall = layers.ranges.overall
-    start = (jnp.where(overall[1] > 0, overall[0], 0.0), overall[1], layers.ranges.most_layers)
+    return narrowed(layers.ranges, box)
+
+
+def narrowed(
+    ranges: RangePyramid, box: Callable[[Float[Array, ""], Float[Array, ""]], tuple[Array, Array]]
+) -> tuple[Float[Array, ""], Float[Array, ""], Int[Array, ""]]:
+    """Least and largest disparity, and layer count, of what is within the box that it gives itself.
+
+    Lee10 section 3.1: bound the footprint for the whole scene, look up the disparities under it, bound again
+    for those alone, and so on; a few rounds gain nearly all. The largest is 0 where there is nothing to meet.
+
+    Args:
+        ranges: disparities over any square.
+        box: the corners [2] in samples of all places at disparities from the least to the largest.
+    """
+
+    def narrow(_: Any, state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        low, high = box(*state[:2])
+        least, largest, depth = ranges.query(low - _SLACK, high + _SLACK)
+        # Where nothing is below, the range is empty: collapse it to infinity.
+        return jnp.where(largest <= 0, 0.0, least), jnp.where(largest <= 0, 0.0, largest), depth
+
+    overall = ranges.overall
+    start = jnp.where(overall[1] > 0, overall[0], 0.0), overall[1], ranges.most_layers
     return jax.lax.fori_loop(0, _ROUNDS, narrow, start)

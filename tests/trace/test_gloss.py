@@ -90,7 +90,7 @@ def test_gradients_reach_lights_and_materials():
             (colour, direction, specular, shininess),
         )
         changed = eqx.tree_at(lambda s: s.gloss.model, surface, changed)
-        return jnp.stack(met_at(changed, on_grid, jnp.asarray(bright)).radiance)
+        return jnp.stack(met_at(changed, on_grid, jnp.asarray(bright))[0])
 
     sun = model.lights[0]
     assert seen(sun.colour, sun.direction, model.specular, model.shininess).max() > 1.0

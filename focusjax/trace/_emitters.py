@@ -3,7 +3,7 @@
 A lamp of radiance L that the share p of a pixel's rays meets adds p L^2 to their variance. For small p that
 is far more than silhouettes add, and rays that are spread over the aperture need many before some meet it.
 So such samples are given a plain level, about the mean radiance of the others, and what exceeds it, their
-excess, is brought by rays drawn for them (emitter importance sampling; `focusjax.trace._emitter_rays`). A
+excess, is brought by rays drawn for them (emitter importance sampling; `focusjax.trace._emitter_pairs`). A
 picture is linear in the radiance of samples, so both together are the same picture, whatever is split off.
 
 Emitters are drawn in clusters: the bright samples of one layer in a square of its grid. Everything here has a

@@ -30,8 +30,7 @@ from focusjax.layers import Grid, interval
 from focusjax.lens import AbstractLens, in_colour
 from focusjax.trace._devices import rays_at_once
 from focusjax.trace._emitter_aim import aim_at
-from focusjax.trace._emitter_slots import SLOTS, Slots, within_outline
-from focusjax.trace._emitter_tiles import TILE
+from focusjax.trace._emitter_slots import SLOTS, TILE, Slots, within_outline
 from focusjax.trace._emitters import MOST_PAIRS, Emitters
 from focusjax.trace._in_parts import in_parts
 from focusjax.trace._march import first_hits

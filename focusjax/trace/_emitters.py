@@ -27,8 +27,7 @@ from focusjax.lens import AbstractLens
 from focusjax.trace._body_motion import BodyMotion
 from focusjax.trace._emitter_aim import one_to_one
 from focusjax.trace._emitter_pixels import pixels_that_see, pixels_that_see_in_motion
-from focusjax.trace._emitter_slots import Slots, slots_of
-from focusjax.trace._emitter_tiles import TileSums, share_of_rays, tile_sums
+from focusjax.trace._emitter_slots import Slots, TileSums, share_of_rays, slots_of, tile_sums
 from focusjax.trace._prefix import prefix_sums
 
 WHITE = 1.0

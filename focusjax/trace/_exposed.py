@@ -14,9 +14,8 @@ from focusjax.geometry import Camera
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._accumulate import PixelSums, starts_of, summed
-from focusjax.trace._coc_bins import CocBins
+from focusjax.trace._coc_bins import CocBins, focal_zone
 from focusjax.trace._emitters import Emitters
-from focusjax.trace._focal_zone import focal_zone
 from focusjax.trace._groups import SomeGroups
 from focusjax.trace._known_light import known_light
 from focusjax.trace._moving import MovingLayers, seen_in_motion, split_at_once

@@ -22,13 +22,12 @@ from focusjax.lens import AbstractLens
 from focusjax.trace._accumulate import PixelSums, no_sums, traced_sums
 from focusjax.trace._allocate import FEWEST, contrast
 from focusjax.trace._bands import Bands, Window, bands_of, picture_in_bands
-from focusjax.trace._coc_bins import CocBins
+from focusjax.trace._coc_bins import CocBins, focal_zone
 from focusjax.trace._denoise import denoised, taken_in
 from focusjax.trace._devices import rays_at_once
 from focusjax.trace._emitter_pairs import emitter_light
 from focusjax.trace._emitters import Emitters, split_emitters
 from focusjax.trace._flux import Rays, Still, picture_flow
-from focusjax.trace._focal_zone import focal_zone
 from focusjax.trace._known_light import KnownLight, evened, known_light
 from focusjax.trace._radiances import TracedScene, traced_scene
 from focusjax.trace._ranges import DisparityRanges, disparity_ranges

@@ -11,9 +11,8 @@ from focusjax.lens import ThinLens
 from focusjax.scene import constant_background, make_scene
 from focusjax.trace import render
 from focusjax.trace._accumulate import PixelSums
-from focusjax.trace._coc_bins import CocBins
+from focusjax.trace._coc_bins import CocBins, FocalZone
 from focusjax.trace._denoise import _kernel, denoised
-from focusjax.trace._focal_zone import FocalZone
 
 WIDE, HIGH = 40, 30
 LEAST = (8.0, 2.0, 0.0, 4.0)

@@ -7,7 +7,7 @@ import pytest
 from small_scenes import HEIGHT, WIDTH, front_camera, wide_lens
 
 from focusjax.lens import AberratedLens, ThinLens, obstructed, polygon, seidel, squeezed, tilt_shift_lens
-from focusjax.trace._focal_zone import focal_zone
+from focusjax.trace._coc_bins import focal_zone
 
 CENTRES = np.stack(np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5), axis=-1).reshape(-1, 2)
 

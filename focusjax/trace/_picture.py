@@ -28,10 +28,10 @@ from focusjax.trace._devices import rays_at_once
 from focusjax.trace._emitter_pairs import emitter_light
 from focusjax.trace._emitters import Emitters, split_emitters
 from focusjax.trace._flux import Rays, Still, picture_flow
+from focusjax.trace._groups import RayCounts, adaptive_counts, even_counts
 from focusjax.trace._known_light import KnownLight, evened, known_light
 from focusjax.trace._radiances import TracedScene, traced_scene
 from focusjax.trace._ranges import DisparityRanges, disparity_ranges
-from focusjax.trace._ray_counts import RayCounts, adaptive_counts, even_counts
 from focusjax.trace._samples import RaySamples, ray_samples
 from focusjax.trace._sobol import stirred
 

@@ -18,8 +18,8 @@ from focusjax.layers import Layers
 from focusjax.lens import AbstractLens, require_lens, traced_faults
 from focusjax.trace._devices import Device, mesh_of, replicated
 from focusjax.trace._emitters import may_emit
+from focusjax.trace._groups import ray_group
 from focusjax.trace._picture import RenderSettings, most_rays, picture
-from focusjax.trace._ray_counts import ray_group
 from focusjax.trace._reach import check_filter, check_reach, out_of_reach
 
 

@@ -14,11 +14,11 @@ from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._devices import rays_at_once, summed_over
-from focusjax.trace._few import sum_of_few
 from focusjax.trace._groups import RayGroups, SomeGroups
 from focusjax.trace._radiances import Seen, TracedScene, seen_along
 from focusjax.trace._ranges import DisparityRanges
 from focusjax.trace._samples import RaySamples, Starts
+from focusjax.trace._sums import sum_of_few
 
 
 class PixelSums(eqx.Module):

@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt
 
 from focusjax._at_once import at_once
 from focusjax.layers import Layers, interval
-from focusjax.trace._prefix import compacted
+from focusjax.trace._sums import compacted
 
 TILE = 16
 """Edge in samples of the squares whose samples make up a cluster."""

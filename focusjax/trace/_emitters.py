@@ -28,7 +28,7 @@ from focusjax.trace._body_motion import BodyMotion
 from focusjax.trace._emitter_aim import one_to_one
 from focusjax.trace._emitter_pixels import pixels_that_see, pixels_that_see_in_motion
 from focusjax.trace._emitter_slots import Slots, TileSums, share_of_rays, slots_of, tile_sums
-from focusjax.trace._prefix import prefix_sums
+from focusjax.trace._sums import prefix_sums
 
 WHITE = 1.0
 _LARGEST_SHARE = 0.125

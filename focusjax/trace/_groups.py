@@ -12,8 +12,8 @@ from jaxtyping import Array, Float, Int
 from focusjax.geometry import Camera
 from focusjax.trace._allocate import FEWEST, allocated, counts_for, least_through
 from focusjax.trace._known_light import KnownLight
-from focusjax.trace._prefix import compacted, prefix_sums, running_max
 from focusjax.trace._ranges import DisparityRanges
+from focusjax.trace._sums import compacted, prefix_sums, running_max
 
 _TILE = 16
 """Edge in pixels."""

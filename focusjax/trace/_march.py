@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, UInt
 
-from focusjax.trace._prefix import compacted
+from focusjax.trace._sums import compacted
 from focusjax.trace._walk import Passing, Path, Read, Volume, gathered, take_step
 
 _FIRST_STEPS = 2

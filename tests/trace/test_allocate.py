@@ -13,8 +13,8 @@ from focusjax.scene import constant_background, make_scene
 from focusjax.trace import render
 from focusjax.trace._allocate import FEWEST, allocated, contrast, counts_for, least_through
 from focusjax.trace._groups import even_counts, groups_of, tiled_pixels
-from focusjax.trace._prefix import compacted, prefix_sums, running_max
 from focusjax.trace._ranges import EDGE, disparity_ranges
+from focusjax.trace._sums import compacted, prefix_sums, running_max
 
 
 def allot(variance: np.ndarray, rays: int) -> np.ndarray:

@@ -18,10 +18,17 @@ from focusjax.geometry import Camera, LensRay
 from focusjax.layers import Layers, RangePyramid
 from focusjax.lens import AbstractLens
 from focusjax.trace._body_motion import BodyMotion, moved_ray
-from focusjax.trace._colour import disparity_of, met_at
 from focusjax.trace._emitters import Emitters, may_emit, split_emitters
 from focusjax.trace._march import first_hits
-from focusjax.trace._radiances import Seen, TracedScene, lens_rays, on_grid, traced_scene
+from focusjax.trace._radiances import (
+    Seen,
+    TracedScene,
+    disparity_of,
+    lens_rays,
+    met_at,
+    on_grid,
+    traced_scene,
+)
 from focusjax.trace._ranges import narrowed
 from focusjax.trace._samples import Starts
 from focusjax.trace._walk import path_of

@@ -1,4 +1,4 @@
-"""What given lens rays see of layers."""
+"""What given lens rays see of layers: which surface each meets, and the radiance along it."""
 
 import dataclasses
 
@@ -7,14 +7,104 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from focusjax._programs import jit
 from focusjax.geometry import Camera, LensRay
-from focusjax.layers import Grid, Layers
+from focusjax.layers import Grid, Layers, Places, radiance_slopes
 from focusjax.lens import AbstractLens
-from focusjax.trace._colour import Surface, met_at, surface_of
+from focusjax.trace._gloss import GlossPlanes, gloss_at, gloss_planes
 from focusjax.trace._in_parts import in_parts
 from focusjax.trace._march import first_hits
 from focusjax.trace._samples import Starts
 from focusjax.trace._walk import Volume, make_volume, path_of
+
+
+class Surface(eqx.Module):
+    """The layers' appearance as flat planes.
+
+    Attributes:
+        places: from the flat index of a sample to its position in the next planes.
+        radiance: red, green and blue, each [n]: means over the squares of samples.
+        across: change of each of them per sample to the right [n].
+        down: the same downwards.
+        disparity: 1/m [n].
+        background: red, green and blue at infinity, each [m] over the grid; of length 1 where it is the same
+            all over.
+        gloss: what to add for each ray; None where gloss is part of `radiance`.
+        columns: samples per row (static).
+        rows: rows (static).
+    """
+
+    places: Places
+    radiance: tuple[Float[Array, " n"], ...]
+    across: tuple[Float[Array, " n"], ...]
+    down: tuple[Float[Array, " n"], ...]
+    disparity: Float[Array, " n"]
+    background: tuple[Float[Array, " m"], ...]
+    gloss: GlossPlanes | None
+    columns: int = eqx.field(static=True)
+    rows: int = eqx.field(static=True)
+
+
+def surface_of(layers: Layers) -> Surface:
+    """The flat planes of `layers`; what is flat there is the same arrays."""
+    across, down = radiance_slopes(layers)
+    return Surface(
+        places=layers.places,
+        radiance=_colours(layers.samples.radiance),
+        across=across,
+        down=down,
+        disparity=layers.samples.disparity,
+        background=_colours(layers.background),
+        gloss=gloss_planes(layers),
+        columns=layers.grid.columns,
+        rows=layers.grid.rows,
+    )
+
+
+@jit
+def _colours(radiance: Float[Array, "*n 3"]) -> tuple[Float[Array, " m"], ...]:
+    """Red, green and blue."""
+    return tuple(radiance[..., k].reshape(-1) for k in range(3))
+
+
+def disparity_of(surface: Surface, hit: Int[Array, ""]) -> Float[Array, ""]:
+    """Disparity of sample `hit`, 0 if that is -1."""
+    number = surface.places.number(jnp.maximum(hit, 0))
+    return jnp.where(hit >= 0, surface.disparity.at[number].get(mode="promise_in_bounds"), 0.0)
+
+
+def met_at(
+    surface: Surface, ray: LensRay, hit: Int[Array, ""]
+) -> tuple[tuple[Float[Array, ""], ...], Float[Array, ""]]:
+    """What `ray` (in grid units) sees in sample `hit`, or at infinity if that is -1.
+
+    Red, green and blue along the ray, and the disparity of what it meets in 1/m, 0 at infinity. Radiance is
+    linear across the sample, with the slopes of `radiance_slopes`.
+    """
+    met, index = hit >= 0, jnp.maximum(hit, 0)
+    number, disparity = surface.places.number(index), disparity_of(surface, hit)
+    x, y = ray.a[0] + ray.b[0] * disparity, ray.a[1] + ray.b[1] * disparity
+    in_layer = index % (surface.columns * surface.rows)
+    row = in_layer // surface.columns
+    column = in_layer - row * surface.columns
+    dx = jnp.clip(x - column.astype(x.dtype) - 0.5, -0.5, 0.5)
+    dy = jnp.clip(y - row.astype(x.dtype) - 0.5, -0.5, 0.5)
+    behind = jnp.int32(0)
+    if surface.background[0].size > 1:
+        far_column = jnp.clip(jnp.floor(x).astype(jnp.int32), 0, surface.columns - 1)
+        far_row = jnp.clip(jnp.floor(y).astype(jnp.int32), 0, surface.rows - 1)
+        behind = far_row * surface.columns + far_column
+
+    def look(mean: Array, across: Array, down: Array, far: Array) -> Float[Array, ""]:
+        own, by_x, by_y = (plane.at[number].get(mode="promise_in_bounds") for plane in (mean, across, down))
+        return jnp.where(met, own + dx * by_x + dy * by_y, far.at[behind].get(mode="promise_in_bounds"))
+
+    planes = zip(surface.radiance, surface.across, surface.down, surface.background, strict=True)
+    radiance = tuple(look(*colour) for colour in planes)
+    if surface.gloss is not None:
+        gloss = gloss_at(surface.gloss, ray, jnp.where(met, disparity, 1.0), number)
+        radiance = tuple(colour + jnp.where(met, gloss[k], 0.0) for k, colour in enumerate(radiance))
+    return radiance, disparity
 
 
 class TracedScene(eqx.Module):

@@ -14,8 +14,8 @@ from small_scenes import front_camera, varied_layers, varied_scene, wide_lens
 from focusjax.layers import Layers, peel
 from focusjax.metrics import psnr, ssim
 from focusjax.trace import render, render_pinhole
-from focusjax.trace._colour import met_at, surface_of
 from focusjax.trace._gloss import radiance_from_centre
+from focusjax.trace._radiances import met_at, surface_of
 
 
 @cache

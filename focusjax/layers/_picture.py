@@ -81,13 +81,11 @@ def _margin_like(like: Extent | None, camera: Camera, supersampling: int) -> int
     """
     if like is None:
         return 0
-    theirs, ours = (
-        (grid.width, grid.height, grid.supersampling)
-        for grid in (like.grid, Grid(camera.width, camera.height, supersampling, 0))
-    )
-    if theirs != ours:
+    theirs = like.grid
+    if not like.serves(camera, supersampling):
         raise ValueError(
-            f"the layers to be like are of {theirs[0]} x {theirs[1]} pixels at a supersampling of"
-            f" {theirs[2]}; expected {ours[0]} x {ours[1]} at {ours[2]}, so leave `like` out"
+            f"the layers to be like are of {theirs.width} x {theirs.height} pixels at a supersampling of"
+            f" {theirs.supersampling}; expected {camera.width} x {camera.height} at {supersampling}, so leave"
+            " `like` out"
         )
-    return like.grid.margin
+    return theirs.margin

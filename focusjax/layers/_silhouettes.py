@@ -9,6 +9,7 @@ square whose centre it misses, a fringe sample is added there.
 """
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, UInt
@@ -47,8 +48,7 @@ class Silhouettes:
     fringe_line: np.ndarray
 
 
-@dataclasses.dataclass(frozen=True)
-class _Squares:
+class _Squares(NamedTuple):
     """Squares to look at: grid sample, held sample whose surface is meant, disparities that count as it."""
 
     cell: np.ndarray
@@ -64,7 +64,7 @@ def find_silhouettes(
     """The silhouettes of the layers that `planes` and `joins` describe; `parallax` in samples per dioptre."""
     small_step = 1.0 / max(parallax, 1e-12)
     own, beyond = _squares(grid, planes, joins, small_step)
-    both = _Squares(*(np.concatenate(pair) for pair in zip(_fields(own), _fields(beyond), strict=True)))
+    both = _Squares(*(np.concatenate(pair) for pair in zip(own, beyond, strict=True)))
     mask, centre = _covered_points(triangles, grid, both, 0.5 * small_step)
     count, number = np.bitwise_count(mask), len(own.cell)
     cut = np.flatnonzero((count[:number] > 0) & (count[:number] < POINTS))
@@ -88,10 +88,6 @@ def _lines(mask: UInt[np.ndarray, " n"]) -> UInt[np.ndarray, " n"]:
     """Codes of the lines that leave the points of each mask on one side."""
     bits = np.unpackbits(mask.view(np.uint8).reshape(-1, 4), axis=1, bitorder="little").astype(np.float32)
     return line_code(bits @ OFFSETS.astype(np.float32), bits.mean(axis=1))
-
-
-def _fields(squares: _Squares) -> tuple[np.ndarray, ...]:
-    return squares.cell, squares.source, squares.disparity, squares.low, squares.high
 
 
 def _squares(grid: Grid, planes: Planes, joins: Joins, small_step: float) -> tuple[_Squares, _Squares]:

@@ -1,6 +1,7 @@
 """Work on the grid of layers in bands of rows, so that what it needs meanwhile is that of one band."""
 
 from collections.abc import Callable
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -10,6 +11,8 @@ from jaxtyping import Array, Float, Int, UInt
 from focusjax._at_once import at_once
 from focusjax._zeros import zeros_after
 from focusjax.layers._layers import Layers
+
+_Rows = TypeVar("_Rows")
 
 
 class RowsOfLayers(eqx.Module):
@@ -64,10 +67,17 @@ def by_rows(
     shape = jax.eval_shape(lambda: function(RowsOfLayers(layers, jnp.int32(0), count)))
     nothing = zeros_after(layers.samples.radiance, (rows, *shape.shape[1:]), shape.dtype)
 
-    def add(whole: Float[Array, "h w c"], number: Int[Array, ""]) -> tuple[Float[Array, "h w c"], None]:
-        # The last band shares rows with the one before.
-        first = jnp.minimum(number * count, rows - count)
-        found = function(RowsOfLayers(layers, first, count))
-        return jax.lax.dynamic_update_slice_in_dim(whole, found, first, axis=0), None
+    return in_turns(lambda first: function(RowsOfLayers(layers, first, count)), nothing, rows, count)
 
-    return jax.lax.scan(add, nothing, jnp.arange(-(-rows // count), dtype=jnp.int32))[0]
+
+def in_turns(function: Callable[[Int[Array, ""]], _Rows], nothing: _Rows, length: int, count: int) -> _Rows:
+    """What `function` makes of `count` of `length` rows from a first one on, put together from `nothing`."""
+
+    def add(whole: _Rows, number: Int[Array, ""]) -> tuple[_Rows, None]:
+        # The last turn shares rows with the one before.
+        first = jnp.minimum(number * count, length - count)
+        return jax.tree.map(
+            lambda a, new: jax.lax.dynamic_update_slice_in_dim(a, new, first, axis=0), whole, function(first)
+        ), None
+
+    return jax.lax.scan(add, nothing, jnp.arange(-(-length // count), dtype=jnp.int32))[0]

@@ -12,6 +12,7 @@ from focusjax._programs import jit
 from focusjax._zeros import zeros_after
 from focusjax.layers._joins import NEIGHBOURS, SAME_LAYER, UNJOINED
 from focusjax.layers._layers import Layers
+from focusjax.layers._rows import in_turns
 
 _OPPOSITE = ((0, 1), (2, 3))
 """Right and left, below and above among the neighbours."""
@@ -73,18 +74,12 @@ def _in_blocks(
     if some == count:
         return jax.vmap(of_sample)(columns)
 
-    def add(whole: tuple[_Colour, _Colour], number: Int[Array, ""]) -> tuple[tuple[_Colour, _Colour], None]:
-        # The last block shares rows with the one before.
-        start = jnp.minimum(number * some, count - some)
-        rows = jax.tree.map(lambda a: jax.lax.dynamic_slice_in_dim(a, start, some), columns)
-        found = jax.vmap(of_sample)(rows)
-        return jax.tree.map(
-            lambda all_, new: jax.lax.dynamic_update_slice_in_dim(all_, new, start, axis=0), whole, found
-        ), None
+    def block(first: Int[Array, ""]) -> tuple[_Colour, _Colour]:
+        rows = jax.tree.map(lambda a: jax.lax.dynamic_slice_in_dim(a, first, some), columns)
+        return jax.vmap(of_sample)(rows)
 
     nothing = zeros_after(radiance, (count,), radiance.dtype)
-    start = (nothing, nothing, nothing), (nothing, nothing, nothing)
-    return jax.lax.scan(add, start, jnp.arange(-(-count // some), dtype=jnp.int32))[0]
+    return in_turns(block, ((nothing, nothing, nothing), (nothing, nothing, nothing)), count, some)
 
 
 def _positive(own: Float[Array, ""], x: Float[Array, ""], y: Float[Array, ""]) -> Float[Array, ""]:

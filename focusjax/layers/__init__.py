@@ -8,10 +8,10 @@ from focusjax.layers._cells import covered as covered
 from focusjax.layers._cells import interval as interval
 from focusjax.layers._exr import load_layers as load_layers
 from focusjax.layers._exr import save_layers as save_layers
-from focusjax.layers._extent import Extent as Extent
 from focusjax.layers._faces import faces_of_samples as faces_of_samples
 from focusjax.layers._gloss import GlossSamples as GlossSamples
 from focusjax.layers._gloss import unpack_normal as unpack_normal
+from focusjax.layers._grid import Extent as Extent
 from focusjax.layers._grid import Grid as Grid
 from focusjax.layers._joins import NEIGHBOURS as NEIGHBOURS
 from focusjax.layers._joins import SAME_LAYER as SAME_LAYER

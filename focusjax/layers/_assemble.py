@@ -14,9 +14,8 @@ from focusjax.geometry import Camera
 from focusjax.layers._attributes import SurfaceSamples, surface_samples
 from focusjax.layers._blocks import coarse_number
 from focusjax.layers._cells import WHOLE, in_steps, pack_cells
-from focusjax.layers._extent import Extent
 from focusjax.layers._gloss import GlossSamples
-from focusjax.layers._grid import Grid
+from focusjax.layers._grid import Extent, Grid
 from focusjax.layers._joins import Joins, Planes, join
 from focusjax.layers._layers import Layers, LeftOut, Samples
 from focusjax.layers._means import Seen, mean_radiances

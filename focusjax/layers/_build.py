@@ -7,8 +7,8 @@ from focusjax._counts import require_counts
 from focusjax._freed import return_freed
 from focusjax.geometry import Camera
 from focusjax.layers._assemble import assemble
-from focusjax.layers._extent import Extent
 from focusjax.layers._frame import frame
+from focusjax.layers._grid import Extent
 from focusjax.layers._layers import Layers, extent_like
 from focusjax.layers._memory import check_layers
 from focusjax.layers._peel import peel_fragments

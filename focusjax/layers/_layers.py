@@ -10,9 +10,8 @@ from jaxtyping import Array, Float, Int, UInt
 
 from focusjax._programs import jit
 from focusjax.geometry import Camera
-from focusjax.layers._extent import Extent
 from focusjax.layers._gloss import GlossSamples
-from focusjax.layers._grid import Grid
+from focusjax.layers._grid import Extent, Grid
 from focusjax.layers._places import Places
 from focusjax.layers._pyramid import RangePyramid
 from focusjax.lens import AbstractLens

@@ -10,9 +10,8 @@ from focusjax._freed import keep_blocks_apart
 from focusjax.geometry import Camera
 from focusjax.layers._boxes import boxes_on
 from focusjax.layers._clip import ScreenTriangles
-from focusjax.layers._extent import Extent
 from focusjax.layers._frame import frame
-from focusjax.layers._grid import Grid
+from focusjax.layers._grid import Extent, Grid
 from focusjax.layers._memory import check_fragments, check_frame
 from focusjax.layers._opacity import with_opacity
 from focusjax.layers._raster import Fragments, rasterise

@@ -29,8 +29,7 @@ from focusjax._arguments import real_number, require_switches
 from focusjax._counts import require_counts
 from focusjax.geometry import Camera
 from focusjax.layers._assemble import assemble
-from focusjax.layers._extent import Extent
-from focusjax.layers._grid import Grid
+from focusjax.layers._grid import Extent, Grid
 from focusjax.layers._layers import Layers, extent_like
 from focusjax.layers._memory import check_layers
 from focusjax.layers._peel import first_surface

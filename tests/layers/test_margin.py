@@ -6,8 +6,8 @@ from small_scenes import HEIGHT, WIDTH, front_camera, patch, wide_lens
 
 from focusjax.layers import Grid, peel
 from focusjax.layers._clip import ScreenTriangles, clip_to_near
+from focusjax.layers._frame import needed_margin, reachable
 from focusjax.layers._grid import homogeneous_image
-from focusjax.layers._margin import needed_margin, reachable
 from focusjax.scene import constant_background, make_scene
 from focusjax.trace import render
 

@@ -20,11 +20,10 @@ from focusjax.layers._joins import Joins, Planes, join
 from focusjax.layers._layers import Layers, LeftOut, Samples
 from focusjax.layers._means import Seen, mean_radiances
 from focusjax.layers._picture import Rasterised
-from focusjax.layers._places import make_places
+from focusjax.layers._places import make_places, on_device, scattered
 from focusjax.layers._pyramid import RangePyramid, build_ranges
 from focusjax.layers._shading import ShadedSamples, background
 from focusjax.layers._silhouettes import Silhouettes, find_silhouettes
-from focusjax.layers._store import on_device, scattered
 from focusjax.lens import AbstractLens
 from focusjax.scene import Gloss, Scene
 

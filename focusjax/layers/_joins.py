@@ -25,7 +25,7 @@ from jaxtyping import Array, Float, UInt
 
 from focusjax._parallel import in_parallel
 from focusjax._programs import jit
-from focusjax.layers._store import scattered
+from focusjax.layers._places import scattered
 
 NEIGHBOURS = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
 """(dx, dy) of the eight neighbours, in the order of the bits of `links`."""

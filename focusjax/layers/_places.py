@@ -1,19 +1,49 @@
-"""Where in compact arrays the values of a sparse grid lie.
+"""Large arrays of which little is written, and where in compact arrays the values of a sparse grid lie.
 
 Layers hold about one sample per pixel and have room for many: all but what the walk reads at every step is
 kept for the samples that are there, in the order of their flat index. The number of a sample in that order
-is how many there are before it: a count for every 32 places, and a bit for each place (Jacobson 1989).
+is how many there are before it: a count for every 32 places, and a bit for each place (Jacobson 1989). What
+is as long as the grid has untouched pages of memory, which cost neither time nor room.
 """
 
+import math
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.lax import population_count
 from jaxtyping import Array, Int, UInt
 
-from focusjax.layers._store import on_device, zeros
-
+_ALIGNMENT = 64
+"""Bytes; a device on the same processor takes arrays aligned like this as they are, without a copy."""
 _BITS = 32
+
+
+def zeros(shape: tuple[int, ...], dtype: np.dtype | type) -> np.ndarray:
+    """As numpy's, at an address that `jax.device_put` needs not copy from."""
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    raw = np.zeros(size + _ALIGNMENT, dtype=np.uint8)
+    start = -raw.ctypes.data % _ALIGNMENT
+    return raw[start : start + size].view(dtype).reshape(shape)
+
+
+def scattered(shape: tuple[int, ...], index: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """`samples` [n, ...] at the flat places `index` of an array of `shape`, 0 elsewhere."""
+    out = zeros((*shape, *samples.shape[1:]), samples.dtype)
+    rows = out.reshape(-1, *samples.shape[1:])
+    if samples.ndim > 1:
+        # A row at once: numpy takes twice the time for the numbers of each.
+        row = np.dtype((np.void, samples[:1].nbytes))
+        rows.view(row)[:, 0][index] = np.ascontiguousarray(samples).view(row)[:, 0]
+    else:
+        rows[index] = samples
+    return out
+
+
+def on_device(array: np.ndarray) -> Array:
+    """The array for compiled programs; it must not be written to any more."""
+    return jax.device_put(array)
 
 
 class Places(eqx.Module):

@@ -11,8 +11,7 @@ from jaxtyping import Array, Bool, Float
 from focusjax._parallel import in_parallel, parts
 from focusjax._programs import jit
 from focusjax.layers._blocks import pad_rows
-from focusjax.layers._clip import ScreenTriangles
-from focusjax.layers._edges import edge_functions
+from focusjax.layers._clip import ScreenTriangles, edge_functions
 from focusjax.layers._grid import Grid
 
 _AT_ONCE = 1 << 16

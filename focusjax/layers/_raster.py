@@ -10,8 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 from focusjax._parallel import in_parallel, parts
 from focusjax._programs import jit
 from focusjax.layers._blocks import pad_rows
-from focusjax.layers._clip import TOLERANCE, ScreenTriangles
-from focusjax.layers._edges import Edges, edge_functions
+from focusjax.layers._clip import TOLERANCE, Edges, ScreenTriangles, edge_functions
 from focusjax.layers._grid import Grid
 from focusjax.layers._stamps import SIZES, Stamps
 

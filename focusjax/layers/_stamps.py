@@ -7,8 +7,7 @@ import numpy as np
 
 from focusjax._parallel import in_parallel
 from focusjax.layers._boxes import Boxes
-from focusjax.layers._clip import ScreenTriangles
-from focusjax.layers._edges import edge_functions
+from focusjax.layers._clip import ScreenTriangles, edge_functions
 
 SIZES = (1, 2, 4, 8, 16)
 """Edge lengths of stamps in samples; a larger triangle is diced into several of the last size."""

@@ -19,8 +19,7 @@ from focusjax._parallel import in_parallel
 from focusjax._programs import jit
 from focusjax.layers._blocks import in_blocks, pad_rows
 from focusjax.layers._boxes import Boxes, boxes_on, joined
-from focusjax.layers._clip import ScreenTriangles
-from focusjax.layers._edges import Edges, edge_functions
+from focusjax.layers._clip import Edges, ScreenTriangles, edge_functions
 from focusjax.layers._grid import Grid
 
 T = TypeVar("T")

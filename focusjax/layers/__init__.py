@@ -1,8 +1,10 @@
 """Layers of a scene, peeled or cut into slabs, seen from the lens centre."""
 
+from focusjax.layers._build import UmbraSaving as UmbraSaving
 from focusjax.layers._build import disparity_map as disparity_map
 from focusjax.layers._build import first_surfaces as first_surfaces
 from focusjax.layers._build import peel as peel
+from focusjax.layers._build import umbra_saving as umbra_saving
 from focusjax.layers._cells import BELOW_MOST as BELOW_MOST
 from focusjax.layers._cells import covered as covered
 from focusjax.layers._cells import interval as interval
@@ -27,7 +29,5 @@ from focusjax.layers._places import Places as Places
 from focusjax.layers._pyramid import RangePyramid as RangePyramid
 from focusjax.layers._rows import RowsOfLayers as RowsOfLayers
 from focusjax.layers._rows import by_rows as by_rows
-from focusjax.layers._saving import UmbraSaving as UmbraSaving
-from focusjax.layers._saving import umbra_saving as umbra_saving
 from focusjax.layers._slabs import decompose as decompose
 from focusjax.layers._slopes import radiance_slopes as radiance_slopes

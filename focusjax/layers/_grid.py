@@ -1,4 +1,4 @@
-"""The sample grid that layers live on, the picture refined and framed by a margin; and how large layers are."""
+"""The sample grid of layers, the picture refined and framed by a margin; and how large layers are."""
 
 import dataclasses
 

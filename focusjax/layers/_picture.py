@@ -14,8 +14,7 @@ from focusjax.layers._frame import frame
 from focusjax.layers._grid import Extent, Grid
 from focusjax.layers._memory import check_fragments, check_frame
 from focusjax.layers._opacity import with_opacity
-from focusjax.layers._raster import Fragments, rasterise
-from focusjax.layers._stamps import dice
+from focusjax.layers._raster import Fragments, dice, rasterise
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
 

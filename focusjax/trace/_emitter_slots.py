@@ -1,4 +1,4 @@
-"""The samples of clusters of emitters: sums over the bright ones of square tiles, and slots to draw them from.
+"""The samples of clusters of emitters: sums over bright ones of square tiles, and slots to draw them from.
 
 Every cluster has a slot for each sample of its tile, row by row; those of no emitter have no power. Samples
 are drawn by their power: with u uniform and C the sums of power up to each slot, over that of the whole

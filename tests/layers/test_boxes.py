@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from focusjax.layers import Grid, _stamps
+from focusjax.layers import Grid, _raster
 from focusjax.layers._boxes import boxes_on, covered_area
 from focusjax.layers._clip import ScreenTriangles
 
@@ -43,12 +43,12 @@ def test_triangles_in_turns_make_the_same_stamps(monkeypatch: pytest.MonkeyPatch
     middle, size = random.uniform(-5, 60, (300, 1, 2)), np.geomspace(0.3, 50, 300)[:, None, None]
     triangles = on_screen(*(middle + size * random.normal(size=(300, 3, 2))))
     boxes = boxes_on(GRID, triangles)
-    together = _stamps.dice(triangles, boxes)
-    monkeypatch.setattr(_stamps, "_SAMPLES_AT_ONCE", 500)
+    together = _raster.dice(triangles, boxes)
+    monkeypatch.setattr(_raster, "_DICED_AT_ONCE", 500)
     turns = list(boxes[0].portions(boxes[0].samples, 500))
     assert len(turns) > 50
     assert all(turn.samples.sum() <= 500 or len(turn.triangle) == 1 for turn in turns)
-    apart = _stamps.dice(triangles, boxes)
+    apart = _raster.dice(triangles, boxes)
     assert together.counts == apart.counts
     for name in ("triangle", "column", "row"):
         np.testing.assert_array_equal(getattr(together, name), getattr(apart, name))
@@ -56,5 +56,5 @@ def test_triangles_in_turns_make_the_same_stamps(monkeypatch: pytest.MonkeyPatch
 
 def test_no_triangles_make_no_stamps():
     triangles = on_screen([(70, 0), (90, 0), (70, 40)])
-    assert sum(_stamps.dice(triangles, boxes_on(GRID, triangles)).counts) == 0
-    assert sum(_stamps.dice(triangles.take(np.zeros(0, dtype=int)), []).counts) == 0
+    assert sum(_raster.dice(triangles, boxes_on(GRID, triangles)).counts) == 0
+    assert sum(_raster.dice(triangles.take(np.zeros(0, dtype=int)), []).counts) == 0

@@ -13,8 +13,7 @@ from focusjax.layers._attributes import SurfaceSamples, surface_samples
 from focusjax.layers._boxes import boxes_on
 from focusjax.layers._clip import ScreenTriangles, clip_to_near
 from focusjax.layers._grid import homogeneous_image
-from focusjax.layers._raster import Fragments, rasterise
-from focusjax.layers._stamps import SIZES, Stamps, dice
+from focusjax.layers._raster import SIZES, Fragments, Stamps, dice, rasterise
 
 WIDTH, HEIGHT, NEAR = 40, 28, 0.05
 ASIDE = 1e-3

@@ -20,10 +20,9 @@ from focusjax._counts import require_counts
 from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
-from focusjax.post._mipmaps import block_means
 
 # Steps of Roberts' sequence in two dimensions, and of Jimenez' gradient noise between pixels.
-_STEPS = (0.7548776662466927, 0.5698402909980532)
+STEPS = (0.7548776662466927, 0.5698402909980532)
 _NOISE = (0.06711056, 0.00583715, 52.9829189)
 _MOST_LEVELS = 5
 """Of mip maps, beyond the pixels themselves: blocks of 32 x 32."""
@@ -127,14 +126,21 @@ def in_chunks(
 @jit
 def circle_radii(disparity: Float[Array, "h w"], camera: Camera, lens: AbstractLens) -> Float[Array, "h w"]:
     """Radius of every pixel's circle of confusion in pixels."""
-    reach = jax.vmap(lambda point, w: jnp.abs(lens.blur(camera, point, w)) / 2.0)
-    return reach(_centres(disparity), disparity.ravel()).reshape(disparity.shape)
+    return jnp.abs(signed_radii(disparity, camera, lens))
 
 
-def _centres(disparity: Float[Array, "h w"]) -> Float[Array, "n 2"]:
-    height, width = disparity.shape
-    y, x = jnp.divmod(jnp.arange(height * width), width)
-    return jnp.stack([x, y], axis=1).astype(disparity.dtype) + 0.5
+@jit
+def signed_radii(disparity: Float[Array, "h w"], camera: Camera, lens: AbstractLens) -> Float[Array, "h w"]:
+    """The same, negative before the focus."""
+    film = film_points(jnp.arange(disparity.size), disparity.shape[1], disparity.dtype)
+    radius = jax.vmap(lambda point, w: lens.blur(camera, point, w) / 2.0)
+    return radius(film, disparity.ravel()).reshape(disparity.shape)
+
+
+def film_points(pixels: Int[Array, "n"], width: int, dtype: jnp.dtype) -> Float[Array, "n 2"]:
+    """Centres of pixels by their numbers, row by row."""
+    row, column = jnp.divmod(pixels, width)
+    return jnp.stack([column, row], axis=1).astype(dtype) + 0.5
 
 
 def gradient_noise(film: Float[Array, "n 2"]) -> Float[Array, "n"]:
@@ -146,7 +152,7 @@ def tap_sample(number: Array, turn: Float[Array, ""]) -> Float[Array, "2"]:
     """The point of the unit square that a tap of a pixel looks through."""
     # A step of the turn in both coordinates makes the patterns of neighbours differ.
     shift = turn * jnp.asarray([1.0, 7.0], turn.dtype)
-    return jnp.mod((number + 0.5) * jnp.asarray(_STEPS, turn.dtype) + shift, 1.0).astype(turn.dtype)
+    return jnp.mod((number + 0.5) * jnp.asarray(STEPS, turn.dtype) + shift, 1.0).astype(turn.dtype)
 
 
 @jit
@@ -173,8 +179,7 @@ def _gathered(
 ) -> Float[Array, "n 3"]:
     height, width = disparity.shape
     sharpness = maps[: height * width, 4]
-    y, x = jnp.divmod(pixels, width)
-    film = jnp.stack([x, y], axis=1).astype(disparity.dtype) + 0.5
+    film = film_points(pixels, width, disparity.dtype)
     noise = gradient_noise(film)
     apart = sharpness[pixels] * jnp.sqrt(jnp.pi / taps).astype(sharpness.dtype)
     own = jnp.clip(jnp.log2(jnp.maximum(apart, 1.0)), 0, levels).astype(jnp.int32)
@@ -213,3 +218,29 @@ def _gathered(
     empty = weight <= 0.0
     mean = light / jnp.where(empty, 1.0, weight)[:, None]
     return jnp.where(empty[:, None], maps[pixels, :3], mean)
+
+
+def block_means(
+    planes: Float[Array, "c h w"], coverage: Float[Array, "h w"], edge: int
+) -> tuple[Float[Array, "c m n"], Float[Array, "m n"]]:
+    """Means of `planes` over blocks of `edge` x `edge` pixels, weighted by `coverage`, and its own means.
+
+    What is not covered leaves no trace, so that colours of other surfaces do not bleed into a block. Blocks
+    that stick out of the picture are means of what is inside. Where nothing is covered the means are 0.
+
+    Args:
+        planes: values, such as colour, not multiplied by coverage.
+        coverage: weights from 0 to 1.
+        edge: of a block in pixels.
+    """
+    inside = _block_sums(jnp.ones_like(coverage)[None], edge)[0]
+    covered = _block_sums(coverage[None], edge)[0]
+    total = _block_sums(planes * coverage[None], edge)
+    return total / jnp.where(covered > 0.0, covered, 1.0)[None], covered / inside
+
+
+def _block_sums(planes: Float[Array, "c h w"], edge: int) -> Float[Array, "c m n"]:
+    count, height, width = planes.shape
+    padded = jnp.pad(planes, ((0, 0), (0, -height % edge), (0, -width % edge)))
+    rows, columns = padded.shape[1] // edge, padded.shape[2] // edge
+    return padded.reshape(count, rows, edge, columns, edge).sum(axis=(2, 4))

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from focusjax._counts import require_counts
 from focusjax._programs import jit
+from focusjax.post._gather import film_points, gradient_noise
 
 _LEAST_TILE = 16
 """Pixels along a tile's side; twice that is the longest motion that the tiles around a pixel cover."""
@@ -16,7 +17,6 @@ _SOFT = 0.05
 """Share of a disparity by which surfaces may differ and still count as one."""
 _STILL = 0.5
 """Pixels of motion below which nothing is seen of it."""
-_NOISE = (0.06711056, 0.00583715, 52.9829189)
 
 
 def motion_blur(
@@ -71,9 +71,8 @@ def _blurred(
     main, own = _main_velocity(velocity, tile).reshape(-1, 2), velocity.reshape(-1, 2)
     depth, speed = disparity.ravel(), jnp.linalg.norm(own, axis=-1)
     planes = [image[..., channel].ravel() for channel in range(3)]
-    rows, columns = jnp.divmod(jnp.arange(height * width), width)
-    here = jnp.stack([columns, rows], axis=-1).astype(image.dtype) + 0.5
-    noise = jnp.mod(_NOISE[2] * jnp.mod(here @ jnp.asarray(_NOISE[:2], here.dtype), 1.0), 1.0)
+    here = film_points(jnp.arange(height * width), width, image.dtype)
+    noise = gradient_noise(here)
 
     def at(time: Array, way: Array) -> Array:
         """Where what is here at that time is in the view."""

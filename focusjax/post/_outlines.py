@@ -20,8 +20,16 @@ from jaxtyping import Array, Bool, Float, Int, Shaped
 from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
-from focusjax.post._gather import gather, gradient_noise, in_chunks, most_levels, tap_sample
-from focusjax.post._mipmaps import block_means
+from focusjax.post._gather import (
+    block_means,
+    film_points,
+    gather,
+    gradient_noise,
+    in_chunks,
+    most_levels,
+    signed_radii,
+    tap_sample,
+)
 
 _TILE = 4
 """Pixels along the side of the squares in which the nearest depth around is found."""
@@ -67,7 +75,7 @@ def defocused(
     """
     real = jnp.zeros(()).dtype
     sharp, depths = jnp.asarray(image, real), jnp.asarray(disparity, real)
-    radii = _signed_radii(depths, camera, lens)
+    radii = signed_radii(depths, camera, lens)
     front, outlined = outline_zone(depths, radii, camera, lens)
     zone = np.asarray(outlined)
     if not zone.any():
@@ -102,20 +110,6 @@ def _joined(parts: Float[Array, "h w 7"]) -> Float[Array, "h w 3"]:
     alone = covered >= 1.0 - 1e-6
     behind = parts[..., 4:] / jnp.where(alone, 1.0, 1.0 - covered)
     return light + jnp.where(alone, other, (1.0 - cover) * behind)
-
-
-@jit
-def _signed_radii(disparity: Float[Array, "h w"], camera: Camera, lens: AbstractLens) -> Float[Array, "h w"]:
-    """Radius of every pixel's circle of confusion in pixels, negative before the focus."""
-    height, width = disparity.shape
-    film = _film_points(jnp.arange(height * width), width, disparity.dtype)
-    radius = jax.vmap(lambda point, w: lens.blur(camera, point, w) / 2.0)
-    return radius(film, disparity.ravel()).reshape(disparity.shape)
-
-
-def _film_points(pixels: Int[Array, "n"], width: int, dtype: jnp.dtype) -> Float[Array, "n 2"]:
-    row, column = jnp.divmod(pixels, width)
-    return jnp.stack([column, row], axis=1).astype(dtype) + 0.5
 
 
 @jit
@@ -161,7 +155,7 @@ def outline_zone(
         jnp.repeat(jnp.repeat(tile, _TILE, axis=0), _TILE, axis=1)[:height, :width]
         for tile in (depth, within)
     )
-    there = -_signed_radii(jnp.maximum(front, 0.0), camera, lens)
+    there = -signed_radii(jnp.maximum(front, 0.0), camera, lens)
     outside = there - near > _LEAST_STEP
     inside = near - least > _INSIDE
     return front, (front >= 0.0) & (outside | inside)
@@ -244,7 +238,7 @@ def _followed(
     """The parts of the light of some pixels, along their lens rays."""
     height, width = disparity.shape
     depths = disparity.ravel()
-    film = _film_points(pixels, width, disparity.dtype)
+    film = film_points(pixels, width, disparity.dtype)
     noise, nearest = gradient_noise(film), front.ravel()[pixels]
 
     def ray_of(point: Array, turn: Array, number: Array) -> tuple[Array, ...]:

@@ -7,13 +7,12 @@ from jaxtyping import Array, Float
 from focusjax._counts import require_counts
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens, FocalSurfaceLens, ThinLens, TiltShiftLens, in_colour
+from focusjax.post._distortion import StraightenedLens, warped
 from focusjax.post._gather import circle_radii
 from focusjax.post._motion import motion_blur
 from focusjax.post._outlines import defocused
 from focusjax.post._scatter import WHITE, depths_of_light, scattered, small_lights
-from focusjax.post._straight import StraightenedLens
 from focusjax.post._view import PinholeView
-from focusjax.post._warp import warped
 from focusjax.trace import light_map
 
 

@@ -17,6 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
+from focusjax.post._gather import STEPS
 
 WHITE = 1.0
 _LEAST_REACH = 1.0
@@ -130,7 +131,7 @@ def _sent(
     here = jnp.stack([column, row], axis=1).astype(disparity.dtype) + 0.5
     # Patterns of neighbours are shifted against each other, and light is spread over the pixel it is from.
     number = jnp.arange(row.size, dtype=disparity.dtype)[:, None]
-    turn = number * jnp.asarray([[0.7548776662466927, 0.5698402909980532]], disparity.dtype)
+    turn = number * jnp.asarray([STEPS], disparity.dtype)
 
     def one(
         start: Float[Array, "2"], w: Float[Array, ""], sample: Float[Array, "2"], inside: Float[Array, "2"]

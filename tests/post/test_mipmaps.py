@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from focusjax.post._mipmaps import block_means
+from focusjax.post._gather import block_means
 
 
 def test_means_are_of_what_is_covered_and_inside():

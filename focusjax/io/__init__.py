@@ -2,6 +2,8 @@
 
 from focusjax._whole_file import replace_file as replace_file
 from focusjax.io._folder import UNFINISHED as UNFINISHED
+from focusjax.io._folder import FolderInUseError as FolderInUseError
+from focusjax.io._folder import sole_use as sole_use
 from focusjax.io._folder import staged_folder as staged_folder
 from focusjax.io._folder import whole_folder as whole_folder
 from focusjax.io._images import load_exr as load_exr
@@ -11,5 +13,3 @@ from focusjax.io._json import differing_keys as differing_keys
 from focusjax.io._json import for_json as for_json
 from focusjax.io._json import json_text as json_text
 from focusjax.io._json import load_json as load_json
-from focusjax.io._sole_use import FolderInUseError as FolderInUseError
-from focusjax.io._sole_use import sole_use as sole_use

@@ -1,5 +1,7 @@
 """Picture files: PNG for looking at, OpenEXR for everything that must stay linear."""
 
+import struct
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -7,13 +9,13 @@ import imageio.v3 as iio
 import jax.numpy as jnp
 import numpy as np
 import OpenEXR
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, UInt16
 
 from focusjax._quiet_exr import open_exr
 from focusjax.film import to_bytes, to_words
-from focusjax.io._png16 import png16
 
 Pixels = Array | np.ndarray
+_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
 def save_png(
@@ -111,3 +113,24 @@ def _refuse_non_finite(path: Path | str, image: Float[Pixels, "h w 3"]) -> None:
             f"{Path(path).name}: {bad} values of the picture are not finite; nothing was written. Look for a"
             " light or an emission that is too bright"
         )
+
+
+def png16(pixels: UInt16[np.ndarray, "h w 3"]) -> bytes:
+    """An RGB PNG file of sRGB `pixels` (ISO/IEC 15948), each row stored without a filter."""
+    height, width = pixels.shape[:2]
+    rows = pixels.astype(">u2").reshape(height, width * 3).view(np.uint8)
+    scanlines = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1)
+    bit_depth, truecolour, perceptual = 16, 2, 0
+    return b"".join(
+        [
+            _SIGNATURE,
+            _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bit_depth, truecolour, 0, 0, 0)),
+            _chunk(b"sRGB", bytes([perceptual])),
+            _chunk(b"IDAT", zlib.compress(scanlines.tobytes(), level=6)),
+            _chunk(b"IEND", b""),
+        ]
+    )
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))

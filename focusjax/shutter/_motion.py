@@ -1,7 +1,8 @@
-"""What moves while the shutter is open, how far, and in which pixels it may be seen."""
+"""What moves while the shutter is open: bodies of a scene over time, how far, and where they may be seen."""
 
 import dataclasses
 from collections.abc import Callable
+from typing import Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +13,6 @@ from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
-from focusjax.shutter._world import Body, MovingWorld
 
 NODES = 33
 """Times of the shutter's interval at which motion is looked at."""
@@ -20,6 +20,50 @@ _STILL = 1e-9
 """Change, relative to what changes, below which nothing moves."""
 _BESIDE_PX = 3.0
 """Around what moves: silhouettes between samples, and paths that are not straight between two times."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Body:
+    """Faces of a scene that move together.
+
+    Attributes:
+        name: how messages call it.
+        faces: numbers of its faces.
+        placed: the matrix [4, 4] that takes it from any one pose to the world at a time, rigid or any other
+            affine map; None for what deforms.
+    """
+
+    name: str
+    faces: range
+    placed: Callable[[float], Float[np.ndarray, "4 4"]] | None = None
+
+
+@runtime_checkable
+class MovingWorld(Protocol):
+    """A scene of which parts move: `focusjax.shot.MovingScene`, for one."""
+
+    def at(self, frame: float) -> Scene:
+        """The scene at a time: always the same faces, in the same order."""
+        ...
+
+    def bodies(self) -> tuple[Body, ...]:
+        """What may move; all other faces stand still."""
+        ...
+
+
+@dataclasses.dataclass(frozen=True)
+class StillWorld:
+    """A scene in which nothing moves, for cameras that do."""
+
+    scene: Scene
+
+    def at(self, frame: float) -> Scene:
+        """The scene."""
+        return self.scene
+
+    def bodies(self) -> tuple[Body, ...]:
+        """None."""
+        return ()
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,8 +11,16 @@ from focusjax.geometry import Camera
 from focusjax.layers import disparity_map
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
-from focusjax.shutter._motion import Cameras, Track, body_poses, pixels_that_change, steps_in_pixels, track
-from focusjax.shutter._world import Body, MovingWorld
+from focusjax.shutter._motion import (
+    Body,
+    Cameras,
+    MovingWorld,
+    Track,
+    body_poses,
+    pixels_that_change,
+    steps_in_pixels,
+    track,
+)
 
 BACKDROP = ""
 """The name of all that does not move by itself."""

@@ -13,11 +13,18 @@ from focusjax.geometry import Camera
 from focusjax.layers import Extent, Layers, check_held, peel
 from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
-from focusjax.shutter._motion import NODES, Cameras, bodies_that_move, body_poses, cameras_of
+from focusjax.shutter._motion import (
+    NODES,
+    Cameras,
+    MovingWorld,
+    StillWorld,
+    bodies_that_move,
+    body_poses,
+    cameras_of,
+)
 from focusjax.shutter._plan import BACKDROP, Care, Plan, part_of, plan_bodies
 from focusjax.shutter._shutter import Shutter
 from focusjax.shutter._swept import swept_lens
-from focusjax.shutter._world import MovingWorld, StillWorld
 from focusjax.trace import MovingLayers, Span, Timing, exposed, moving_layers, render
 
 MakeLayers = Callable[[Scene, Camera, AbstractLens, Extent | None], Layers]

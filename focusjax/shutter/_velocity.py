@@ -8,9 +8,8 @@ from jaxtyping import Float
 from focusjax.geometry import Camera
 from focusjax.layers import first_surfaces
 from focusjax.scene import Scene
-from focusjax.shutter._motion import Cameras, cameras_of
+from focusjax.shutter._motion import Cameras, MovingWorld, StillWorld, cameras_of
 from focusjax.shutter._shutter import Shutter
-from focusjax.shutter._world import MovingWorld, StillWorld
 
 _FLAT = 1e-12
 """Square of the sine of a corner's angle, below which a triangle has no area."""

@@ -15,9 +15,15 @@ from jaxtyping import Float
 from trimesh.exchange.load import mesh_formats
 from trimesh.resolvers import FilePathResolver
 
-from focusjax.scene._gltf import check_gltf_place, gltf_for_trimesh, gltf_node_names, gltf_parents
+from focusjax.scene._gltf import (
+    check_extensions,
+    check_gltf_place,
+    gltf_for_trimesh,
+    gltf_node_names,
+    gltf_parents,
+    say_what_moves,
+)
 from focusjax.scene._gltf_attributes import with_attributes
-from focusjax.scene._gltf_extensions import check_extensions, say_what_moves
 from focusjax.scene._images import open_picture
 from focusjax.scene._sizes import check_bytes, check_mesh, gltf_json
 

@@ -116,19 +116,10 @@ def object_of_parts(
     """Checked pieces in world metres as one object, with those pictures that they use."""
     used = sorted({part.material.texture for part in parts} - {UNTEXTURED})
     cut = sorted({part.material.opacity_texture for part in parts} - {UNTEXTURED})
-
-    def renumbered(part: Part) -> Part:
-        own = part.material
-        material = dataclasses.replace(
-            own,
-            texture=used.index(own.texture) if own.texture in used else UNTEXTURED,
-            opacity_texture=cut.index(own.opacity_texture) if own.opacity_texture in cut else UNTEXTURED,
-        )
-        return dataclasses.replace(part, material=material)
-
+    numbers = [{own: number for number, own in enumerate(some)} for some in (used, cut)]
     return assemble(
         name,
-        [renumbered(part) for part in parts],
+        [dataclasses.replace(part, material=part.material.renumbered(*numbers)) for part in parts],
         tuple(pictures[k] for k in used),
         tuple(opacities[k] for k in cut),
         np.eye(4),

@@ -1,5 +1,6 @@
 """How a surface answers light: constants of one material, and the checks of their values."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -47,6 +48,14 @@ class Material:
         if self.opacity_texture == UNTEXTURED or self.opacity == 0.0:
             return replace(self, opacity=float(0.0 < self.opacity >= cutoff))
         return replace(self, opacity=1.0, cutoff=cutoff / self.opacity)
+
+    def renumbered(self, textures: Mapping[int, int], opacities: Mapping[int, int]) -> "Material":
+        """This material with other numbers for its pictures, none for those that are not listed."""
+        return replace(
+            self,
+            texture=textures.get(self.texture, UNTEXTURED),
+            opacity_texture=opacities.get(self.opacity_texture, UNTEXTURED),
+        )
 
 
 def triple(value: object, what: str, *, largest: float = float("inf")) -> Float[np.ndarray, "3"]:

@@ -15,7 +15,7 @@ from focusjax.scene._atlas import atlas_of, make_atlas
 from focusjax.scene._background import AbstractBackground, constant_background
 from focusjax.scene._gloss import Gloss
 from focusjax.scene._lights import AbstractLight, light_colour
-from focusjax.scene._material import UNTEXTURED, Material
+from focusjax.scene._material import Material
 from focusjax.scene._object import SceneObject
 from focusjax.scene._opacity import Opacity, OpacityPictures, cutoff_code, opacity_levels
 from focusjax.scene._shader import Shader, Texturing
@@ -241,11 +241,11 @@ def make_scene(
             gathered[key].append(getattr(item, key))
         gathered["faces"].append(item.faces + vertex_count)
         gathered["face_material"].append(item.face_material + len(materials))
-        pictures, cuts = (
-            [_place_of(picture, known) for picture in own]
+        numbers = [
+            {number: _place_of(picture, known) for number, picture in enumerate(own)}
             for own, known in ((item.textures, textures), (item.opacities, opacities))
-        )
-        materials += [_renumbered(material, pictures, cuts) for material in item.materials]
+        ]
+        materials += [material.renumbered(*numbers) for material in item.materials]
         vertex_count += len(item.vertices)
         face_count += len(item.faces)
     joined = {key: np.concatenate(values) for key, values in gathered.items()}
@@ -275,16 +275,6 @@ def _place_of(picture: np.ndarray, known: list[np.ndarray]) -> int:
             return number
     known.append(picture)
     return len(known) - 1
-
-
-def _renumbered(material: Material, textures: Sequence[int], opacities: Sequence[int]) -> Material:
-    """`material` with the scene's numbers of its pictures."""
-    own, cut = material.texture, material.opacity_texture
-    return replace(
-        material,
-        texture=textures[own] if own >= 0 else UNTEXTURED,
-        opacity_texture=opacities[cut] if cut >= 0 else UNTEXTURED,
-    )
 
 
 def _joined_opacity(objects: Sequence[SceneObject]) -> Float[np.ndarray, "v"] | None:

@@ -11,10 +11,7 @@ from PIL import Image
 from trimesh.visual import ColorVisuals, TextureVisuals
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
-from focusjax.scene._images import (
-    decode_srgb,
-    unit_range,
-)
+from focusjax.scene._images import decode_srgb, unit_range
 from focusjax.scene._material import UNTEXTURED, Material
 from focusjax.scene._object import DEFAULT_ALBEDO
 from focusjax.scene._part import Part

@@ -54,10 +54,7 @@ class BodyMotion(eqx.Module):
     ) -> tuple[Float[Array, "2"], Float[Array, ""], Float[Array, ""]]:
         """Where a place of the key camera's picture is in that of lens rays; see the head of this file.
 
-        Args:
-            seen: in output pixels of the key camera.
-            disparity: there, in 1/m.
-            matrix: as of `at`.
+        It is `seen` in output pixels of the key camera at a disparity in 1/m; `matrix` is as of `at`.
 
         Returns:
             The place in output pixels, its disparity, and -k_z, which is positive if it lies ahead.
@@ -81,13 +78,9 @@ class BodyMotion(eqx.Module):
 def moved_ray(
     ray: LensRay, camera: Camera, key: Camera, matrix: Float[Array, "3 4"]
 ) -> tuple[LensRay, Float[Array, ""], Float[Array, ""]]:
-    """A ray in the axes in which a body stands still, z0 and g; see the head of this file.
+    """A ray of `camera` in the axes in which a body stands still, z0 and g; see the head of this file.
 
-    Args:
-        ray: of `camera`.
-        camera: as of the ray.
-        key: the camera of the layers.
-        matrix: from the axes of the one to those of the other.
+    `matrix` goes from the axes of `camera` to those of `key`, the camera of the layers.
     """
     slope, crossing = (ray.a - camera.principal_point) / camera.focal_px, ray.b / camera.focal_px
     turned = matrix[:, :3]

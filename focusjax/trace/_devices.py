@@ -80,13 +80,10 @@ def summed_over(
     work: tuple[Array, ...],
     mesh: Mesh | None,
 ) -> T:
-    """The sum that `add` makes from `nothing` of all parts of `work`.
+    """The sum that `add` makes from `nothing` of all parts of `work`, on the devices of `mesh`.
 
-    Args:
-        add: from a sum and a part, the sum with what the part adds, and None.
-        nothing: zeros, a tree of arrays.
-        work: parts along the first axis, a multiple of the number of devices.
-        mesh: of the devices; None for the default one.
+    `add` is the body of a `jax.lax.scan`, and `nothing` is zeros. Parts lie along the first axis, a multiple
+    of the number of devices.
     """
     if mesh is None:
         return jax.lax.scan(add, nothing, work)[0]

@@ -89,17 +89,8 @@ def light_of_pairs(
     """The light that each pixel gets from emitters, row-major.
 
     Every pair of a pixel and a cluster has as many rays: a power of two, at most twice `rays`, the number of
-    a pixel's other rays, and so few that all together are about half of those. They are traced some at a
-    time; what is not used takes no time.
-
-    Args:
-        emitters: as of `split_emitters`.
-        camera: whose pixels they are seen by.
-        lens: whose picture it is.
-        brought: what rays bring, from how they are drawn.
-        seed: chooses the rays.
-        rays: of a pixel, on the average.
-        pixel_filter: "box", "tent" or "gaussian".
+    a pixel's other rays on the average, and so few that all together are about half of those. They are traced
+    some at a time; what is not used takes no time. `brought` says what rays bring, from how they are drawn.
     """
     pixels = camera.width * camera.height
     together = together_of(rays)
@@ -273,16 +264,10 @@ def emitter_light(
     rays: int,
     pixel_filter: str,
 ) -> Float[Array, "p 3"]:
-    """The light that each pixel gets from emitters, row-major, beyond what is left of them in the layers.
+    """The light that each pixel of a still picture gets from emitters, row-major.
 
-    Args:
-        scene: without the emitters' excess, as of `split_emitters`.
-        lens: whose picture it is.
-        emitters: as of `split_emitters`.
-        ranges: disparities that the rays of pixels can meet.
-        seed: chooses the rays.
-        rays: of a pixel, on the average.
-        pixel_filter: "box", "tent" or "gaussian".
+    It is what they have beyond what `split_emitters` left of them in the `scene`; `rays` are those of a pixel
+    on the average, whose disparities are in `ranges`.
     """
     slots, volume = emitters.slots, scene.volume
 

@@ -30,13 +30,8 @@ def pixels_that_see(
     footprints of nine points bound the next rectangle; a few rounds suffice, as r changes slowly. None
     exceeds the lens's reach.
 
-    Args:
-        camera: whose picture it is.
-        lens: whose rays they are.
-        low: left and top of the box in output pixels.
-        high: right and bottom.
-        disparities: the box's least and largest, in 1/m.
-        wide: pixels, along x or y, by which film points lie off their pixel's centre.
+    The box goes from `low`, its left and top, to `high` in output pixels, and from the least to the largest
+    of `disparities` in 1/m; film points lie up to `wide` pixels off their pixel's centre, along x and y.
     """
     shares = jnp.array([(x, y) for y in (0.0, 0.5, 1.0) for x in (0.0, 0.5, 1.0)], dtype=low.dtype)
     reach = jax.vmap(lambda disparity: lens.reach(camera, disparity))(disparities).max()
@@ -73,15 +68,8 @@ def pixels_that_see_in_motion(
     """The same of the pixels whose rays may pass a box of a body at any of its times.
 
     The rectangle around those of all times at which its place is known: between two, what is straight in
-    space is so in the picture. There is none if any of the box is not ahead of the lens all the while.
-
-    Args:
-        motion: of the body.
-        lens: whose rays they are.
-        low: left and top of the box in output pixels of the body's key camera.
-        high: right and bottom.
-        disparities: the box's least and largest there.
-        wide: as for `pixels_that_see`.
+    space is so in the picture. There is none if any of the box is not ahead of the lens all the while. The
+    box is that of the body's key camera.
     """
     axes = (low[0], high[0]), (low[1], high[1]), (disparities[0], disparities[1])
     corners = jnp.stack([jnp.stack(corner) for corner in itertools.product(*axes)])

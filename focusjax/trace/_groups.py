@@ -82,14 +82,10 @@ def groups_of(
 ) -> RayGroups:
     """Groups of pixels that have different numbers of rays, multiples of `together`, `most` groups in all.
 
-    Args:
-        rays: of each pixel, row-major; 0 for none.
-        width: pixels per row.
-        height: rows.
-        together: rays of a group.
-        most: how many groups there may be (static); groups beyond are left out.
-        nested: where the table of samples holds those of all smaller numbers of rays, `nested` times a power
-            of two, before those of a pixel's own: the smallest number. 0 where it holds but one number.
+    `rays` are those of each pixel, row-major, 0 for none; groups beyond the `most` are left out.
+
+    Where the table of samples holds those of all smaller numbers of rays, `nested` times a power of two,
+    before those of a pixel's own, `nested` is the smallest number; it is 0 where the table holds but one.
     """
     pixel = tiled_pixels(width, height)
     count = rays.at[pixel].get(mode="fill", fill_value=0)
@@ -139,12 +135,9 @@ class RayCounts(eqx.Module):
     together: int = eqx.field(static=True)
 
     def groups(self, count: Int[Array, " n"], width: int, height: int) -> RayGroups:
-        """Groups of a part of the picture with so many rays for each of its pixels, row-major.
+        """Groups of a part of the picture, of so many rows and pixels per row.
 
-        Args:
-            count: some of `of_pixel`, or 0 for pixels without rays.
-            width: pixels per row of the part.
-            height: rows of the part.
+        `count` is rays of its pixels, row-major: some of `of_pixel`, or 0 for pixels without rays.
         """
         pixels = len(self.of_pixel)
         # As many as the picture may have, if all of them lie in the part; sums of float32 are off by less.

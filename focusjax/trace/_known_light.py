@@ -59,10 +59,8 @@ def known_light(lens: AbstractLens, camera: Camera) -> KnownLight | None:
 def evened(brought: _Colours, light: _Colours, known: KnownLight) -> Float[Array, "p 3"]:
     """The radiance that rays carry, in proportion to the light that is known instead of to theirs.
 
-    Args:
-        brought: mean over rays of weight times radiance.
-        light: the same of weights alone; pixels without any stay black.
-        known: as of `known_light`.
+    `brought` is the mean over rays of weight times radiance, `light` that of weights alone; pixels without
+    any stay black.
     """
     return jnp.where(light > 0, brought / jnp.where(light > 0, light, 1.0), 0.0) * known.of(light)
 

@@ -105,16 +105,10 @@ def seen_in_motion(
     time: Float[Array, " n"],
     together: int,
 ) -> Seen:
-    """What n rays see of bodies that move: of each ray what is nearest at its time.
+    """What n rays see of bodies that move: of each ray what is nearest at its `time`, of the bodies' span.
 
-    Args:
-        bodies: layers for the times of all rays.
-        camera: in whose axes the lens makes its rays.
-        lens: where they come from.
-        starts: their film and aperture points: all first ones of groups of rays that lie close together in
-            pixel and time, then all second ones, and so on.
-        time: as of the bodies' span.
-        together: rays of a group.
+    The lens makes its rays in the axes of `camera`. They start in groups of `together` that lie close
+    to one another in pixel and time: all first ones of groups, then all second ones, and so on.
     """
     rays = lens_rays(camera, lens, starts)
     seen: Seen | None = None
@@ -137,15 +131,10 @@ def met_in_motion(
     time: Float[Array, " n"],
     together: int,
 ) -> tuple[LensRay, Int[Array, " n"], Float[Array, " n"]]:
-    """What n rays meet of one body.
+    """What n rays meet of one body; they are laid out as for `seen_in_motion`.
 
-    Args:
-        body: layers for the times of all rays.
-        rays: in output pixels of the camera in whose axes the lens makes them; what has no weight meets
-            nothing.
-        chance: as of their starts.
-        time: as of the body's span.
-        together: rays of a group, which are laid out as for `seen_in_motion`.
+    They are in output pixels of the camera in whose axes the lens makes them; what has no weight meets
+    nothing.
 
     Returns:
         The rays in the axes of the body and in units of its grid, the samples that they meet first, -1 for

@@ -55,15 +55,8 @@ def moving_light(
 ) -> Float[Array, "p 3"]:
     """The light that each pixel gets from emitters of a body in one span, row-major.
 
-    Args:
-        body: with emitters.
-        others: all other bodies.
-        lens: whose picture it is.
-        timing: when the light of pixels arrives.
-        shares: of the light of each row that arrives in the span.
-        seed: chooses the rays.
-        rays: of a pixel in the span, on the average.
-        pixel_filter: "box", "tent" or "gaussian".
+    `others` are all other bodies, `timing` and `shares` say when the light of rows arrives and how much of it
+    in the span, and `rays` are those of a pixel in the span, on the average.
     """
     emitters, motion = body.emitters, body.motion
     assert emitters is not None

@@ -150,13 +150,7 @@ def first_met(
 ) -> tuple[LensRay, Int[Array, " n"]]:
     """N rays, in grid units, and the samples that they meet first; -1 for none.
 
-    Args:
-        scene: what rays go through.
-        lens: where they come from.
-        starts: their film and aperture points.
-        least: least disparity that each can meet.
-        largest: largest one.
-        deepest: most layers that any can meet; all of them if not given.
+    Each can meet disparities from `least` to `largest` in 1/m, in the first `deepest` layers, or in all.
     """
     rays = on_grid(lens_rays(scene.camera, lens, starts), scene.grid)
     paths = jax.vmap(path_of)(rays, least, largest)

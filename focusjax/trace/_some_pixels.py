@@ -109,17 +109,17 @@ def some_pixels(
 ) -> tuple[Float[Array, "k n 3"], Float[Array, "k m 3"], Int[Array, ""]]:
     """Plain means over the rays of chosen pixels, denoised ones in windows, and the rays traced per seed.
 
-    All are without the light of emitters; see `emitted`.
+    All are without the light of emitters; see `emitted`. There is an independent picture for each of `seeds`.
 
     Args:
         lens: as for `render`.
         ready: by `prepared`.
         pixels: row-major numbers [n], those of windows first; n is a multiple of 32.
-        rays: per pixel on the average over the whole picture, 4 to `most_rays`.
-        seeds: one for each independent picture.
-        most_rays: largest number of rays (static).
+        rays: per pixel on the average over the whole picture, 4 to `most_rays` (static).
+        seeds: of the rays.
+        most_rays: the largest number (static).
         pixel_filter: as for `render`.
-        windows: how many of the pixels are in windows (static).
+        windows: parts of the picture at the front of `pixels` (static).
     """
     layers = ready.layers
     least = None if ready.known is None else least_through(ready.known.share[:, 1], rays)

@@ -107,10 +107,8 @@ def clip_to_near(homogeneous: np.ndarray, faces: np.ndarray, near: float) -> Scr
     Homogeneous image points are linear in space, so the edge from corner i (ahead) to corner j
     (behind) meets the plane at weight t = (z_i - near) / (z_i - z_j) of corner j.
 
-    Args:
-        homogeneous: image points (x z, y z, z) [v, 3] of the vertices.
-        faces: vertex indices [t, 3].
-        near: depth of the near plane in metres, above 0.
+    `homogeneous` are image points (x z, y z, z) [v, 3], `faces` rows of them [t, 3], and `near` is the depth
+    of the plane in metres, above 0.
     """
     in_front = homogeneous[:, 2] >= near
     if in_front.all():

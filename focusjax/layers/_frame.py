@@ -151,12 +151,9 @@ def leaving(triangles: ScreenTriangles, frame: Grid) -> np.ndarray:
 def reachable(
     triangles: ScreenTriangles, frame: Grid, reach: Callable[[np.ndarray], np.ndarray]
 ) -> np.ndarray:
-    """Mask [t] of the triangles whose bounding box some lens ray may touch.
+    """Mask [t] of the triangles, in grid coordinates of `frame`, whose bounding box some lens ray may touch.
 
-    Args:
-        triangles: in grid coordinates of `frame`.
-        frame: the picture without margin.
-        reach: footprint radius in samples for disparities; convex, as rays are lines in disparity.
+    `reach` gives the footprint radius in samples for disparities: convex, as rays are lines in disparity.
     """
 
     def some(part: slice) -> np.ndarray:

@@ -80,12 +80,9 @@ def check_fragments(triangles: ScreenTriangles, boxes: Sequence[Boxes], grid: Gr
 
 
 def check_layers(grid: Grid, kept: Sequence[int], limit: str) -> None:
-    """Refuse layers of so many samples each that do not fit.
+    """Refuse layers on a grid that do not fit, of so many samples `kept` in each, nearest layer first.
 
-    Args:
-        grid: theirs.
-        kept: samples in each, nearest layer first.
-        limit: the argument that bounds their number.
+    `limit` is the argument that bounds their number.
 
     Raises:
         ValueError: naming the number of layers that would fit.
@@ -105,15 +102,10 @@ def check_layers(grid: Grid, kept: Sequence[int], limit: str) -> None:
 
 
 def check_held(held: int, what: str, remedy: str) -> None:
-    """Refuse layers of so many times that those of the next ones may not fit.
-
-    Args:
-        held: bytes that they take together.
-        what: whose layers they are, and of which times.
-        remedy: what would take less.
+    """Refuse layers of so many times that those of the next ones may not fit beside the bytes `held`.
 
     Raises:
-        ValueError: with these words.
+        ValueError: it says `what` layers these are, and the `remedy` that would take less.
     """
     memory = machine_memory()
     if memory is not None and held > _SHARE_HELD * memory:

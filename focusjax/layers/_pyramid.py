@@ -97,15 +97,8 @@ def build_ranges(
 ) -> RangePyramid:
     """The pyramid over all layers together, for squares up to `widest` samples across.
 
-    Args:
-        cell: row-major place of each sample on a grid of `shape`.
-        least: least disparity that each spans, in steps; see `in_steps`.
-        most: largest disparity.
-        scale: dioptres per step.
-        shape: rows and columns.
-        block: edge of a block in samples.
-        widest: edge in samples of the largest square to answer for.
-        real: type of the disparities that answers are given in.
+    Samples are at row-major places `cell` on a grid of `shape`, rows and columns, and span disparities from
+    `least` to `most` in steps of `scale` dioptres (see `in_steps`); answers are of the type `real`.
     """
     size = shape[0] * shape[1]
     lowest = np.full(size, _NOTHING, dtype=np.uint16)

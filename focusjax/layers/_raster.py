@@ -131,12 +131,9 @@ def _cover(
 ) -> tuple[Bool[Array, "n samples"], Float[Array, "n samples"], Int[Array, "n samples"]]:
     """Which samples of each stamp a triangle covers, the disparity there, and the place.
 
-    Args:
-        edges: the functions of each stamp's triangle; None to work them out.
-        corners: x, y and disparity of its corners, counted from the stamp's first sample.
-        first: that sample's column and row.
-        limits: columns and rows of the grid.
-        size: edge of a stamp in samples.
+    `edges` are the functions of each stamp's triangle, None to work them out; `corners` are x, y and
+    disparity of its corners, counted from the stamp's `first` sample, given by column and row. `limits` are
+    the columns and rows of the grid, and `size` is the edge of a stamp in samples.
     """
     x, y, (w0, w1, w2) = corners
     sides = edge_functions(x, y, (w0, w1, w2), jnp) if edges is None else edges

@@ -159,14 +159,9 @@ def slab_fragments(
 ) -> tuple[list[Int[np.ndarray, " _"]], int]:
     """The fragments that each layer holds, in the order of their samples.
 
-    Also how many were left out that are not known to be hidden.
-
-    Args:
-        fragments: all there are.
-        grid: where they are.
-        parallax: f E in samples per dioptre.
-        bounds: decreasing disparities [slabs + 1] between which the slabs lie. The outermost are open.
-        opacity: of each fragment; None where all are opaque.
+    Also how many were left out that are not known to be hidden. `parallax` is f E in samples per dioptre;
+    `bounds` are the decreasing disparities [slabs + 1] between which slabs lie, of which the outermost are
+    open; `opacity` is that of each fragment, None where all are opaque.
     """
     shape = (grid.rows, grid.columns)
     opaque = None if opacity is None else opacity == 1.0

@@ -142,13 +142,7 @@ def touching(
 ) -> Touching:
     """What triangles cover of squares at whose centres their disparity is between `low` and `high`.
 
-    Args:
-        band: the squares' rows, and the boxes of triangles that may touch them.
-        triangles: on the grid.
-        grid: theirs.
-        cell: the grid sample of each square of the band, in increasing order. Several may be in one place.
-        low: least disparity at each.
-        high: largest disparity at each.
+    `cell` is the grid sample of each square of the band, in increasing order; several may be in one place.
     """
     low, high = low.astype(np.float32), high.astype(np.float32)
     cell = (cell - band.rows.start * grid.columns).astype(np.int32)

@@ -88,12 +88,7 @@ def gather(
 
 
 def most_levels(radius: float, taps: int) -> int:
-    """Levels of mip maps for a widest circle of confusion, by how far apart its taps lie.
-
-    Args:
-        radius: in pixels.
-        taps: places to look at per pixel.
-    """
+    """Levels of mip maps for a widest `radius` of confusion in pixels, by how far apart its taps lie."""
     apart = radius * math.sqrt(math.pi / taps)
     return min(int(math.log2(max(apart, 1.0))), _MOST_LEVELS)
 
@@ -103,12 +98,9 @@ def in_chunks(
     image: Float[Array, "h w c"],
     wanted: Bool[Array | np.ndarray, "h w"] | None,
 ) -> Float[Array, "h w c"]:
-    """`image` with some pixels replaced, a fixed number of them at a time, so that one program does for all.
+    """`image` with the `wanted` pixels replaced, a fixed number at a time, so that one program does for all.
 
-    Args:
-        seen: colours of pixels by their numbers, row by row.
-        image: what the others stay.
-        wanted: pixels to replace; all at once if None.
+    All are replaced at once if none are given; `seen` has colours of pixels by their numbers, row by row.
     """
     flat = image.reshape(-1, image.shape[2])
     if wanted is None:
@@ -227,11 +219,7 @@ def block_means(
 
     What is not covered leaves no trace, so that colours of other surfaces do not bleed into a block. Blocks
     that stick out of the picture are means of what is inside. Where nothing is covered the means are 0.
-
-    Args:
-        planes: values, such as colour, not multiplied by coverage.
-        coverage: weights from 0 to 1.
-        edge: of a block in pixels.
+    Values of planes are not multiplied by coverage, which is from 0 to 1.
     """
     inside = _block_sums(jnp.ones_like(coverage)[None], edge)[0]
     covered = _block_sums(coverage[None], edge)[0]

@@ -65,13 +65,7 @@ def defocused(
 ) -> Float[Array, "h w 3"]:
     """One sharp view through a lens: by `gather`, and beside blurred foregrounds along lens rays.
 
-    Args:
-        image: linear radiance.
-        disparity: 1/m at pixel centres.
-        camera: the frame.
-        lens: where rays go.
-        taps: places that each pixel looks at.
-        levels: of mip maps, as in `gather`.
+    Arguments are those of `gather`.
     """
     real = jnp.zeros(()).dtype
     sharp, depths = jnp.asarray(image, real), jnp.asarray(disparity, real)
@@ -118,13 +112,8 @@ def outline_zone(
 ) -> tuple[Float[Array, "h w"], Bool[Array, "h w"]]:
     """The nearest disparity around each pixel whose blur reaches it, and where it matters.
 
-    Depths are those of tiles, so that the zone is up to two tiles too wide.
-
-    Args:
-        disparity: 1/m.
-        radii: of circles of confusion in pixels, negative before the focus.
-        camera: the frame.
-        lens: for the circle of confusion that the nearest disparity has in a pixel.
+    Depths are those of tiles, so that the zone is up to two tiles too wide. `radii` are those of circles of
+    confusion in pixels, negative before the focus.
 
     Returns:
         The disparity in 1/m, -1 where no blurred foreground is around, and the pixels beside its outline:

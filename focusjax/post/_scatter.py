@@ -35,9 +35,7 @@ def small_lights(
 ) -> Bool[np.ndarray, "h w"]:
     """Pixels brighter than white and out of focus, of which there are few in the circle of confusion around.
 
-    Args:
-        image: linear radiance.
-        reach: radius of every pixel's circle of confusion in pixels.
+    `reach` is the radius of every pixel's circle of confusion in pixels.
     """
     bright = (image.max(axis=-1) > WHITE) & (reach >= _LEAST_REACH)
     height, width = bright.shape

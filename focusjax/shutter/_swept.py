@@ -57,14 +57,10 @@ class SweptLens(AbstractLensWrapper):
 def swept_lens(
     lens: AbstractLens, camera: Camera, key: Camera, matrices: Float[np.ndarray, "m 4 4"], nearest: float
 ) -> SweptLens:
-    """The lens over a span, by the rays of some times in it.
+    """The lens over a span, by the rays that it makes in the axes of `camera` at some times in it.
 
-    Args:
-        lens: whose rays are moved.
-        camera: in whose axes it makes them.
-        key: of the layers.
-        matrices: from the axes of the one to those of the other, at times all over the span.
-        nearest: disparity in 1/m up to which bounds are to hold.
+    `matrices` go from there to the axes of `key`, the camera of the layers, at times all over the span;
+    `nearest` is the disparity in 1/m up to which bounds are to hold.
     """
     colours = [channel.lens for channel in lens.channels()] or [lens]
     found = [_rays(one, camera, key, jnp.asarray(matrices)) for one in colours]

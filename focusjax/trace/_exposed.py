@@ -15,18 +15,18 @@ from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._accumulate import PixelSums, starts_of, summed
 from focusjax.trace._coc_bins import CocBins, focal_zone
-from focusjax.trace._emitters import Emitters
 from focusjax.trace._groups import SomeGroups
 from focusjax.trace._known_light import known_light
 from focusjax.trace._moving import MovingLayers, seen_in_motion, split_at_once
 from focusjax.trace._moving_emitters import moving_light
-from focusjax.trace._picture import RenderSettings, developed, light_of, picture_sums
+from focusjax.trace._picture import RenderSettings, developed, light_at_once, picture_sums
 from focusjax.trace._radiances import Seen
 from focusjax.trace._render import render_settings, seed_of
 from focusjax.trace._samples import RaySamples
 from focusjax.trace._sobol import stirred
 from focusjax.trace._timed import RowShares, Timing, row_shares, timed_groups, timed_samples
 
+_samples = jit(timed_samples)
 _TOGETHER = 4
 """At most so many rays of a pixel, one after the other in time, that look up one range of disparities."""
 _FEWEST_GROUPS = 1 << 12
@@ -83,11 +83,17 @@ def exposed(
     if not changing.all():
         if settings.emitters:
             backdrop, emitters = split_at_once(backdrop, lens)
-            light = _still_light(emitters, backdrop, lens, seed, settings=settings)
+            light = light_at_once(emitters, backdrop, lens, seed, settings)
             light = jnp.where(here[:, None], 0.0, light)
         total = _still_sums(backdrop, lens, seed, bins, ~here, settings=settings)
     through = any(body.scene.volume.opacity is not None for span in spans for body in span.bodies)
-    samples = _samples(lens, stirred(seed, _TIMED), settings, through)
+    samples = _samples(
+        lens,
+        settings.rays,
+        stirred(seed, _TIMED),
+        with_chances=through,
+        pixel_filter=settings.pixel_filter,
+    )
     together = min(_TOGETHER, -(-rays // len(spans)))
     of_row = changing.reshape(camera.height, -1).sum(axis=1)
     for number, span in enumerate(spans):
@@ -158,27 +164,6 @@ def _still_sums(
 ) -> PixelSums:
     """What `render` sums up, of the `wanted` pixels only."""
     return picture_sums(layers, lens, seed, settings, bins, known_light(lens, layers.camera), wanted)
-
-
-@jit
-def _still_light(
-    emitters: Emitters,
-    layers: Layers,
-    lens: AbstractLens,
-    seed: UInt[Array, ""],
-    *,
-    settings: RenderSettings,
-) -> Float[Array, "p 3"]:
-    return light_of(emitters, layers, lens, seed, settings)
-
-
-@jit
-def _samples(
-    lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings, with_chances: bool
-) -> RaySamples:
-    return timed_samples(
-        lens, settings.rays, seed, with_chances=with_chances, pixel_filter=settings.pixel_filter
-    )
 
 
 class _Moving(eqx.Module):

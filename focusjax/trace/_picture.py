@@ -177,6 +177,10 @@ def light_of(
     return emitter_light(scene, lens, emitters, ranges, seed, rays=rays, pixel_filter=pixel_filter)
 
 
+light_at_once = jit(light_of)
+"""The same as a program of its own; many seeds and pictures share it."""
+
+
 def _in_bands(
     layers: Layers,
     lens: AbstractLens,

@@ -31,8 +31,9 @@ from focusjax._counts import require_seed
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._allocate import FEWEST
+from focusjax.trace._picture import light_at_once
 from focusjax.trace._render import render_settings, within_reach
-from focusjax.trace._some_pixels import NO_WINDOWS, Windows, emitted, prepared, some_pixels
+from focusjax.trace._some_pixels import NO_WINDOWS, Windows, prepared, some_pixels
 
 QUALITIES = {"draft": 30.0, "good": 38.0, "reference": 46.0}
 """Names for PSNRs in dB."""
@@ -220,11 +221,12 @@ class _Trials:
 
     def _error_of_emitters(self) -> float:
         """Squared error of the light of emitters, of which `_FIRST` rays a pixel draw rays of their own."""
-        assert self._ready.emitters is not None
-        if not int(self._ready.emitters.pairs):
+        emitters, layers = self._ready.emitters, self._ready.layers
+        assert emitters is not None
+        if not int(emitters.pairs):
             return 0.0
         one, other = (
-            np.asarray(emitted(self._ready, self._lens, jnp.uint32(seed), settings=self._settings))
+            np.asarray(light_at_once(emitters, layers, self._lens, jnp.uint32(seed), self._settings))
             for seed in (self._seed, self._seed + 1)
         )
         return float((0.5 * ((one - other) / np.maximum(0.5 * (one + other), 1.0)) ** 2).mean())

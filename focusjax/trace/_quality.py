@@ -29,9 +29,10 @@ from focusjax._counts import require_counts, require_seed
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._allocate import FEWEST
+from focusjax.trace._picture import light_at_once
 from focusjax.trace._plan import in_rows, psnr_of
 from focusjax.trace._render import render_settings, within_reach
-from focusjax.trace._some_pixels import emitted, prepared, some_pixels
+from focusjax.trace._some_pixels import prepared, some_pixels
 
 _RAYS = 16
 _LARGEST = 64
@@ -161,7 +162,7 @@ def _two_means(
         tracing = time.perf_counter() - start
         means = np.asarray(mean[0, : len(pixels)], dtype=np.float64)
         if ready.emitters is not None:
-            light = emitted(ready, lens, jnp.uint32(stream), settings=settings)
+            light = light_at_once(ready.emitters, ready.layers, lens, jnp.uint32(stream), settings)
             means = means + np.asarray(light, dtype=np.float64)[pixels]
         found.append(means)
     camera = layers.camera

@@ -21,7 +21,7 @@ from focusjax.trace._coc_bins import CocBins
 from focusjax.trace._emitters import Emitters, split_emitters
 from focusjax.trace._groups import SomeGroups, groups_of
 from focusjax.trace._known_light import KnownLight, known_light
-from focusjax.trace._picture import RenderSettings, coc_bins, developed, light_of
+from focusjax.trace._picture import RenderSettings, coc_bins, developed
 from focusjax.trace._radiances import Seen, traced_scene
 from focusjax.trace._ranges import DisparityRanges, disparity_ranges
 from focusjax.trace._samples import ray_samples
@@ -87,15 +87,6 @@ def prepared(layers: Layers, lens: AbstractLens, *, settings: RenderSettings) ->
 
 
 @jit
-def emitted(
-    ready: Prepared, lens: AbstractLens, seed: UInt[Array, ""], *, settings: RenderSettings
-) -> Float[Array, "p 3"]:
-    """The light of emitters in all pixels, by rays of their own, as many as `render` draws."""
-    assert ready.emitters is not None
-    return light_of(ready.emitters, ready.layers, lens, seed, settings)
-
-
-@jit
 def some_pixels(
     lens: AbstractLens,
     ready: Prepared,
@@ -109,7 +100,7 @@ def some_pixels(
 ) -> tuple[Float[Array, "k n 3"], Float[Array, "k m 3"], Int[Array, ""]]:
     """Plain means over the rays of chosen pixels, denoised ones in windows, and the rays traced per seed.
 
-    All are without the light of emitters; see `emitted`. There is an independent picture for each of `seeds`.
+    All are without the light of emitters. There is an independent picture for each of `seeds`.
 
     Args:
         lens: as for `render`.

@@ -11,8 +11,6 @@ from focusjax.layers._cells import interval as interval
 from focusjax.layers._exr import load_layers as load_layers
 from focusjax.layers._exr import save_layers as save_layers
 from focusjax.layers._faces import faces_of_samples as faces_of_samples
-from focusjax.layers._gloss import GlossSamples as GlossSamples
-from focusjax.layers._gloss import unpack_normal as unpack_normal
 from focusjax.layers._grid import Extent as Extent
 from focusjax.layers._grid import Grid as Grid
 from focusjax.layers._joins import NEIGHBOURS as NEIGHBOURS
@@ -29,5 +27,7 @@ from focusjax.layers._places import Places as Places
 from focusjax.layers._pyramid import RangePyramid as RangePyramid
 from focusjax.layers._rows import RowsOfLayers as RowsOfLayers
 from focusjax.layers._rows import by_rows as by_rows
+from focusjax.layers._shading import GlossSamples as GlossSamples
+from focusjax.layers._shading import unpack_normal as unpack_normal
 from focusjax.layers._slabs import decompose as decompose
 from focusjax.layers._slopes import radiance_slopes as radiance_slopes

@@ -14,7 +14,6 @@ from focusjax.geometry import Camera
 from focusjax.layers._attributes import SurfaceSamples, surface_samples
 from focusjax.layers._blocks import coarse_number
 from focusjax.layers._cells import WHOLE, in_steps, pack_cells
-from focusjax.layers._gloss import GlossSamples
 from focusjax.layers._grid import Extent, Grid
 from focusjax.layers._joins import Joins, Planes, join
 from focusjax.layers._layers import Layers, LeftOut, Samples
@@ -22,7 +21,7 @@ from focusjax.layers._means import Seen, mean_radiances
 from focusjax.layers._picture import Rasterised
 from focusjax.layers._places import make_places, on_device, scattered
 from focusjax.layers._pyramid import RangePyramid, build_ranges
-from focusjax.layers._shading import ShadedSamples, background
+from focusjax.layers._shading import GlossSamples, ShadedSamples, background
 from focusjax.layers._silhouettes import Silhouettes, find_silhouettes
 from focusjax.lens import AbstractLens
 from focusjax.scene import Gloss, Scene

@@ -10,10 +10,10 @@ from jaxtyping import Array, Float, Int, UInt
 
 from focusjax._programs import jit
 from focusjax.geometry import Camera
-from focusjax.layers._gloss import GlossSamples
 from focusjax.layers._grid import Extent, Grid
 from focusjax.layers._places import Places
 from focusjax.layers._pyramid import RangePyramid
+from focusjax.layers._shading import GlossSamples
 from focusjax.lens import AbstractLens
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from glossy import glossy_camera, glossy_lens, glossy_scene
 
 from focusjax.layers import peel, spread, unpack_normal
-from focusjax.layers._gloss import pack_normal
+from focusjax.layers._shading import pack_normal
 
 
 def test_packed_normals_keep_their_direction():

@@ -15,7 +15,7 @@ from focusjax._quiet_exr import open_exr
 from focusjax.film import to_bytes, to_words
 
 Pixels = Array | np.ndarray
-_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
 def save_png(
@@ -123,7 +123,7 @@ def png16(pixels: UInt16[np.ndarray, "h w 3"]) -> bytes:
     bit_depth, truecolour, perceptual = 16, 2, 0
     return b"".join(
         [
-            _SIGNATURE,
+            _PNG_SIGNATURE,
             _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bit_depth, truecolour, 0, 0, 0)),
             _chunk(b"sRGB", bytes([perceptual])),
             _chunk(b"IDAT", zlib.compress(scanlines.tobytes(), level=6)),

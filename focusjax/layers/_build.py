@@ -21,6 +21,7 @@ from focusjax.lens import AbstractLens
 from focusjax.scene import Scene
 
 _MOST_LAYERS = 4096
+"""That the umbra's saving is counted over."""
 
 
 def peel(

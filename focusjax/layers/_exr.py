@@ -30,6 +30,7 @@ _PART, _CHANNEL, _HEADER = "focusjax", "bits", "focusjax:layers"
 _COLUMNS = 4096
 _FORMAT = 1
 _ALIGNED = 8
+"""Bytes: arrays begin at multiples of so many."""
 
 
 def save_layers(path: str | Path, layers: Layers) -> None:

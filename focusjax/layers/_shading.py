@@ -16,6 +16,7 @@ from focusjax.layers._grid import Grid
 from focusjax.scene import AbstractBackground, ConstantBackground, Gloss, Scene, Shader
 
 _STEPS = 65535
+"""Of each coordinate of a packed normal."""
 _SHADED_AT_ONCE = 1 << 16
 
 

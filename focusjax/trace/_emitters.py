@@ -42,7 +42,7 @@ _BEYOND = 0.5
 """Samples beyond a cluster at which rays may pass and yet meet it; see `first_hit`."""
 _ROUNDS = 4
 _MARGIN = 0.04
-"""Of the rectangle's extent: for footprints larger between the film points where they are evaluated."""
+"""Of the extent of pixels that may see a cluster: footprints may be larger between the points looked at."""
 
 
 class Emitters(eqx.Module):

@@ -16,9 +16,10 @@ from focusjax.trace._ranges import DisparityRanges
 from focusjax.trace._sums import compacted, prefix_sums, running_max
 
 _TILE = 16
-"""Edge in pixels."""
+"""Edge in pixels of the squares that groups go through the picture by."""
 _TOGETHER = 4
 _SLACK = 16
+"""Halvings of a picture's number of rays, to what rounding may add to it."""
 
 
 class SomeGroups(eqx.Module):

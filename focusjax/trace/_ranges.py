@@ -125,7 +125,8 @@ def narrowed(
         low, high = box(*state[:2])
         least, largest, depth = ranges.query(low - _SLACK, high + _SLACK)
         # Where nothing is below, the range is empty: collapse it to infinity.
-        return jnp.where(largest <= 0, 0.0, least), jnp.where(largest <= 0, 0.0, largest), depth
+        empty = largest <= 0
+        return jnp.where(empty, 0.0, least), jnp.where(empty, 0.0, largest), depth
 
     overall = ranges.overall
     start = jnp.where(overall[1] > 0, overall[0], 0.0), overall[1], ranges.most_layers

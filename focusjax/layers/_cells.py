@@ -8,6 +8,8 @@ From the highest bit down:
 
 A line is a dx + b dy + c / 2 >= 0 for offsets (dx, dy), in samples, from the sample's centre. The larger of
 |a| and |b| is 7; four bits each hold a + 8 and b + 8, five hold c + 16. A whole square has a = b = 0, c = 15.
+
+A word of 0 holds nothing: its largest disparity is 0, which no ray meets.
 """
 
 import functools
@@ -20,8 +22,6 @@ STEPS = (1 << 13) - 2
 """Steps from infinity to the nearest disparity of all."""
 BELOW_MOST = (1 << 19) - 1
 """The bits of a word below its largest disparity."""
-EMPTY = 0
-"""Packed sample that holds nothing: its largest disparity is 0, which no ray meets."""
 WHOLE = (8 << 9) | (8 << 5) | 31
 """Line of a sample whose square is covered whole."""
 _SLOPES = 7

@@ -163,7 +163,7 @@ def tile_edge(rays: int) -> int:
     return edge
 
 
-def z_order(column: _Whole, row: _Whole, bits: int = 16) -> _Whole:
+def z_order(column: _Whole, row: _Whole, *, bits: int = 16) -> _Whole:
     """Position of each pixel along the Z-order (Morton) curve, of `bits` of its column and row."""
     out = 0 * column
     for bit in range(bits):

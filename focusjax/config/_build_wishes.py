@@ -12,9 +12,8 @@ from jaxtyping import Bool
 
 from focusjax.config._build import faces_of, located
 from focusjax.config._errors import ConfigError
-from focusjax.config._focal_surface import ControlPointTable
 from focusjax.config._load import Config
-from focusjax.config._wishes import FocusTable
+from focusjax.config._wishes import FocusTable, PlaceTable
 from focusjax.focus import (
     AtInfinity,
     AtLeast,
@@ -169,9 +168,7 @@ def _diameter(table: FocusTable, kind: str) -> Diameter | None:
     return None
 
 
-def place_of(
-    table: FocusTable | ControlPointTable, key: str, scene: Scene, config: Config, samples: int | None
-) -> Attachment:
+def place_of(table: PlaceTable, key: str, scene: Scene, config: Config, samples: int | None) -> Attachment:
     """The place that a table names.
 
     Args:

@@ -4,33 +4,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field, Strict, model_validator
 
-from focusjax.config._values import NotNegative, Number, Positive, Table, Vector
+from focusjax.config._values import NotNegative, Number, Positive, Table
+from focusjax.config._wishes import PlaceTable
 
-Exponent = Annotated[float, Field(ge=0.5, le=4)]
+Exponent = Annotated[float, Field(ge=0.5, le=4, description="an exponent of the distance from 0.5 to 4")]
 
 
-class ControlPointTable(Table):
+class ControlPointTable(PlaceTable):
     """`[[lens.focal_surface.points]]`: a place that the surface passes, at a wished blur."""
 
-    name: str = Field(default="", description="a name for error messages")
-    pixel: Annotated[tuple[Number, Number], Strict(False)] | None = Field(
-        default=None, description="a place [x, y] in the picture, in pixels from the top left"
-    )
-    point: Vector | None = Field(default=None, description="a point [x, y, z] in the world, in metres")
-    direction: Vector | None = Field(
-        default=None, description="a direction [x, y, z] from the camera, for something infinitely far away"
-    )
-    triangle: Annotated[int, Field(ge=0)] | None = Field(
-        default=None,
-        description="a triangle's number, counted in the whole scene, or in `object` when that is given",
-    )
-    barycentric: Vector | None = Field(
-        default=None, description="three weights of the triangle's corners, for example [0.2, 0.3, 0.5]"
-    )
-    object: str | None = Field(default=None, description="the name of an object in the scene")
-    mask: str | None = Field(
-        default=None, description="an image file of the picture's size, white on what is meant"
-    )
+    name: str | None = Field(default="", description="a name for error messages")
     blur_px: Number = Field(
         default=0.0,
         description="the blur wished there, positive where the place is to be behind the focus",
@@ -47,24 +30,12 @@ class ControlPointTable(Table):
         default=False, description="true to let the point count in full even when something hides it"
     )
 
-    @model_validator(mode="after")
-    def _one_place(self) -> "ControlPointTable":
-        if (self.triangle is None) != (self.barycentric is None):
-            raise ValueError("needs triangle and barycentric together")
-        whole = self.object if self.triangle is None else None
-        places = (self.pixel, self.point, self.direction, self.triangle, whole, self.mask)
-        if sum(place is not None for place in places) != 1:
-            raise ValueError(
-                "needs exactly one of pixel, point, direction, triangle, object and mask to say where"
-            )
-        return self
-
 
 class InverseDistanceTable(Table):
     """Influence that is felt everywhere."""
 
     kind: Literal["inverse_distance"]
-    exponent: Exponent = Field(default=2.0, description="an exponent of the distance from 0.5 to 4")
+    exponent: Exponent = 2.0
 
 
 class GaussianTable(Table):
@@ -72,7 +43,7 @@ class GaussianTable(Table):
 
     kind: Literal["gaussian"]
     width_px: Positive = Field(description="the standard deviation in pixels")
-    exponent: Exponent = Field(default=2.0, description="an exponent of the distance from 0.5 to 4")
+    exponent: Exponent = 2.0
 
 
 class WendlandTable(Table):
@@ -80,7 +51,7 @@ class WendlandTable(Table):
 
     kind: Literal["wendland"]
     radius_px: Positive = Field(description="the radius in pixels where influence ends")
-    exponent: Exponent = Field(default=2.0, description="an exponent of the distance from 0.5 to 4")
+    exponent: Exponent = 2.0
 
 
 class FocalSurfaceTable(Table):

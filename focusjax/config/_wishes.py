@@ -1,14 +1,17 @@
-"""The focus table of a config."""
+"""The focus table of a config, and the places that it shares with a focal surface."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, Strict, model_validator
 
+from focusjax._words import listed
 from focusjax.config._values import NotNegative, Number, Positive, Table, Vector
 
 
-class FocusTable(Table):
-    """`[[focus]]`: one place in the scene and how sharp or blurred it should be."""
+class PlaceTable(Table):
+    """A table that names a place in one of several ways."""
+
+    ways: ClassVar[tuple[str, ...]] = ("pixel", "point", "direction", "triangle", "object", "mask")
 
     name: str | None = Field(default=None, description="a name for the report")
     pixel: Annotated[tuple[Number, Number], Strict(False)] | None = Field(
@@ -29,6 +32,27 @@ class FocusTable(Table):
     mask: str | None = Field(
         default=None, description="an image file of the picture's size, white on what is meant"
     )
+
+    @property
+    def places(self) -> list[str]:
+        """The keys that say where; `object` with a triangle only says how that is counted."""
+        given = [key for key in self.ways if getattr(self, key) is not None]
+        return given if self.triangle is None else [key for key in given if key != "object"]
+
+    @model_validator(mode="after")
+    def _one_place(self) -> "PlaceTable":
+        if len(self.places) != 1:
+            raise ValueError(f"needs exactly one of {listed(self.ways)} to say where")
+        if (self.triangle is None) != (self.barycentric is None):
+            raise ValueError("needs triangle and barycentric together")
+        return self
+
+
+class FocusTable(PlaceTable):
+    """`[[focus]]`: one place in the scene and how sharp or blurred it should be."""
+
+    ways: ClassVar[tuple[str, ...]] = (*PlaceTable.ways, "depth_m")
+
     depth_m: Annotated[tuple[Positive, Annotated[float, Field(gt=0)]], Strict(False)] | None = Field(
         default=None, description="a depth range [near, far] in metres along the view axis; far may be inf"
     )
@@ -85,17 +109,8 @@ class FocusTable(Table):
     )
 
     @model_validator(mode="after")
-    def _one_place_one_wish(self) -> "FocusTable":
-        by_object = self.object if self.triangle is None else None
-        spread = (by_object, self.mask, self.depth_m)
-        if len(self._places()) != 1:
-            raise ValueError(
-                "needs exactly one of pixel, point, direction, triangle, object, mask and depth_m to say"
-                " where"
-            )
-        if (self.triangle is None) != (self.barycentric is None):
-            raise ValueError("needs triangle and barycentric together")
-        if self.samples is not None and all(place is None for place in spread):
+    def _spread(self) -> "FocusTable":
+        if self.samples is not None and self.place_key not in ("object", "mask", "depth_m"):
             raise ValueError("has samples without an object to spread them on; remove samples")
         if self.depth_m is not None and not self.depth_m[0] < self.depth_m[1]:
             raise ValueError(f"has depth_m = {list(self.depth_m)}; give [near, far] with near below far")
@@ -129,15 +144,6 @@ class FocusTable(Table):
             )
         return self
 
-    def _places(self) -> list[str]:
-        """The keys that say where; `object` with a triangle only says how that is counted."""
-        keys = ["pixel", "point", "direction", "triangle", "mask", "depth_m"]
-        return [
-            key
-            for key in [*keys, *(["object"] if self.triangle is None else [])]
-            if getattr(self, key) is not None
-        ]
-
     def _wishes(self) -> list[str]:
         """The keys that say what is wished."""
         lengths = [
@@ -151,7 +157,7 @@ class FocusTable(Table):
     @property
     def place_key(self) -> str:
         """The key that says where."""
-        return self._places()[0]
+        return self.places[0]
 
     @property
     def wish_key(self) -> str:

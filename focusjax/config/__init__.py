@@ -38,11 +38,11 @@ from focusjax.config._render import RenderTable as RenderTable
 from focusjax.config._scene import ObjectTable as ObjectTable
 from focusjax.config._schema import json_schema as json_schema
 from focusjax.config._schema import schema_text as schema_text
+from focusjax.config._shot import ABERRATIONS as ABERRATIONS
+from focusjax.config._shot import SETTINGS as SETTINGS
 from focusjax.config._shot import ShotTable as ShotTable
 from focusjax.config._shot import TimedControlTable as TimedControlTable
 from focusjax.config._shot import TimedWishTable as TimedWishTable
-from focusjax.config._shot_keys import values_of as values_of
-from focusjax.config._shot_lens import ABERRATIONS as ABERRATIONS
-from focusjax.config._shot_lens import SETTINGS as SETTINGS
+from focusjax.config._shot import values_of as values_of
 from focusjax.config._values import Table as Table
 from focusjax.config._wishes import FocusTable as FocusTable

@@ -1,19 +1,61 @@
-"""The shot table of a config: what changes over the frames of a film."""
+"""The shot table of a config: what changes over the frames of a film, by keyframes."""
 
-from typing import Annotated, Literal
+import itertools
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, Strict, model_validator
 
-from focusjax.config._shot_keys import Key, in_order
-from focusjax.config._shot_lens import FreeTable, LensKey
+from focusjax.config._look import CatsEyesTable, ColourTable, Profile, SeidelTable
+from focusjax.config._solve import Name
 from focusjax.config._values import Millimetres, NotNegative, Number, Positive, Table, Vector
-from focusjax.config._view import Row
+from focusjax.config._view import Movement, Row
 
 FrameCount = Annotated[int, Field(ge=1, le=100_000)]
 
+SETTINGS: dict[str, Name] = {
+    "focus_distance_m": "focus",
+    "f_number": "f_number",
+    "tilt_deg": "tilt",
+    "swing_deg": "swing",
+    "focal_length_mm": "focal_length",
+    "shift_mm": "shift",
+    "rise_mm": "rise",
+}
+"""What a solve calls the keys of `[[shot.lens]]` that it may find values for."""
 
-class CameraKey(Key):
-    """`[[shot.camera]]`: where the camera is in a frame."""
+ABERRATIONS = ("seidel", "power_profile", "colour", "cats_eyes")
+"""The others: what the lens does to the picture beyond focusing."""
+
+
+class Key(Table):
+    """A keyframe."""
+
+    frame: Number = Field(description="the keyframe's frame; the shot's first one is 1")
+
+
+def in_order(keys: tuple[Key, ...], what: str) -> None:
+    """Refuse keyframes that are not in ascending order."""
+    for earlier, later in itertools.pairwise(keys):
+        if not earlier.frame < later.frame:
+            raise ValueError(
+                f"has a keyframe of {what} at frame {later.frame:g} after one at frame {earlier.frame:g}; put"
+                " them in ascending order, each frame once"
+            )
+
+
+def values_of(keys: tuple[Any, ...], name: str) -> dict[float, Any]:
+    """One key's values by frame, of the keyframes that have it."""
+    return {key.frame: value for key in keys if (value := getattr(key, name)) is not None}
+
+
+def ends_in_order(from_frame: float | None, to_frame: float | None) -> None:
+    """Refuse a stretch of frames that ends before it begins."""
+    if from_frame is not None and to_frame is not None and from_frame > to_frame:
+        raise ValueError(f"has from_frame = {from_frame:g} after to_frame = {to_frame:g}; swap the two")
+
+
+class Pose(Table):
+    """Where a camera is, in a keyframe."""
 
     position: Vector | None = Field(default=None, description="the camera's place [x, y, z] in metres")
     look_at: Vector | None = Field(default=None, description="a point [x, y, z] in metres on the view axis")
@@ -23,8 +65,8 @@ class CameraKey(Key):
     focal_length_mm: Millimetres | None = Field(default=None, description="the focal length in mm")
 
 
-class ObjectKey(Key):
-    """A keyframe of `[[shot.objects]]`; what it leaves out is as in `[[scene.objects]]`."""
+class Placement(Table):
+    """Where an object is, in a keyframe; what it leaves out is as in `[[scene.objects]]`."""
 
     translate: Vector | None = Field(default=None, description="a shift [x, y, z] in metres")
     rotate_deg: Vector | Annotated[tuple[Number, Number, Number, Number], Strict(False)] | None = Field(
@@ -32,6 +74,68 @@ class ObjectKey(Key):
         description="degrees about the world's x, then y, then z axis, or an axis and degrees about it",
     )
     scale: Number | Vector | None = Field(default=None, description="one factor, or three for x, y and z")
+
+
+class CameraKey(Pose, Key):
+    """`[[shot.camera]]`: where the camera is in a frame."""
+
+
+class ObjectKey(Placement, Key):
+    """A keyframe of `[[shot.objects]]`; what it leaves out is as in `[[scene.objects]]`."""
+
+
+class LensKey(Key):
+    """`[[shot.lens]]`: the lens in a frame; what a keyframe leaves out follows from those around it."""
+
+    f_number: Positive | None = Field(default=None, description="the f-number, for example 2.8")
+    focus_distance_m: Annotated[float, Field(gt=0)] | None = Field(
+        default=None, description="the focus distance in metres, for example 2.5, or inf"
+    )
+    tilt_deg: Movement | None = Field(default=None, description="the lens's tilt in degrees, up to 45")
+    swing_deg: Movement | None = Field(default=None, description="the lens's swing in degrees, up to 45")
+    focal_length_mm: Millimetres | None = Field(default=None, description="the focal length in mm")
+    shift_mm: Number | None = Field(default=None, description="how far in mm the lens slides to the right")
+    rise_mm: Number | None = Field(default=None, description="how far in mm the lens slides up")
+    seidel: SeidelTable | None = Field(default=None, description="third-order aberrations, as [lens.seidel]")
+    power_profile: Profile | None = Field(
+        default=None, description="dioptres by which zones focus nearer, as lens.power_profile"
+    )
+    colour: ColourTable | None = Field(default=None, description="differences of colours, as [lens.colour]")
+    cats_eyes: CatsEyesTable | None = Field(default=None, description="cat's eyes, as [lens.cats_eyes]")
+
+    @model_validator(mode="after")
+    def _says_something(self) -> "LensKey":
+        if not self.model_fields_set - {"frame"}:
+            raise ValueError(
+                f"has nothing at frame {self.frame:g}; give a setting such as focus_distance_m = 2"
+            )
+        return self
+
+
+class FreeTable(Table):
+    """`[[shot.free]]`: the frames in which a setting of `solve.free` is solved for."""
+
+    name: Name = Field(description="the name of a setting in solve.free")
+    from_frame: Number | None = Field(default=None, description="the first frame in which it is free")
+    to_frame: Number | None = Field(default=None, description="the last frame in which it is free")
+
+    def has(self, frame: float) -> bool:
+        """Whether the setting is free in a frame."""
+        after = self.from_frame is None or frame >= self.from_frame
+        return after and (self.to_frame is None or frame <= self.to_frame)
+
+    @property
+    def frames(self) -> str:
+        """The frames in words."""
+        ends = ("from", self.from_frame), ("to", self.to_frame)
+        return (
+            " ".join(f"{word} frame {frame:g}" for word, frame in ends if frame is not None) or "everywhere"
+        )
+
+    @model_validator(mode="after")
+    def _in_order(self) -> "FreeTable":
+        ends_in_order(self.from_frame, self.to_frame)
+        return self
 
 
 class MovingObjectTable(Table):
@@ -86,10 +190,7 @@ class TimedWishTable(Table):
     @model_validator(mode="after")
     def _in_order(self) -> "TimedWishTable":
         in_order(self.keys, repr(self.name))
-        if self.from_frame is not None and self.to_frame is not None and self.from_frame > self.to_frame:
-            raise ValueError(
-                f"has from_frame = {self.from_frame:g} after to_frame = {self.to_frame:g}; swap the two"
-            )
+        ends_in_order(self.from_frame, self.to_frame)
         return self
 
 

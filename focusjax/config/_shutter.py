@@ -5,42 +5,22 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, Strict, model_validator
 
-from focusjax.config._values import (
-    Millimetres,
-    NotNegative,
-    Number,
-    Positive,
-    Share,
-    Table,
-    Time,
-    Vector,
-    seconds_of,
-)
-from focusjax.config._view import Row
+from focusjax.config._shot import Placement, Pose
+from focusjax.config._values import NotNegative, Positive, Share, Table, Time, seconds_of
 
 
-class ShutterCameraKey(Table):
+class Moment(Table):
+    """A keyframe within the shutter's time."""
+
+    at: Share = Field(description="when: 0 as the shutter opens, 1 as it closes")
+
+
+class ShutterCameraKey(Pose, Moment):
     """`[[shutter.camera]]`: where the camera of a still is at a time while its shutter is open."""
 
-    at: Share = Field(description="when: 0 as the shutter opens, 1 as it closes")
-    position: Vector | None = Field(default=None, description="the camera's place [x, y, z] in metres")
-    look_at: Vector | None = Field(default=None, description="a point [x, y, z] in metres on the view axis")
-    matrix: Annotated[tuple[Row, Row, Row, Row], Strict(False)] | None = Field(
-        default=None, description="the camera's pose as 4 rows of 4 numbers (world from camera, metres)"
-    )
-    focal_length_mm: Millimetres | None = Field(default=None, description="the focal length in mm")
 
-
-class ShutterObjectKey(Table):
+class ShutterObjectKey(Placement, Moment):
     """A keyframe of `[[shutter.objects]]`; what it leaves out is as in `[[scene.objects]]`."""
-
-    at: Share = Field(description="when: 0 as the shutter opens, 1 as it closes")
-    translate: Vector | None = Field(default=None, description="a shift [x, y, z] in metres")
-    rotate_deg: Vector | Annotated[tuple[Number, Number, Number, Number], Strict(False)] | None = Field(
-        default=None,
-        description="degrees about the world's x, then y, then z axis, or an axis and degrees about it",
-    )
-    scale: Number | Vector | None = Field(default=None, description="one factor, or three for x, y and z")
 
 
 class ShutterObjectTable(Table):

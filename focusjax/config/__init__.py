@@ -3,6 +3,7 @@
 from focusjax.config._build import build_camera as build_camera
 from focusjax.config._build import build_lens as build_lens
 from focusjax.config._build import build_objects as build_objects
+from focusjax.config._build import build_photo as build_photo
 from focusjax.config._build import build_scene as build_scene
 from focusjax.config._build import build_stored_scene as build_stored_scene
 from focusjax.config._build_exposure import build_balance as build_balance
@@ -10,7 +11,6 @@ from focusjax.config._build_exposure import build_choices as build_choices
 from focusjax.config._build_exposure import build_film as build_film
 from focusjax.config._build_exposure import build_zones as build_zones
 from focusjax.config._build_look import build_look as build_look
-from focusjax.config._build_photo import build_photo as build_photo
 from focusjax.config._build_real import build_real_lens as build_real_lens
 from focusjax.config._build_real import widest_real as widest_real
 from focusjax.config._build_surface import build_control_points as build_control_points

@@ -9,7 +9,6 @@ import numpy as np
 
 from focusjax._kept import kept
 from focusjax.config._build_look import build_aperture
-from focusjax.config._build_photo import build_photo
 from focusjax.config._errors import ConfigError
 from focusjax.config._load import Config
 from focusjax.config._scene import (
@@ -29,6 +28,7 @@ from focusjax.lens import (
     thin_lens,
     tilt_shift_lens,
 )
+from focusjax.photo import Photo, load_photo
 from focusjax.scene import (
     AbstractBackground,
     AbstractLight,
@@ -112,6 +112,22 @@ def build_scene(config: Config, objects: Sequence[SceneObject] | None = None) ->
         )
     except ValueError as error:
         raise located(error, config) from error
+
+
+def build_photo(config: Config) -> Photo:
+    """The photograph of `[scene.photo]` with its depth.
+
+    Raises:
+        ConfigError: a file that cannot be used, or a unit or focal length that is missing.
+    """
+    table = config.scene.photo
+    assert table is not None
+    settings = table.model_dump(exclude={"file", "depth", "widest_f_number"})
+    try:
+        depth = None if table.depth is None else config.reach.file(table.depth, "scene.photo.depth")
+        return load_photo(config.reach.file(table.file, "scene.photo.file"), depth=depth, **settings)
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
 
 
 def build_camera(config: Config) -> Camera:

@@ -6,8 +6,7 @@ import numpy as np
 
 from focusjax.config._errors import ConfigError
 from focusjax.config._load import Config
-from focusjax.config._look import ColourTable, SeidelTable
-from focusjax.config._opening import ImageTable, PolygonTable
+from focusjax.config._look import ColourTable, ImageTable, PolygonTable, SeidelTable
 from focusjax.geometry import Camera
 from focusjax.lens import (
     AberratedLens,

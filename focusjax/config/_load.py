@@ -10,15 +10,13 @@ from typing import Annotated, Any
 from pydantic import Field, PrivateAttr, Strict, ValidationError, model_validator
 
 from focusjax._words import nearest_name
-from focusjax.config._camera_of_file import with_camera_of_file
 from focusjax.config._errors import ConfigError, key_path, sentence_for
 from focusjax.config._exposure import ExposureTable, FilmTable
-from focusjax.config._photo_camera import with_camera_of_photo
+from focusjax.config._left_to_files import with_camera_of_file, with_camera_of_photo, with_shot_of_file
 from focusjax.config._reach import Reach, texts
 from focusjax.config._render import RenderTable
 from focusjax.config._scene import SceneTable
 from focusjax.config._shot import ShotTable
-from focusjax.config._shot_of_file import with_shot_of_file
 from focusjax.config._shutter import ShutterTable
 from focusjax.config._solve import SolveTable
 from focusjax.config._values import Table

@@ -8,8 +8,7 @@ from pydantic import Field, Strict, field_validator, model_validator
 from focusjax.config._focal_surface import FocalSurfaceTable
 from focusjax.config._glass import ElementTable
 from focusjax.config._height_field import HeightFieldTable
-from focusjax.config._look import Look
-from focusjax.config._opening import DiskTable, ImageTable, PolygonTable
+from focusjax.config._look import DiskTable, ImageTable, Look, PolygonTable
 from focusjax.config._values import Millimetres, NotNegative, Number, Positive, Table, Vector
 from focusjax.lens import CloseFocus
 from focusjax.scene import MOST_PIXELS

@@ -18,6 +18,8 @@ from focusjax.config._build_surface import build_focal_surface as build_focal_su
 from focusjax.config._build_wishes import build_focus_points as build_focus_points
 from focusjax.config._build_wishes import build_solve_options as build_solve_options
 from focusjax.config._errors import ConfigError as ConfigError
+from focusjax.config._errors import about_key as about_key
+from focusjax.config._errors import located as located
 from focusjax.config._errors import sentence_for as sentence_for
 from focusjax.config._exposure import ExposureTable as ExposureTable
 from focusjax.config._focal_surface import FocalSurfaceTable as FocalSurfaceTable

@@ -9,7 +9,7 @@ import numpy as np
 
 from focusjax._kept import kept
 from focusjax.config._build_look import build_aperture
-from focusjax.config._errors import ConfigError
+from focusjax.config._errors import ConfigError, about_key, located
 from focusjax.config._load import Config
 from focusjax.config._scene import (
     ConstantTable,
@@ -56,10 +56,8 @@ def build_stored_scene(config: Config) -> StoredScene | None:
         return None
 
     def read() -> StoredScene:
-        try:
+        with located(config.source):
             return read_scene(config.reach.file(name, "scene.file"), within=config.reach.folders(name))
-        except ValueError as error:
-            raise located(error, config) from error
 
     return kept(config, "stored scene", read)
 
@@ -71,10 +69,8 @@ def build_objects(config: Config) -> tuple[SceneObject, ...]:
         ConfigError: a mesh that cannot be used.
     """
     stored = build_stored_scene(config)
-    try:
+    with located(config.source):
         own = tuple(_object(table, number, config) for number, table in enumerate(config.scene.objects))
-    except ValueError as error:
-        raise located(error, config) from error
     return own if stored is None else (*stored.objects, *own)
 
 
@@ -92,7 +88,7 @@ def build_scene(config: Config, objects: Sequence[SceneObject] | None = None) ->
         return photo.scene(f_number=config.widest_f_number * longer)
     loaded = build_objects(config) if objects is None else objects
     stored = build_stored_scene(config)
-    try:
+    with located(config.source):
         lights = [_light(table) for table in config.scene.lights]
         ambient = np.broadcast_to(np.asarray(config.scene.ambient, dtype=float), (3,))
         if stored is not None and not config.scene.unlit:
@@ -110,8 +106,6 @@ def build_scene(config: Config, objects: Sequence[SceneObject] | None = None) ->
             background=_background(config, stored),
             unlit=config.scene.unlit,
         )
-    except ValueError as error:
-        raise located(error, config) from error
 
 
 def build_photo(config: Config) -> Photo:
@@ -147,15 +141,13 @@ def build_camera(config: Config) -> Camera:
         "rise": table.rise_mm / 1000,
         "field_of_view": None if table.field_of_view_deg is None else math.radians(table.field_of_view_deg),
     }
-    try:
+    with located(config.source):
         if table.matrix is not None:
             return make_camera(np.asarray(table.matrix), **size)
         assert table.position is not None
         assert table.look_at is not None
         position, target, up = (np.asarray(v, dtype=float) for v in (table.position, table.look_at, table.up))
         return look_at(position, target, up, **size)
-    except ValueError as error:
-        raise located(error, config) from error
 
 
 def build_lens(config: Config, camera: Camera, *, solved: bool) -> ThinLens | TiltShiftLens:
@@ -171,53 +163,39 @@ def build_lens(config: Config, camera: Camera, *, solved: bool) -> ThinLens | Ti
             the lens can do.
     """
     table = config.lens
-    turned = {"tilt_deg": table.tilt_deg, "swing_deg": table.swing_deg}
-    tilted = [f"lens.{key} is {value:g}" for key, value in turned.items() if value]
+    distance = math.inf if table.focus_distance_m is None else table.focus_distance_m
     if table.sharp_from_m is not None:
         assert table.sharp_to_m is not None
         limits = config.solve.f_number_min, config.solve.f_number_max
-        try:
+        with located(config.source):
             deep = depth_of_field_lens(camera, table.sharp_from_m, table.sharp_to_m, f_number_range=limits)
             return dataclasses.replace(deep, aperture=build_aperture(config))
-        except ValueError as error:
-            raise located(error, config) from error
     if table.focus_distance_m is None and table.focal_surface is None and not solved:
         raise ConfigError(
             f"{config.source}: lens.focus_distance_m is missing; give it, or solve for it with `focusjax run`"
         )
-    if table.close_focus != "ignored":
-        return _close_focus_lens(config, camera)
-    try:
+    with located(config.source):
+        aperture = build_aperture(config)
+        if table.close_focus != "ignored":
+            assert table.f_number is not None
+            return close_focus_lens(
+                camera,
+                table.close_focus,
+                focus_distance=distance,
+                f_number=table.f_number,
+                aperture=aperture,
+            )[1]
         settings = {
-            "focus_distance": math.inf if table.focus_distance_m is None else table.focus_distance_m,
+            "focus_distance": distance,
             "focal_length": float(camera.focal_length),
             "f_number": table.f_number,
             "aperture_radius": None if table.aperture_radius_mm is None else table.aperture_radius_mm / 1000,
-            "aperture": build_aperture(config),
+            "aperture": aperture,
         }
-        if not tilted:
+        if not (table.tilt_deg or table.swing_deg):
             return thin_lens(**settings)
         angles = math.radians(table.tilt_deg), math.radians(table.swing_deg)
         return tilt_shift_lens(tilt=angles[0], swing=angles[1], **settings)
-    except ValueError as error:
-        raise located(error, config) from error
-
-
-def _close_focus_lens(config: Config, camera: Camera) -> ThinLens:
-    """The lens of a config with a model of close focus."""
-    table = config.lens
-    assert table.f_number is not None
-    distance = math.inf if table.focus_distance_m is None else table.focus_distance_m
-    try:
-        return close_focus_lens(
-            camera,
-            table.close_focus,
-            focus_distance=distance,
-            f_number=table.f_number,
-            aperture=build_aperture(config),
-        )[1]
-    except ValueError as error:
-        raise located(error, config) from error
 
 
 def _object(table: ObjectTable, number: int, config: Config) -> SceneObject:
@@ -265,10 +243,8 @@ def _background(config: Config, stored: StoredScene | None) -> AbstractBackgroun
     if isinstance(background, GradientTable):
         return gradient_background(background.bottom, background.horizon, background.top)
     path = config.reach.file(background.file, "scene.background.file")
-    try:
+    with about_key("scene.background"):
         return image_background(path, gain=background.gain, turn=background.turn_deg)
-    except ValueError as error:
-        raise ValueError(f"scene.background: {error}") from error
 
 
 def faces_of(scene: Scene, name: str, key: str) -> range:
@@ -277,12 +253,5 @@ def faces_of(scene: Scene, name: str, key: str) -> range:
     Raises:
         ValueError: there is no such object; the message names the key, and the nearest name.
     """
-    try:
+    with about_key(key):
         return scene.face_range(name)
-    except ValueError as error:
-        raise ValueError(f"{key}: {error}") from None
-
-
-def located(error: ValueError, config: Config) -> ConfigError:
-    """The same sentence, with the file it is about."""
-    return ConfigError(f"{config.source}: {error}")

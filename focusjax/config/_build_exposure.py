@@ -5,8 +5,7 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from focusjax.config._build import located
-from focusjax.config._errors import ConfigError
+from focusjax.config._errors import ConfigError, located
 from focusjax.config._exposure import ExposureTable
 from focusjax.config._load import Config
 from focusjax.film import (
@@ -32,7 +31,7 @@ def build_film(config: Config) -> AbstractFilm:
     table = config.film
     if table is None:
         return sensor()
-    try:
+    with located(config.source):
         if table.is_sensor:
             noise = {} if table.noise is None else dict(table.noise)
             return sensor(**noise)
@@ -45,8 +44,6 @@ def build_film(config: Config) -> AbstractFilm:
             rms_granularity=table.rms_granularity,
             sensitivity=LUMINANCE if table.black_and_white else None,
         )
-    except ValueError as error:
-        raise located(error, config) from error
 
 
 def build_balance(config: Config, image: Float[Array, "h w 3"] | None) -> Float[Array, "3"] | None:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from focusjax.config._errors import ConfigError
+from focusjax.config._errors import about_key, located
 from focusjax.config._load import Config
 from focusjax.config._look import ColourTable, ImageTable, PolygonTable, SeidelTable
 from focusjax.geometry import Camera
@@ -71,7 +71,7 @@ def build_look(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLe
         ConfigError: a lens that is closed, for what needs an opening.
     """
     table = config.lens
-    try:
+    with located(config.source):
         made = lens
         if table.profile is not None:
             made = _profiled(config, camera, lens)
@@ -106,8 +106,6 @@ def build_look(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLe
                 camera, heights, table.falloff.shares, extrapolate=table.falloff.extrapolate
             )
             made = DarkenedLens(made, darker)
-    except ValueError as error:
-        raise ConfigError(f"{config.source}: {error}") from error
     return made
 
 
@@ -119,10 +117,8 @@ def _focus_offsets(table: ColourTable, camera: Camera) -> tuple[float, ...]:
     """
     if table.glass is None:
         return table.focus_offset
-    try:
+    with about_key("lens.colour.glass"):
         return thin_lens_dispersion(table.glass.made(find_glass), float(camera.focal_length))
-    except ValueError as error:
-        raise ValueError(f"lens.colour.glass: {error}") from error
 
 
 def _profiled(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLens:
@@ -133,7 +129,7 @@ def _profiled(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLen
     """
     table = config.lens.profile
     assert table is not None
-    try:
+    with about_key("lens.profile"):
         if table.file is None:
             assert table.name is not None
             profile = lens_profile(table.name)
@@ -155,8 +151,6 @@ def _profiled(config: Config, camera: Camera, lens: AbstractLens) -> AbstractLen
         if darkens and own:
             raise ValueError(f"has vignetting of its own, and so has lens.{own[0]}; leave that out")
         return profiled_lens(lens, profile, camera, colour=table.colour, extrapolate=table.extrapolate)
-    except ValueError as error:
-        raise ValueError(f"lens.profile: {error}") from error
 
 
 def _seidel(table: SeidelTable, camera: Camera, lens: AbstractLens) -> Seidel:

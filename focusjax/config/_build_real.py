@@ -4,8 +4,7 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from focusjax.config._build import located
-from focusjax.config._errors import ConfigError
+from focusjax.config._errors import about_key, located
 from focusjax.config._height_field import height_lens
 from focusjax.config._load import Config
 from focusjax.geometry import Camera
@@ -83,12 +82,11 @@ def widest_real(config: Config) -> float | None:
 @contextlib.contextmanager
 def _refusals(config: Config) -> Iterator[None]:
     """What a lens refuses, as errors of the config."""
-    try:
-        yield
-    except LensFileError as error:
-        raise ConfigError(f"{config.source}: lens.prescription: {error}") from error
-    except ValueError as error:
-        raise located(error, config) from error
+    with located(config.source):
+        try:
+            yield
+        except LensFileError as error:
+            raise ValueError(f"lens.prescription: {error}") from error
 
 
 def _whole(config: Config) -> Prescription:
@@ -103,7 +101,7 @@ def _whole(config: Config) -> Prescription:
     if table is None:
         assert lens is not None
         return lens
-    try:
+    with about_key("lens.height_field"):
         front = config.reach.file(table.file, "file")
         back = None if table.back_file is None else config.reach.file(table.back_file, "back_file")
         plate = height_lens(table, front, back)
@@ -111,8 +109,6 @@ def _whole(config: Config) -> Prescription:
             return plate
         assert table.ahead_mm is not None
         return put_ahead(plate, lens, table.ahead_mm)
-    except ValueError as error:
-        raise ValueError(f"lens.height_field: {error}") from error
 
 
 def _prescription(config: Config, name: str) -> Prescription:
@@ -133,8 +129,6 @@ def _prescription(config: Config, name: str) -> Prescription:
             raise ValueError(f"lens.prescription: {error} Or give a lens file ({files})") from error
     find = glass_finder(glass)
     for number, table in enumerate(config.lens.elements):
-        try:
+        with about_key(f"lens.elements.{number}"):
             lens = with_element(lens, table.element, table.glass.made(find))
-        except ValueError as error:
-            raise ValueError(f"lens.elements.{number}: {error}") from error
     return lens

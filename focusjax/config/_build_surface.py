@@ -4,9 +4,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from focusjax.config._build import located
 from focusjax.config._build_wishes import place_of
-from focusjax.config._errors import ConfigError
+from focusjax.config._errors import ConfigError, located
 from focusjax.config._focal_surface import ControlPointTable, GaussianTable, WendlandTable
 from focusjax.config._load import Config
 from focusjax.focus import Blur, FocusPoint, ImagePoints
@@ -37,12 +36,10 @@ def build_control_points(config: Config, scene: Scene, *, samples: int = 1) -> t
     table = config.lens.focal_surface
     if table is None:
         raise ConfigError(f"{config.source}: there is no [lens.focal_surface] table; add one")
-    try:
+    with located(config.source):
         return tuple(
             _control_point(point, number, scene, config, samples) for number, point in enumerate(table.points)
         )
-    except ValueError as error:
-        raise located(error, config) from error
 
 
 def build_focal_surface(

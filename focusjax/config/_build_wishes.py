@@ -10,8 +10,8 @@ import jax
 import numpy as np
 from jaxtyping import Bool
 
-from focusjax.config._build import faces_of, located
-from focusjax.config._errors import ConfigError
+from focusjax.config._build import faces_of
+from focusjax.config._errors import ConfigError, located
 from focusjax.config._load import Config
 from focusjax.config._wishes import FocusTable, PlaceTable
 from focusjax.focus import (
@@ -53,10 +53,8 @@ def build_focus_points(config: Config, scene: Scene) -> tuple[FocusPoint, ...]:
             " sharp = true, or take its settings as they are: `focusjax render` makes the picture without"
             " a solve"
         )
-    try:
+    with located(config.source):
         return tuple(_focus_point(table, number, scene, config) for number, table in enumerate(config.focus))
-    except ValueError as error:
-        raise located(error, config) from error
 
 
 def build_solve_options(config: Config) -> dict[str, Any]:

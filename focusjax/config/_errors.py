@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, get_args
 
@@ -32,6 +33,26 @@ _EXPECTED = {
 
 class ConfigError(ValueError):
     """A config file, or an override of one of its keys, cannot be used as it is."""
+
+
+@contextmanager
+def located(source: Path, key: str = "") -> Iterator[None]:
+    """A `ValueError` inside becomes a `ConfigError` that names the file, and the key where one is given."""
+    try:
+        yield
+    except ConfigError:
+        raise
+    except ValueError as error:
+        raise ConfigError(f"{source}: {key}: {error}" if key else f"{source}: {error}") from error
+
+
+@contextmanager
+def about_key(key: str) -> Iterator[None]:
+    """A `ValueError` inside names the key."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{key}: {error}") from error
 
 
 def sentence_for(error: ValidationError, model: type[BaseModel], source: Path) -> str:

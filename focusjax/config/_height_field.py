@@ -7,6 +7,7 @@ from jaxtyping import Float
 from PIL import Image
 from pydantic import Field
 
+from focusjax.config._errors import about_key
 from focusjax.config._glass import GlassTable
 from focusjax.config._values import NotNegative, Number, Positive, Table
 from focusjax.optics import Prescription, find_glass, height_field, height_field_lens
@@ -101,13 +102,11 @@ def height_lens(table: HeightFieldTable, front: Path, back: Path | None) -> Pres
         if path is None:
             continue
         picture, step = read_heights(path)
-        try:
+        with about_key(str(path)):
             side = height_field(
                 picture, width=table.width_mm, scale=table.scale_mm, towards=towards, step=step
             )
             sides.append(side)
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from error
     return height_field_lens(
         *sides,
         thickness=table.thickness_mm,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from focusjax.config._errors import ConfigError
+from focusjax.config._errors import ConfigError, located
 from focusjax.config._reach import Reach
 from focusjax.config._scene import PhotoTable
 from focusjax.photo import photo_camera
@@ -37,11 +37,9 @@ def with_camera_of_file(data: dict[str, Any], reach: Reach) -> dict[str, Any]:
                 " from; give scene.file or camera.file"
             )
         return data
-    try:
+    with located(reach.source):
         path = reach.file(name, _camera_file_key(data))
         found = read_camera(path, camera.get("from"), within=reach.folders(name))
-    except ValueError as error:
-        raise ConfigError(f"{reach.source}: {error}") from error
     return {**data, "camera": {**_camera(found, camera), **camera}, "lens": {**_lens(found, lens), **lens}}
 
 
@@ -176,11 +174,9 @@ def with_shot_of_file(filled: dict[str, Any], given: dict[str, Any], reach: Reac
     if not isinstance(shot, dict) or name is None or not Path(name).suffix.lower().startswith(".usd"):
         return filled
     camera, lens = given.get("camera", {}), given.get("lens", {})
-    try:
+    with located(reach.source):
         path = reach.file(name, _camera_file_key(given))
         found = read_camera_frames(path, camera.get("from"), within=reach.folders(name))
-    except ValueError as error:
-        raise ConfigError(f"{reach.source}: {error}") from error
     if len(found.cameras) == 1:
         return filled
     more: dict[str, Any] = {"frames": len(found.cameras), "fps": found.fps}

@@ -16,6 +16,7 @@ from focusjax.config import (
     build_camera,
     build_objects,
     build_scene,
+    located,
 )
 from focusjax.geometry import Camera
 from focusjax.job._layers import LayerSettings, make_layers
@@ -117,17 +118,11 @@ def build_moving(config: Config, scene: Scene) -> Moving | None:
     shutter = build_shutter(config)
     if config.render.method == "post":
         refuse_uneven(config, shutter)
-    try:
-        world: MovingWorld = StillWorld(scene)
-        if table.objects:
-            world = _moving_objects(config)
+    with located(config.source, "shutter"):
+        world = _moving_objects(config) if table.objects else StillWorld(scene)
         camera_at = _camera_path(config)
         frame = 1.0 - shutter.begin / shutter.open_time
         camera_at(frame)
-    except ConfigError:
-        raise
-    except ValueError as error:
-        raise ConfigError(f"{config.source}: shutter: {error}") from error
     turn = math.radians(table.turn_deg)
     return Moving(world, camera_at, shutter, frame, turn, table.step_px, table.most_spans)
 
@@ -212,7 +207,7 @@ def build_shutter(config: Config) -> Shutter:
     table, seconds = config.shutter, config.shutter_seconds
     assert table is not None
     assert seconds is not None
-    try:
+    with located(config.source, "shutter"):
         return make_shutter(
             seconds,
             ramp=table.ramp,
@@ -221,8 +216,6 @@ def build_shutter(config: Config) -> Shutter:
             direction=table.direction,
             align=table.align,
         )
-    except ValueError as error:
-        raise ConfigError(f"{config.source}: shutter: {error}") from error
 
 
 def refuse_uneven(config: Config, shutter: Shutter) -> None:

@@ -7,12 +7,12 @@ from jaxtyping import Array, Float
 
 from focusjax.config import (
     Config,
-    ConfigError,
     ExposureTable,
     build_balance,
     build_choices,
     build_film,
     build_zones,
+    located,
 )
 from focusjax.film import (
     WIDEST_F_NUMBER,
@@ -195,7 +195,7 @@ def take_photograph(
     if development is None:
         return None
     metered, chosen = None, None
-    try:
+    with located(config.source, "exposure"):
         settings = development.settings(camera, lens)
         if config.exposure is not None and config.exposure.free:
             assert settings is not None
@@ -204,8 +204,6 @@ def take_photograph(
                 metered = metered_radiance(config.exposure, development.balance, image)
             chosen = choose_settings(metered, settings, **build_choices(config.exposure))
             settings = chosen.settings
-    except ValueError as error:
-        raise ConfigError(f"{config.source}: exposure: {error}") from error
     shown, sharp = (development.shown(each, camera, settings) for each in (image, pinhole))
     white = float(np.mean(np.asarray(shown) >= _WHITE))
     luminance = None if config.exposure is None else config.exposure.luminance

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from focusjax.config import Config, ConfigError, build_balance, build_choices
+from focusjax.config import Config, ConfigError, build_balance, build_choices, located
 from focusjax.film import CameraSettings, camera_settings
 from focusjax.focus import ImagePoints
 from focusjax.geometry import Camera
@@ -25,10 +25,8 @@ def metered_before(config: Config, scene: Scene, camera: Camera) -> float:
     assert config.exposure is not None
     layers = peel(scene, camera, closed_lens(), supersampling=1, max_layers=config.render.max_layers)
     view = render_pinhole(layers)
-    try:
+    with located(config.source, "exposure"):
         return metered_radiance(config.exposure, build_balance(config, view), view)
-    except ValueError as error:
-        raise ConfigError(f"{config.source}: exposure: {error}") from error
 
 
 def weighed_solution(

@@ -24,6 +24,7 @@ from focusjax.config import (
     build_scene,
     build_solve_options,
     build_stored_scene,
+    located,
     values_of,
 )
 from focusjax.focus import FocusPoint, ImagePoints
@@ -69,7 +70,7 @@ def build_shot(config: Config, scene: MovingScene | None = None) -> Shot:
     of_lens = config.lens.focal_surface is None
     options = build_solve_options(config) if solving and of_lens else {"close_focus": config.lens.close_focus}
     _warn_of_keys_outside(config, table)
-    try:
+    with located(config.source, "shot"):
         if scene is None:
             scene = MovingScene(still, objects, _motions(config, table, objects))
         track = LensTrack(config, table)
@@ -93,8 +94,6 @@ def build_shot(config: Config, scene: MovingScene | None = None) -> Shot:
             look=partial(_look, track) if keyed_look else None,
             camera_at=camera_at,
         )
-    except ValueError as error:
-        raise ConfigError(f"{config.source}: shot: {error}") from error
 
 
 def _look(track: LensTrack, frame: int, camera: Camera, lens: AbstractLens) -> AbstractLens:

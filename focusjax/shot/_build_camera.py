@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from focusjax.config import Config, ShotTable, values_of
+from focusjax.config import Config, ShotTable, about_key, values_of
 from focusjax.geometry import Camera
 from focusjax.motion import Keyframes, MovingScene, Path, keyframes, moving_camera, pose_path
 from focusjax.shot._lens_track import LensTrack
@@ -75,10 +75,8 @@ def _kept_point(
     if not isinstance(which, str):
         return _Fixed(np.asarray(which, dtype=float))
     still = scene.at(1)
-    try:
+    with about_key("keep_size_of"):
         faces = still.face_range(which)
-    except ValueError as error:
-        raise ValueError(f"keep_size_of: {error}") from None
     return _Middle(scene, np.unique(still.faces[faces.start : faces.stop]))
 
 

@@ -47,4 +47,5 @@ from focusjax.config._shot import TimedControlTable as TimedControlTable
 from focusjax.config._shot import TimedWishTable as TimedWishTable
 from focusjax.config._shot import values_of as values_of
 from focusjax.config._values import Table as Table
+from focusjax.config._view import CameraTable as CameraTable
 from focusjax.config._wishes import FocusTable as FocusTable

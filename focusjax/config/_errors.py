@@ -117,7 +117,7 @@ def _resolve(
         if found:
             siblings = [name for m in models for name in _fields(m)]
             field = found[0]
-            models = [inner for each in found for inner in _models_in(each.annotation)]
+            models = [inner for each in found for inner in models_in(each.annotation)]
             written.append(step)
         elif isinstance(step, int):
             written.append(step)
@@ -135,11 +135,11 @@ def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
     return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+def models_in(annotation: Any) -> list[type[BaseModel]]:
+    """The models of tables that a field may hold, in their order."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for argument in get_args(annotation):
-        yield from _models_in(argument)
+        return [annotation]
+    return [model for argument in get_args(annotation) for model in models_in(argument)]
 
 
 def _tags(model: type[BaseModel]) -> set[str]:

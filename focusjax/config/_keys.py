@@ -12,7 +12,7 @@ from pydantic import BaseModel, BeforeValidator
 from pydantic.fields import FieldInfo
 
 from focusjax._words import did_you_mean
-from focusjax.config._errors import ConfigError
+from focusjax.config._errors import ConfigError, models_in
 from focusjax.config._load import Config
 from focusjax.config._values import seconds_of
 
@@ -128,7 +128,7 @@ def _keys_of(model: type[BaseModel], table: str, heading: str, variant: str) -> 
     for python_name, field in model.model_fields.items():
         # `from` is none that Python can name.
         name = field.alias or python_name
-        if _models_of(field.annotation):
+        if models_in(field.annotation):
             inner.append((name, field))
         yield ConfigKey(
             table=table,
@@ -144,17 +144,11 @@ def _keys_of(model: type[BaseModel], table: str, heading: str, variant: str) -> 
         )
     for name, field in inner:
         path = f"{table}.{name}" if table else name
-        models = _models_of(field.annotation)
+        models = models_in(field.annotation)
         several = _holds(field.annotation, tuple)
         for each in models:
             kind = _variant(each) if len(models) > 1 else ""
             yield from _keys_of(each, path, f"[[{path}]]" if several else f"[{path}]", kind)
-
-
-def _models_of(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for argument in get_args(annotation) for model in _models_of(argument)]
 
 
 def _holds(annotation: Any, kind: type) -> bool:
@@ -217,7 +211,7 @@ def _number(value: Any) -> str:
 
 def _unit(name: str, field: FieldInfo) -> str:
     kinds = _type_text(field.annotation, field.metadata)
-    if "number" not in kinds or _models_of(field.annotation):
+    if "number" not in kinds or models_in(field.annotation):
         return ""
     for ending, unit in _ENDINGS.items():
         if name.endswith(ending):

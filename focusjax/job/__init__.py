@@ -15,10 +15,12 @@ from focusjax.job._guessed import Guessed as Guessed
 from focusjax.job._layers import left_out_sentence as left_out_sentence
 from focusjax.job._layers import make_layers as make_layers
 from focusjax.job._layers import room_for_more as room_for_more
+from focusjax.job._moving import MotionSettings as MotionSettings
 from focusjax.job._moving import blurred_view as blurred_view
-from focusjax.job._moving import build_shutter as build_shutter
+from focusjax.job._moving import build_motion as build_motion
+from focusjax.job._moving import camera_between as camera_between
 from focusjax.job._moving import keyed_transforms as keyed_transforms
-from focusjax.job._moving import refuse_uneven as refuse_uneven
+from focusjax.job._moving import render_open as render_open
 from focusjax.job._photograph import Development as Development
 from focusjax.job._photograph import Photograph as Photograph
 from focusjax.job._photograph import find_development as find_development

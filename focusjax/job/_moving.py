@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from focusjax.config import (
+    CameraTable,
     Config,
     ConfigError,
     ObjectTable,
-    RenderTable,
     build_camera,
     build_objects,
     build_scene,
@@ -23,6 +23,7 @@ from focusjax.job._layers import LayerSettings, make_layers
 from focusjax.layers import Extent, Layers
 from focusjax.lens import AbstractLens
 from focusjax.motion import (
+    Keyframes,
     Motion,
     MovingScene,
     Path,
@@ -48,58 +49,71 @@ from focusjax.shutter import (
 
 
 @dataclasses.dataclass(frozen=True)
+class MotionSettings:
+    """The shutter, and how carefully what moves is followed; see `render_moving`.
+
+    Attributes:
+        shutter: when it is open.
+        fps: frames per second.
+        turn: radians.
+        step_px: pixels.
+        most_spans: a number.
+    """
+
+    shutter: Shutter
+    fps: float
+    turn: float = 0.2
+    step_px: float = 1.0
+    most_spans: int = 64
+
+
+@dataclasses.dataclass(frozen=True)
 class Moving:
     """What a still's camera and scene do while the shutter is open, from time 1 to time 2.
 
     Attributes:
         world: what moves.
         camera_at: the camera over time.
-        shutter: when it is open.
+        motion: when the shutter is open, a unit of time being as long.
         frame: the instant of the picture.
-        turn: as for `render_moving`.
-        step_px: as for `render_moving`.
-        most_spans: as for `render_moving`.
     """
 
     world: MovingWorld
     camera_at: Path
-    shutter: Shutter
+    motion: MotionSettings
     frame: float
-    turn: float
-    step_px: float
-    most_spans: int
-
-    @property
-    def fps(self) -> float:
-        """Units of time per second."""
-        return 1.0 / self.shutter.open_time
 
     def with_camera(self, camera: Camera, *, breathes: bool = False) -> "Moving":
         """The same with what was solved for of the camera; `breathes` is as for `solved_path`."""
         path = solved_path(self.camera_at, self.frame, camera, breathes=breathes)
         return dataclasses.replace(self, camera_at=path)
 
-    def render(self, table: RenderTable, lens: AbstractLens, rays: int) -> MovingPicture:
-        """The picture through a lens."""
 
-        def layers(scene: Scene, camera: Camera, lens: AbstractLens, like: Extent | None) -> Layers:
-            return make_layers(table, scene, camera, lens, like)
+def render_open(
+    settings: LayerSettings,
+    world: MovingWorld,
+    camera_at: Callable[[float], Camera],
+    lens: AbstractLens,
+    motion: MotionSettings,
+    **options: Any,
+) -> MovingPicture:
+    """`render_moving` with layers as `settings` has them; `options` are its other arguments."""
 
-        return render_moving(
-            self.world,
-            self.camera_at,
-            lens,
-            self.shutter,
-            frame=self.frame,
-            fps=self.fps,
-            rays=rays,
-            smooth=table.smooth,
-            seed=table.seed,
-            turn=self.turn,
-            step_px=self.step_px,
-            most_spans=self.most_spans,
-            make=layers,
-        )
+    def layers(scene: Scene, camera: Camera, lens: AbstractLens, like: Extent | None) -> Layers:
+        return make_layers(settings, scene, camera, lens, like)
+
+    return render_moving(
+        world,
+        camera_at,
+        lens,
+        motion.shutter,
+        fps=motion.fps,
+        turn=motion.turn,
+        step_px=motion.step_px,
+        most_spans=motion.most_spans,
+        make=layers,
+        **options,
+    )
 
 
 def build_moving(config: Config, scene: Scene) -> Moving | None:
@@ -115,16 +129,14 @@ def build_moving(config: Config, scene: Scene) -> Moving | None:
     table = config.shutter
     if table is None or config.shot is not None:
         return None
-    shutter = build_shutter(config)
-    if config.render.method == "post":
-        refuse_uneven(config, shutter)
+    motion = build_motion(config)
+    shutter = motion.shutter
     with located(config.source, "shutter"):
         world = _moving_objects(config) if table.objects else StillWorld(scene)
         camera_at = _camera_path(config)
         frame = 1.0 - shutter.begin / shutter.open_time
         camera_at(frame)
-    turn = math.radians(table.turn_deg)
-    return Moving(world, camera_at, shutter, frame, turn, table.step_px, table.most_spans)
+    return Moving(world, camera_at, motion, frame)
 
 
 def _moving_objects(config: Config) -> MovingScene:
@@ -145,38 +157,70 @@ def _moving_objects(config: Config) -> MovingScene:
 
 def _camera_path(config: Config) -> Path:
     assert config.shutter is not None
-    view, camera = config.camera, build_camera(config)
-    size: dict[str, Any] = {
-        "width": camera.width,
-        "height": camera.height,
-        "sensor_width": view.sensor_width_mm / 1000,
-        "shift": view.shift_mm / 1000,
-        "rise": view.rise_mm / 1000,
-    }
+    keys, camera = config.shutter.camera, build_camera(config)
 
     def values(name: str) -> dict[float, Any]:
-        assert config.shutter is not None
-        keys = config.shutter.camera
         return {1.0 + key.at: value for key in keys if (value := getattr(key, name)) is not None}
 
+    def keyed(name: str) -> Keyframes | None:
+        found = values(name)
+        return keyframes(found, between="linear") if found else None
+
     lengths = {time: length / 1000 for time, length in values("focal_length_mm").items()}
-    length = keyframes(lengths, between="linear") if lengths else float(camera.focal_length)
-    positions, targets, matrices = values("position"), values("look_at"), values("matrix")
-    if positions or targets:
-        if view.position is None or view.look_at is None:
-            raise ValueError(
-                "the camera has a matrix and keyframes of position or look_at; give one or the other"
-            )
-        return moving_camera(
-            focal_length=length,
-            position=keyframes(positions or {1.0: view.position}, between="linear"),
-            target=keyframes(targets or {1.0: view.look_at}, between="linear"),
-            up=view.up,
-            **size,
+    return camera_between(
+        config.camera,
+        camera,
+        keyed("position"),
+        keyed("look_at"),
+        values("matrix"),
+        between="linear",
+        focal_length=keyframes(lengths, between="linear") if lengths else float(camera.focal_length),
+        sensor_width=config.camera.sensor_width_mm / 1000,
+        shift=config.camera.shift_mm / 1000,
+        rise=config.camera.rise_mm / 1000,
+    )
+
+
+def camera_between(
+    view: CameraTable,
+    camera: Camera,
+    position: Keyframes | None,
+    target: Keyframes | None,
+    matrices: Mapping[float, Any],
+    *,
+    between: str,
+    **size: Any,
+) -> Path:
+    """The camera of a config between keyframes of its pose; what has none stays as `camera` has it.
+
+    Args:
+        view: the config's `[camera]`.
+        camera: that it makes.
+        position: where the camera is, if that is keyed.
+        target: where it looks, if that is keyed.
+        matrices: poses by time, where it is keyed by these.
+        between: how the pose goes from one matrix to the next.
+        size: focal length, sensor and slides, as `moving_camera` takes them.
+
+    Raises:
+        ValueError: keyframes of places for a camera that has a matrix.
+    """
+    size |= {"width": camera.width, "height": camera.height}
+    if position is None and target is None:
+        poses = matrices or {1.0: np.asarray(camera.world_from_camera, dtype=float)}
+        pose = pose_path({time: np.asarray(matrix) for time, matrix in poses.items()}, between=between)
+        return moving_camera(pose=pose, **size)
+    # A camera given by a matrix has no such point to look at.
+    if view.position is None or view.look_at is None:
+        raise ValueError(
+            "the camera has a matrix and keyframes of position or look_at; give one or the other"
         )
-    still = {1.0: np.asarray(camera.world_from_camera, dtype=float)}
-    poses = {time: np.asarray(matrix) for time, matrix in (matrices or still).items()}
-    return moving_camera(focal_length=length, pose=pose_path(poses, between="linear"), **size)
+    return moving_camera(
+        position=position or keyframes({1.0: view.position}),
+        target=target or keyframes({1.0: view.look_at}),
+        up=view.up,
+        **size,
+    )
 
 
 def keyed_transforms(placed: ObjectTable, keys: Mapping[float, Any], between: str) -> Transforms:
@@ -198,17 +242,18 @@ def keyed_transforms(placed: ObjectTable, keys: Mapping[float, Any], between: st
     return transforms(rows, between=between)
 
 
-def build_shutter(config: Config) -> Shutter:
-    """The shutter of `[shutter]`.
+def build_motion(config: Config) -> MotionSettings:
+    """The shutter of `[shutter]`, and how carefully what moves is followed.
 
     Raises:
-        ConfigError: a value out of range.
+        ConfigError: a value out of range; a shutter that opens slowly, or travels over the picture, of a
+            picture that is post-processed.
     """
     table, seconds = config.shutter, config.shutter_seconds
     assert table is not None
     assert seconds is not None
     with located(config.source, "shutter"):
-        return make_shutter(
+        shutter = make_shutter(
             seconds,
             ramp=table.ramp,
             curve=table.curve,
@@ -216,14 +261,15 @@ def build_shutter(config: Config) -> Shutter:
             direction=table.direction,
             align=table.align,
         )
+    if config.render.method == "post":
+        _refuse_uneven(config, shutter)
+    # The time of a still is counted in times that its shutter is open.
+    fps = 1.0 / shutter.open_time if config.shot is None else config.shot.fps
+    return MotionSettings(shutter, fps, math.radians(table.turn_deg), table.step_px, table.most_spans)
 
 
-def refuse_uneven(config: Config, shutter: Shutter) -> None:
-    """Refuse a shutter that post-processing does not know.
-
-    Raises:
-        ConfigError: it opens slowly, or travels over the picture.
-    """
+def _refuse_uneven(config: Config, shutter: Shutter) -> None:
+    """Refuse a shutter that post-processing does not know."""
     uneven = max(shutter.curve) > min(shutter.curve)
     odd = "opens slowly" if uneven else "travels over the picture" if shutter.travel_time else None
     if odd is not None:
@@ -238,10 +284,9 @@ def blurred_view(
     world: MovingWorld,
     camera_at: Callable[[float], Camera],
     lens: AbstractLens,
-    shutter: Shutter | None,
+    motion: MotionSettings | None,
     *,
     frame: float,
-    fps: float,
     taps: int,
     like: Layers | Extent | None,
 ) -> tuple[np.ndarray, Layers, float]:
@@ -254,16 +299,15 @@ def blurred_view(
         world: what moves.
         camera_at: the camera over time.
         lens: any lens.
-        shutter: when it is open; None for a picture of one instant.
+        motion: when the shutter is open; None for a picture of one instant.
         frame: that instant, in frames.
-        fps: frames per second.
         taps: places to look at per pixel.
         like: layers of another picture, or their extent.
     """
     time, velocity = float(frame), None
-    if shutter is not None:
-        time = middle_of(shutter, frame=frame, fps=fps)
-        velocity = velocity_map(world, camera_at, shutter, frame=frame, fps=fps)
+    if motion is not None:
+        time = middle_of(motion.shutter, frame=frame, fps=motion.fps)
+        velocity = velocity_map(world, camera_at, motion.shutter, frame=frame, fps=motion.fps)
     scene, camera = world.at(time), camera_at(time)
     layers = make_layers(settings, scene, camera, closed_lens(), like)
     view = view_in_layers(layers, scene, velocity=None if velocity is None else jnp.asarray(velocity))

@@ -15,7 +15,7 @@ from focusjax._stopwatch import Stopwatch
 from focusjax.config import RenderTable
 from focusjax.geometry import Camera
 from focusjax.job._layers import make_layers
-from focusjax.job._moving import Moving, blurred_view
+from focusjax.job._moving import Moving, blurred_view, render_open
 from focusjax.job._way import Way, choose_way
 from focusjax.layers import (
     Extent,
@@ -240,17 +240,19 @@ def _while_open(
     """What the shutter lets in while it is open; the sharp picture is of its instant."""
     post = table.method == "post"
     rays, spans, complete = table.rays, 1, layers.complete
+    seen = moving.world, moving.camera_at, lens, moving.motion
     if table.quality is not None:
         with watch.stage("plan"):
             # What moves and is sharp is not smoothed, but layers of one instant do not show what moves.
             rays = plan_rays(layers, lens, table.quality, smooth=False, seed=table.seed).rays
     with watch.stage("render"):
         if post:
-            times = {"frame": moving.frame, "fps": moving.fps, "taps": rays, "like": layers}
-            found, _, way = blurred_view(table, moving.world, moving.camera_at, lens, moving.shutter, **times)
+            found, _, way = blurred_view(table, *seen, frame=moving.frame, taps=rays, like=layers)
             image = jnp.asarray(found)
         else:
-            made = moving.render(table, lens, rays)
+            made = render_open(
+                table, *seen, frame=moving.frame, rays=rays, smooth=table.smooth, seed=table.seed
+            )
             image, way, spans = made.image, made.motion_px, made.spans
             complete = complete and made.complete
     with watch.stage("pinhole"):

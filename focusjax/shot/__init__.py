@@ -1,5 +1,6 @@
 """Shots: keyframes, moving and deforming objects, all frames solved together, rendered to files and films."""
 
+from focusjax.job import MotionSettings as MotionSettings
 from focusjax.motion import Keyframes as Keyframes
 from focusjax.motion import Motion as Motion
 from focusjax.motion import MovingScene as MovingScene
@@ -21,7 +22,6 @@ from focusjax.shot._render import RenderedFrames as RenderedFrames
 from focusjax.shot._render import render_frames as render_frames
 from focusjax.shot._report import SETTING_NAMES as SETTING_NAMES
 from focusjax.shot._settings import FrameSettings as FrameSettings
-from focusjax.shot._settings import MotionSettings as MotionSettings
 from focusjax.shot._solve import Shot as Shot
 from focusjax.shot._solve import SolvedShot as SolvedShot
 from focusjax.shot._solve import solve_shot as solve_shot

@@ -1,6 +1,5 @@
 """From a config with a `[shot]` table to a shot."""
 
-import math
 import warnings
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -29,13 +28,7 @@ from focusjax.config import (
 )
 from focusjax.focus import FocusPoint, ImagePoints
 from focusjax.geometry import Camera
-from focusjax.job import (
-    Development,
-    build_shutter,
-    find_development,
-    keyed_transforms,
-    refuse_uneven,
-)
+from focusjax.job import Development, build_motion, find_development, keyed_transforms
 from focusjax.lens import AbstractLens, FocalSurface, ThinLens
 from focusjax.motion import Keyframes, Motion, MovingScene, load_vertex_sequence, transforms_of
 from focusjax.scene import Scene, SceneObject, placement
@@ -43,7 +36,7 @@ from focusjax.shot._build_camera import build_path, table_keys
 from focusjax.shot._glass import ShotGlass
 from focusjax.shot._held import held_frames
 from focusjax.shot._lens_track import LensTrack
-from focusjax.shot._settings import FrameSettings, MotionSettings
+from focusjax.shot._settings import FrameSettings
 from focusjax.shot._solve import Shot
 from focusjax.shot._surfaces import CONTROL_SAMPLES, TimedSurface
 from focusjax.shot._wishes import TimedWish
@@ -104,11 +97,9 @@ def _look(track: LensTrack, frame: int, camera: Camera, lens: AbstractLens) -> A
 def build_settings(config: Config) -> FrameSettings:
     """How carefully `[render]` wants the frames."""
     table = config.render
-    motion = _motion_settings(config)
+    motion = None if config.shutter is None or config.shot is None else build_motion(config)
     # A config with a shot refuses it.
     assert table.method != "auto"
-    if table.method == "post" and motion is not None:
-        refuse_uneven(config, motion.shutter)
     return FrameSettings(
         method=table.method,
         rays=table.rays,
@@ -128,15 +119,6 @@ def build_settings(config: Config) -> FrameSettings:
         development=_development(config),
         motion=motion,
     )
-
-
-def _motion_settings(config: Config) -> MotionSettings | None:
-    """How long the shutter is open, and how carefully what moves meanwhile is followed."""
-    table, shot = config.shutter, config.shot
-    if table is None or shot is None:
-        return None
-    shutter = build_shutter(config)
-    return MotionSettings(shutter, shot.fps, math.radians(table.turn_deg), table.step_px, table.most_spans)
 
 
 def _development(config: Config) -> Development | None:

@@ -9,7 +9,8 @@ from jaxtyping import Float, Int
 
 from focusjax.config import Config, ShotTable, about_key, values_of
 from focusjax.geometry import Camera
-from focusjax.motion import Keyframes, MovingScene, Path, keyframes, moving_camera, pose_path
+from focusjax.job import camera_between
+from focusjax.motion import Keyframes, MovingScene, Path, keyframes
 from focusjax.shot._lens_track import LensTrack
 
 
@@ -23,8 +24,6 @@ def build_path(
     """
     view = config.camera
     size: dict[str, Any] = {
-        "width": camera.width,
-        "height": camera.height,
         "sensor_width": view.sensor_width_mm / 1000,
         "shift": _metres(track.value("shift_mm")) or view.shift_mm / 1000,
         "rise": _metres(track.value("rise_mm")) or view.rise_mm / 1000,
@@ -44,24 +43,16 @@ def build_path(
                     )
     if table.keep_size_of is not None:
         size["keep_size_at"] = _kept_point(table.keep_size_of, scene)
-    positions = table_keys(table, values_of(table.camera, "position"))
-    targets = table_keys(table, values_of(table.camera, "look_at"))
-    if positions is not None or targets is not None:
-        # What has no keyframes stays; a camera given by a matrix has no such point to look at.
-        if view.position is None or view.look_at is None:
-            raise ValueError(
-                "the camera has a matrix and keyframes of position or look_at; give one or the other"
-            )
-        return moving_camera(
-            focal_length=length,
-            position=positions or keyframes({1: view.position}),
-            target=targets or keyframes({1: view.look_at}),
-            up=view.up,
-            **size,
-        )
-    matrices = values_of(table.camera, "matrix") or {1: np.asarray(camera.world_from_camera, dtype=float)}
-    pose = pose_path({frame: np.asarray(matrix) for frame, matrix in matrices.items()}, between=table.between)
-    return moving_camera(focal_length=length, pose=pose, **size)
+    return camera_between(
+        view,
+        camera,
+        table_keys(table, values_of(table.camera, "position")),
+        table_keys(table, values_of(table.camera, "look_at")),
+        values_of(table.camera, "matrix"),
+        between=table.between,
+        focal_length=length,
+        **size,
+    )
 
 
 def _metres(keys: Keyframes | None) -> Keyframes | None:

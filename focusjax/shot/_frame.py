@@ -12,12 +12,11 @@ import numpy as np
 
 from focusjax.geometry import Camera
 from focusjax.io import UNFINISHED
-from focusjax.job import blurred_view, make_layers
-from focusjax.layers import Extent, Layers
+from focusjax.job import blurred_view, make_layers, render_open
+from focusjax.layers import Extent
 from focusjax.lens import AbstractLens
 from focusjax.many import Journal, Task, warnings_kept
-from focusjax.motion import solved_path
-from focusjax.scene import Scene
+from focusjax.motion import MovingScene, solved_path
 from focusjax.shot._frame_files import (
     FrameFacts,
     Record,
@@ -28,7 +27,6 @@ from focusjax.shot._frame_files import (
 )
 from focusjax.shot._settings import FrameSettings
 from focusjax.shot._solve import SolvedShot
-from focusjax.shutter import render_moving
 from focusjax.trace import render
 
 
@@ -103,7 +101,14 @@ class MakeFrame:
     def _picture(self, number: int) -> tuple[np.ndarray, FrameFacts]:
         settings, facts = self.settings, FrameFacts(self.rays)
         if settings.method == "post":
-            image, layers, way = self._post_processed(number)
+            image, layers, way = blurred_view(
+                settings,
+                *self._seen(number),
+                settings.motion,
+                frame=number,
+                taps=self.rays,
+                like=self._extents.get(""),
+            )
             self._keep({"": layers.extent})
             return image, dataclasses.replace(facts, motion_px=way)
         if settings.motion is None:
@@ -118,44 +123,24 @@ class MakeFrame:
         """A frame's picture while the shutter is open."""
         settings, motion = self.settings, self.settings.motion
         assert motion is not None
-
-        def layers(scene: Scene, camera: Camera, lens: AbstractLens, like: Extent | None) -> Layers:
-            return make_layers(settings, scene, camera, lens, like)
-
-        made = render_moving(
-            self.solved.shot.scene,
-            camera_while(self.solved, number),
-            self.solved.seen_with(number)[1],
-            motion.shutter,
+        made = render_open(
+            settings,
+            *self._seen(number),
+            motion,
             frame=number,
-            fps=motion.fps,
             rays=self.rays,
             smooth=settings.smooth,
             seed=settings.seed_of(number),
-            turn=motion.turn,
-            step_px=motion.step_px,
-            most_spans=motion.most_spans,
-            make=layers,
             like=self._extents,
         )
         self._keep(made.extents)
         facts = FrameFacts(self.rays, made.left_out, made.motion_px, made.step_px, made.spans)
         return np.asarray(made.image), facts
 
-    def _post_processed(self, number: int) -> tuple[np.ndarray, Layers, float]:
-        """A frame blurred from one sharp view, that view's layers, and the farthest way in it, in pixels."""
-        motion = self.settings.motion
-        return blurred_view(
-            self.settings,
-            self.solved.shot.scene,
-            camera_while(self.solved, number),
-            self.solved.seen_with(number)[1],
-            None if motion is None else motion.shutter,
-            frame=number,
-            fps=1.0 if motion is None else motion.fps,
-            taps=self.rays,
-            like=self._extents.get(""),
-        )
+    def _seen(self, number: int) -> tuple[MovingScene, Callable[[float], Camera], AbstractLens]:
+        """Scene, camera and lens of a frame."""
+        solved = self.solved
+        return solved.shot.scene, camera_while(solved, number), solved.seen_with(number)[1]
 
     def _keep(self, extents: Mapping[str, Extent]) -> None:
         for name, extent in extents.items():

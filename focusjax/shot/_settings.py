@@ -3,27 +3,7 @@
 import dataclasses
 from typing import Literal
 
-from focusjax.job import Development
-from focusjax.shutter import Shutter
-
-
-@dataclasses.dataclass(frozen=True)
-class MotionSettings:
-    """The shutter, and how carefully what moves is followed; see `focusjax.shutter.render_moving`.
-
-    Attributes:
-        shutter: when it is open.
-        fps: frames per second.
-        turn: radians.
-        step_px: pixels.
-        most_spans: a number.
-    """
-
-    shutter: Shutter
-    fps: float
-    turn: float = 0.2
-    step_px: float = 1.0
-    most_spans: int = 64
+from focusjax.job import Development, MotionSettings
 
 
 @dataclasses.dataclass(frozen=True)

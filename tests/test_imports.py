@@ -130,6 +130,7 @@ ALLOWED = {
         "_arguments",
         "_device",
         "_freed",
+        "_settings",
         "_stopwatch",
         "_programs",
     },
@@ -184,7 +185,7 @@ ALLOWED = {
         "_console",
         "_options",
     },
-    "batch": {"io", "config", "job", "report", "many", "_console", "_options"},
+    "batch": {"io", "config", "job", "report", "many", "_console", "_options", "_templates"},
     "shot": {
         "many",
         "geometry",

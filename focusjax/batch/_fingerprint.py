@@ -2,11 +2,10 @@
 
 import hashlib
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from focusjax.config import Config
+from focusjax.config import Config, texts
 from focusjax.io import differing_keys, for_json
 
 _SHOWN = 3
@@ -28,7 +27,7 @@ class Fingerprints:
         # Through JSON, so that it compares equal to one that was saved.
         values = json.loads(json.dumps(for_json(config.model_dump(mode="python", by_alias=True))))
         folder = config.source.parent
-        files = {text: self._hash(folder / text) for text in sorted(set(_texts(values)))}
+        files = {text: self._hash(folder / text) for text in sorted(set(texts([values])))}
         return {
             "solve_only": solve_only,
             "config": values,
@@ -64,15 +63,3 @@ def changed_since(old: dict[str, Any], new: dict[str, Any]) -> str:
     if old.get("solve_only") == (not new["solve_only"]):
         return "it had a picture made" if new["solve_only"] else "it was solved without a picture"
     return "nothing is known of how it was done"
-
-
-def _texts(value: Any) -> Iterator[str]:
-    """Every text within `value`."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, dict):
-        for item in value.values():
-            yield from _texts(item)
-    elif isinstance(value, list):
-        for item in value:
-            yield from _texts(item)

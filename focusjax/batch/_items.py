@@ -1,17 +1,23 @@
 """The items of a batch: what each is called, and what it changes about its config."""
 
+import hashlib
 import itertools
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from focusjax.batch._errors import BatchError
+from focusjax.batch._folder import SUMMARY_FILES
 from focusjax.batch._grid import Change, check_grid, shown, toml_text
-from focusjax.batch._names import safe_names
 from focusjax.batch._table import Row, read_table
 from focusjax.config import Config, ConfigError, load_config
+
+_LONGEST = 120
+"""Bytes; file systems allow 255, and temporary names need some."""
+_TAKEN = {"", *SUMMARY_FILES}
 
 
 @dataclass(frozen=True)
@@ -130,6 +136,38 @@ def _identity(plan: _Plan) -> str:
 
 def _override(change: Change) -> str:
     return f"{change[0]}={toml_text(change[1])}"
+
+
+def safe_names(wanted: Sequence[str], identities: Sequence[str]) -> list[str]:
+    """A folder name for each of the `wanted` names, like it if possible.
+
+    What not every file system takes becomes "_". A name that is too long, that is like another's, or of
+    which nothing is left, ends in eight digits of a hash of its identity. So a name depends on nothing but
+    the item itself, unless two items want the same.
+
+    Args:
+        wanted: one name per item.
+        identities: what makes each item what it is.
+
+    Example:
+        >>> safe_names(["town,lens.f_number=2", "a b?"], ["1", "2"])
+        ['town,lens.f_number=2', 'a_b']
+    """
+    cleaned = [re.sub(r"[^\w.,=+-]+", "_", name).strip("._-, ") for name in wanted]
+    # Some file systems do not distinguish capitals from small letters.
+    times = Counter(name.casefold() for name in cleaned)
+    return [
+        name
+        if times[name.casefold()] == 1 and name.casefold() not in _TAKEN and len(name.encode()) <= _LONGEST
+        else _hashed(name, identity)
+        for name, identity in zip(cleaned, identities, strict=True)
+    ]
+
+
+def _hashed(name: str, identity: str) -> str:
+    digits = hashlib.sha256(identity.encode()).hexdigest()[:8]
+    head = name.encode()[: _LONGEST - 9].decode(errors="ignore").rstrip("._-, ")
+    return f"{head}-{digits}" if head else digits
 
 
 def _refuse_twins(names: Sequence[str], plans: Sequence[_Plan]) -> None:

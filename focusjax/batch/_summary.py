@@ -1,30 +1,20 @@
 """The summary of a batch: a table, the same with more in it as JSON, and a page with thumbnails."""
 
 import csv
-import importlib.metadata
 import io
 import math
 from typing import Any
 from urllib.parse import quote
 
-import jinja2
-
+from focusjax._templates import template
 from focusjax.batch._grid import shown
 from focusjax.batch._results import BatchResults, ItemResult
 from focusjax.batch._work import THUMBNAIL
 from focusjax.io import json_text, replace_file
-from focusjax.report import angle, f_number, metres
+from focusjax.report import angle, f_number, metres, versions
 
 SCHEMA = "focusjax.batch.summary/1"
 """What summary.json says it is; the number changes when a program that reads it has to."""
-
-_TEMPLATES = jinja2.Environment(
-    loader=jinja2.PackageLoader("focusjax.batch", "."),
-    autoescape=True,
-    undefined=jinja2.StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
 
 
 def save_summary(batch: BatchResults) -> None:
@@ -78,7 +68,7 @@ def _line(result: ItemResult, keys: list[str]) -> dict[str, Any]:
 def _facts(batch: BatchResults) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
-        "focusjax": _version(),
+        "focusjax": versions()["focusjax"],
         "finished": not batch.having("waiting"),
         "solve_only": batch.solve_only,
         "counts": {
@@ -106,17 +96,9 @@ def _item(result: ItemResult) -> dict[str, Any]:
     }
 
 
-def _version() -> str:
-    try:
-        return importlib.metadata.version("focusjax")
-    except importlib.metadata.PackageNotFoundError:
-        # A source tree that is used without being installed.
-        return "unknown"
-
-
 def _page(batch: BatchResults) -> str:
     counted = [result for result in batch.having("done") if result.counted]
-    return _TEMPLATES.get_template("summary.html.j2").render(
+    return template("focusjax.batch", "summary.html.j2").render(
         batch=batch,
         keys=batch.keys,
         configs=len({result.item.config.source for result in batch.results}),
@@ -137,7 +119,7 @@ def _page(batch: BatchResults) -> str:
         angle=angle,
         pixels=lambda value: "∞" if math.isinf(float(value)) else f"{float(value):.2f}",
         duration=_duration,
-        version=_version(),
+        version=versions()["focusjax"],
     )
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from focusjax.batch import BatchError, is_batch_file, items_from_file, make_items, parse_grid, read_table
 from focusjax.batch._grid import toml_text
-from focusjax.batch._names import safe_names
+from focusjax.batch._items import safe_names
 from focusjax.config import ConfigError
 
 

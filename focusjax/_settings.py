@@ -26,3 +26,10 @@ def f_number(value: float | str) -> str:
 def angle(degrees: float) -> str:
     """A tilt or swing with its sign."""
     return f"{0.0 if abs(degrees) < 0.005 else degrees:+.2f}°"
+
+
+def shutter(seconds: float) -> str:
+    """A shutter time as it is engraved: 1/60 s, or 2.5 s."""
+    if seconds >= 0.3:
+        return f"{seconds:.3g} s"
+    return f"1/{1 / seconds:.0f} s" if seconds < 0.01 else f"1/{1 / seconds:.3g} s"

@@ -1,5 +1,6 @@
 """One run from a config to a picture."""
 
+from focusjax._settings import shutter as shutter
 from focusjax.job._exposed import ExposedLens as ExposedLens
 from focusjax.job._exposed import ExposedSolution as ExposedSolution
 from focusjax.job._exposed import open_for_light as open_for_light
@@ -9,6 +10,7 @@ from focusjax.job._glass import FIT_PX as FIT_PX
 from focusjax.job._glass import ThroughGlass as ThroughGlass
 from focusjax.job._glass import left_to_quality as left_to_quality
 from focusjax.job._glass import opened_as_glass as opened_as_glass
+from focusjax.job._glass import options_through as options_through
 from focusjax.job._glass import solved_through as solved_through
 from focusjax.job._glass import through_glass as through_glass
 from focusjax.job._guessed import Guessed as Guessed
@@ -30,7 +32,7 @@ from focusjax.job._picture import Picture as Picture
 from focusjax.job._picture import Progress as Progress
 from focusjax.job._run import Outcome as Outcome
 from focusjax.job._run import blur_map as blur_map
+from focusjax.job._run import in_the_middle as in_the_middle
 from focusjax.job._run import run as run
-from focusjax.job._shutter_words import shutter as shutter
 from focusjax.job._way import Way as Way
 from focusjax.job._weigh import metered_before as metered_before

@@ -9,6 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
+from focusjax._settings import shutter
 from focusjax.film import (
     CameraSettings,
     ChosenSettings,
@@ -19,7 +20,6 @@ from focusjax.film import (
 )
 from focusjax.focus import F_NUMBERS, ArgumentError, ImagePoints, Solution, solve
 from focusjax.geometry import Camera
-from focusjax.job._shutter_words import shutter
 from focusjax.job._widest import widest_as_good
 from focusjax.lens import ThinLens, TiltShiftLens, depth_of_field
 

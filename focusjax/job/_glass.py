@@ -1,6 +1,6 @@
 """The real lens of a run: solved for, and fitted."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -115,19 +115,23 @@ def solved_through(
     if not free:
         assert settled is not None
         return seen_through(settled, exact)
-    limits = {"focus": ("min_focus_distance", "max_focus_distance"), "f_number": ("f_number_range",)}
-    kept = {name: options[name] for key in free for name in limits[key] if name in options}
-    priors = {name: prior for name, prior in options.get("priors", {}).items() if name in free}
     # The glass is turned; what is solved for is its focus and opening.
     start = ThinLens(lens.focus_disparity, lens.aperture_radius, lens.aperture)
     with refusals_located(config):
-        kept |= {"solver": options.get("solver"), "priors": priors}
-        solution = solve(points, camera, start, through=exact, free=free, **kept)
+        solution = solve(points, camera, start, through=exact, **options_through(options, free))
     jax.block_until_ready(solution.blur)
     if isinstance(lens, TiltShiftLens):
         found = replace(lens, aperture_radius=solution.lens.aperture_radius)
         solution = replace(solution, lens=refocused(found, camera, solution.lens.focus_disparity))
     return solution
+
+
+def options_through(options: Mapping[str, Any], free: Sequence[str]) -> dict[str, Any]:
+    """Of the options of a solve those for `free` settings of a real lens: its focus, its f-number or both."""
+    limits = {"focus": ("min_focus_distance", "max_focus_distance"), "f_number": ("f_number_range",)}
+    kept = {name: options[name] for each in free for name in limits[each] if name in options}
+    priors = {name: prior for name, prior in options.get("priors", {}).items() if name in free}
+    return {"free": free, "solver": options.get("solver"), "priors": priors, **kept}
 
 
 def through_glass(

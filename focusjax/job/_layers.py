@@ -1,6 +1,6 @@
 """Layers as a config's render table has them."""
 
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from focusjax.geometry import Camera
 from focusjax.layers import Extent, Layers, decompose, peel
@@ -57,25 +57,12 @@ def make_layers(
     like: Layers | Extent | None = None,
 ) -> Layers:
     """Peeled, or in slabs when `table` says how many or how thick."""
-    if table.slabs is not None or table.slab_blur_px is not None:
-        return decompose(
-            scene,
-            camera,
-            lens,
-            count=table.slabs,
-            blur_step=table.slab_blur_px,
-            supersampling=table.supersampling,
-            view_dependent=table.view_dependent,
-            pixel_filter=table.pixel_filter,
-            like=like,
-        )
-    return peel(
-        scene,
-        camera,
-        lens,
-        supersampling=table.supersampling,
-        max_layers=table.max_layers,
-        view_dependent=table.view_dependent,
-        pixel_filter=table.pixel_filter,
-        like=like,
-    )
+    options: dict[str, Any] = {
+        "supersampling": table.supersampling,
+        "view_dependent": table.view_dependent,
+        "pixel_filter": table.pixel_filter,
+        "like": like,
+    }
+    if table.slabs is None and table.slab_blur_px is None:
+        return peel(scene, camera, lens, max_layers=table.max_layers, **options)
+    return decompose(scene, camera, lens, count=table.slabs, blur_step=table.slab_blur_px, **options)

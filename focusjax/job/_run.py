@@ -90,7 +90,7 @@ class Outcome:
     @property
     def middle_lens(self) -> ThinLens | TiltShiftLens:
         """The lens as the middle of the picture has it."""
-        return _in_the_middle(self.lens, self.camera)
+        return in_the_middle(self.lens, self.camera)
 
     @property
     def settings(self) -> LensSettings:
@@ -258,7 +258,7 @@ def _make(
     photograph = None
     if config.exposure is not None or config.film is not None:
         with watch.stage("develop"):
-            middle = _in_the_middle(lens, camera)
+            middle = in_the_middle(lens, camera)
             compromise = None if settled.exposed is None else settled.exposed.sentence()
             photograph = take_photograph(
                 config, camera, middle, picture.image, picture.pinhole, grey=grey, weighed=compromise
@@ -266,7 +266,7 @@ def _make(
     return _Made(picture, photograph, guessed, glass)
 
 
-def _in_the_middle(
+def in_the_middle(
     lens: ThinLens | TiltShiftLens | FocalSurfaceLens, camera: Camera
 ) -> ThinLens | TiltShiftLens:
     """The lens as the middle of the picture has it."""

@@ -10,6 +10,7 @@ import numpy as np
 from focusjax._stopwatch import Stopwatch
 from focusjax.config import Config, refusals_located
 from focusjax.io import save_exr, staged_folder
+from focusjax.job import Progress
 from focusjax.many import Workers, check_workers
 from focusjax.shot._build import build_settings, build_shot
 from focusjax.shot._frame import save_frame
@@ -17,7 +18,7 @@ from focusjax.shot._frame_files import exposed_together
 from focusjax.shot._render import RenderedFrames, render_frames
 from focusjax.shot._report import REPORT_FILES, left_out_of_frames, save_report
 from focusjax.shot._settings import FrameSettings
-from focusjax.shot._solve import Progress, SolvedShot, solve_shot
+from focusjax.shot._solve import SolvedShot, solve_shot
 from focusjax.shot._video import check_video, save_mp4
 
 

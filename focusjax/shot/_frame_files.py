@@ -12,7 +12,7 @@ from focusjax._device import device_array
 from focusjax.film import LongExposure, start_exposure
 from focusjax.geometry import Camera
 from focusjax.io import json_text, load_exr, replace_file, save_exr, save_png
-from focusjax.job import Development, blur_map
+from focusjax.job import Development, blur_map, in_the_middle
 from focusjax.layers import disparity_map
 from focusjax.lens import AbstractLens, FocalSurfaceLens, ThinLens, TiltShiftLens
 from focusjax.scene import Scene
@@ -119,9 +119,8 @@ def save_shown(
     if development is None:
         save_png(path, image, exposure=exposure, bits=bits)
         return
-    if isinstance(lens, FocalSurfaceLens):
-        lens = lens.thin_lens_at(camera, camera.principal_point)
-    shown = development.shown(jnp.asarray(image), camera, development.settings(camera, lens))
+    settings = development.settings(camera, in_the_middle(lens, camera))
+    shown = development.shown(jnp.asarray(image), camera, settings)
     save_png(path, shown, bits=bits)
 
 

@@ -22,12 +22,9 @@ from focusjax.focus import (
     solve_frames,
 )
 from focusjax.geometry import Camera
-from focusjax.job import FIT_PX, left_to_quality, opened_as_glass, through_glass
+from focusjax.job import FIT_PX, left_to_quality, opened_as_glass, options_through, through_glass
 from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens, refocused
 from focusjax.shot._lens_track import LensTrack
-
-_LIMITS = {"focus": ("min_focus_distance", "max_focus_distance"), "f_number": ("f_number_range",)}
-"""What is solved for through glass, and the options that are about it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,7 +128,7 @@ def solve_through_glass(
         RuntimeError: the solver failed, and `throw` is true.
     """
     weights = {"smoothness": smoothness, "steadiness": steadiness}
-    free = [name for name in options["free"] if name in _LIMITS]
+    free = [name for name in options["free"] if name in ("focus", "f_number")]
     framed, turned = None, any(isinstance(lens, TiltShiftLens) for lens in lenses)
     if turned or len(free) < len(options["free"]):
         ideal = opened_as_glass(glass.track.config_at(1), options)
@@ -146,21 +143,16 @@ def solve_through_glass(
     if not free:
         assert framed is not None
         return frames_seen_through(framed, made)
-    kept = {name: options[name] for each in free for name in _LIMITS[each] if name in options}
-    priors = {name: prior for name, prior in options.get("priors", {}).items() if name in free}
     starts = [ThinLens(lens.focus_disparity, lens.aperture_radius, lens.aperture) for lens in lenses]
     solution = solve_frames(
         points,
         cameras,
         starts,
         through=made,
-        free=free,
         held={name: column for name, column in held.items() if name in free},
-        priors=priors,
-        solver=options.get("solver"),
         throw=throw,
         **weights,
-        **kept,
+        **options_through(options, free),
     )
     if not isinstance(lenses[0], TiltShiftLens):
         return solution

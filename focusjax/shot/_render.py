@@ -17,14 +17,14 @@ from jaxtyping import Array, Float
 from focusjax._programs import jit
 from focusjax.geometry import Camera
 from focusjax.io import UNFINISHED
-from focusjax.job import make_layers
+from focusjax.job import Progress, make_layers
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.many import Ended, Task, Workers, carry_out
 from focusjax.shot._frame import MakeFrame, MakeFrameOfFile, camera_while
 from focusjax.shot._frame_files import FrameFacts, log_file, read_record
 from focusjax.shot._settings import FrameSettings
-from focusjax.shot._solve import Progress, SolvedShot
+from focusjax.shot._solve import SolvedShot
 from focusjax.trace import plan_rays
 
 FORMATS = ("png", "exr", "mp4")

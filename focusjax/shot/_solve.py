@@ -19,6 +19,7 @@ from focusjax.focus import (
     unsolved_surfaces,
 )
 from focusjax.geometry import Camera
+from focusjax.job import Progress
 from focusjax.layers import disparity_map
 from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens
 from focusjax.motion import MovingScene
@@ -26,9 +27,6 @@ from focusjax.scene import Scene
 from focusjax.shot._glass import ShotGlass, solve_through_glass
 from focusjax.shot._surfaces import TimedSurface, find_surfaces
 from focusjax.shot._wishes import TimedWish, find_wishes
-
-Progress = Callable[[str, float | None], None]
-"""Called with the stage that runs and, where that is known, the share of it that is done."""
 
 
 @dataclasses.dataclass(frozen=True)

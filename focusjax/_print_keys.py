@@ -20,9 +20,7 @@ def print_keys(console: Console, keys: Sequence[ConfigKey]) -> None:
         for row in (_HEADINGS, *((key.path, *_cells(key)) for key in keys)):
             typer.echo("\t".join(row))
         return
-    for (heading, variant, about), group in itertools.groupby(
-        keys, lambda k: (k.heading, k.variant, k.about)
-    ):
+    for (heading, variant, about), group in itertools.groupby(keys, _table_of):
         console.print()
         console.print(Text(f"{heading} {variant}".strip(), "bold"), Text(_without_heading(about), "dim"))
         table = Table(box=None, header_style="dim", pad_edge=False)

@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from focusjax._console import BAD_INPUT, FAILED, Talk, caches, fail, say, talk_of
+from focusjax._console import BAD_INPUT, FAILED, caches, fail, say, talk_of
 from focusjax._later import Later, group_of
 from focusjax._options import (
     ConfigArgument,
@@ -107,7 +107,7 @@ def run(
     verbose: VerboseOption = False,
 ) -> None:
     """Solve for the lens settings, then render the picture."""
-    _do(config, out, set_, root, talk_of(quiet, verbose), solving=True, rendering=True)
+    _do(config, out, set_, root, quiet, verbose, solving=True, rendering=True)
 
 
 @app.command()
@@ -120,7 +120,7 @@ def solve(
     verbose: VerboseOption = False,
 ) -> None:
     """Solve for the lens settings only."""
-    _do(config, out, set_, root, talk_of(quiet, verbose), solving=True, rendering=False)
+    _do(config, out, set_, root, quiet, verbose, solving=True, rendering=False)
 
 
 @app.command()
@@ -133,7 +133,7 @@ def render(
     verbose: VerboseOption = False,
 ) -> None:
     """Render with the lens as the config has it."""
-    _do(config, out, set_, root, talk_of(quiet, verbose), solving=False, rendering=True)
+    _do(config, out, set_, root, quiet, verbose, solving=False, rendering=True)
 
 
 @app.command()
@@ -214,8 +214,6 @@ def refocus(
     from focusjax._refocus import refocus_config
     from focusjax.config import Config
 
-    talk = talk_of(quiet, verbose)
-
     def read() -> Config:
         settings = {
             "depth_unit": depth_unit,
@@ -240,9 +238,14 @@ def refocus(
             overrides=set_ or (),
         )
 
-    folder = out if out is not None else Path("out") / photo.stem
-    solving = focus_distance is None
-    carry_out(read, folder, solving=solving, rendering=True, talk=talk, reword=in_options)
+    carry_out(
+        read,
+        out or Path("out") / photo.stem,
+        solving=focus_distance is None,
+        rendering=True,
+        talk=talk_of(quiet, verbose),
+        reword=in_options,
+    )
 
 
 @app.command()
@@ -264,10 +267,9 @@ def shot(
     from focusjax._carry_out import carry_out_shot
     from focusjax.config import load_config
 
-    folder = out if out is not None else Path("out") / config.stem
     carry_out_shot(
         lambda: load_config(config, set_ or (), root=root),
-        folder,
+        out or Path("out") / config.stem,
         rendering=not solve_only,
         frames=frames,
         jobs=jobs,
@@ -341,23 +343,24 @@ def main() -> None:
 
 
 def _do(
-    config_path: Path,
+    config: Path,
     out: Path | None,
     overrides: list[str] | None,
     root: Path | None,
-    talk: Talk,
+    quiet: bool,
+    verbose: bool,
     *,
     solving: bool,
     rendering: bool,
 ) -> None:
     """One command, from config to exit status."""
+    talk = talk_of(quiet, verbose)
     from focusjax._carry_out import carry_out
     from focusjax.config import load_config
 
-    folder = out if out is not None else Path("out") / config_path.stem
     carry_out(
-        lambda: load_config(config_path, overrides or (), root=root),
-        folder,
+        lambda: load_config(config, overrides or (), root=root),
+        out or Path("out") / config.stem,
         solving=solving,
         rendering=rendering,
         talk=talk,

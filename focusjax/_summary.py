@@ -61,30 +61,20 @@ def print_outcome(console: Console, outcome: job.Outcome, folder: Path) -> None:
     facts = glass_facts(outcome)
     for sentence in glass_sentences(facts) if facts is not None else ():
         say(console, sentence)
-    taken = outcome.photograph
-    if taken is not None and taken.settings is not None:
-        settings = taken.settings
+    if outcome.exposure is not None:
+        settings, _, text = outcome.exposure
+        taken = outcome.photograph
+        white = "" if taken is None else f"; {100 * taken.white_share:.1f} % of the picture is white"
         console.print(
             f"{job.shutter(float(settings.time))} at ISO {float(settings.iso):.0f},"
-            f" EV {float(settings.exposure_value()):.1f};"
-            f" {100 * taken.white_share:.1f} % of the picture is white",
+            f" EV {float(settings.exposure_value()):.1f}{white}",
             highlight=False,
         )
-        if (text := taken.sentence()) is not None:
-            say(console, text)
-    elif outcome.exposed is not None:
-        settings = outcome.exposed.chosen.settings
-        console.print(
-            f"{job.shutter(float(settings.time))} at ISO {float(settings.iso):.0f},"
-            f" EV {float(settings.exposure_value()):.1f}",
-            highlight=False,
-        )
-        if (text := outcome.exposed.sentence()) is not None:
+        if text is not None:
             say(console, text)
     if outcome.solution is not None:
         console.print(_wishes(outcome.solution))
         console.print("[dim]Blur is a diameter: + behind the focus, - in front of it.[/]", highlight=False)
-    if outcome.solution is not None:
         for sentence in diagnose(outcome.solution).sentences:
             say(console, sentence)
     if (missing := left_out(outcome)) is not None:

@@ -14,7 +14,6 @@ from focusjax.job._glass import options_through as options_through
 from focusjax.job._glass import solved_through as solved_through
 from focusjax.job._glass import through_glass as through_glass
 from focusjax.job._guessed import Guessed as Guessed
-from focusjax.job._layers import left_out_sentence as left_out_sentence
 from focusjax.job._layers import make_layers as make_layers
 from focusjax.job._layers import room_for_more as room_for_more
 from focusjax.job._moving import MotionSettings as MotionSettings

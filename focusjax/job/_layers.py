@@ -33,22 +33,6 @@ def room_for_more(table: LayerSettings) -> str:
     return "raise render.max_layers" if table.slabs is None else "raise render.slabs"
 
 
-def left_out_sentence(left_out: int, kept: int, layers: int, remedy: str) -> str:
-    """How much of what the lens sees found no layer, and what to do.
-
-    Args:
-        left_out: samples of surface that found none.
-        kept: those that did.
-        layers: how many there are.
-        remedy: see `room_for_more`.
-    """
-    share = 100.0 * left_out / max(left_out + kept, 1)
-    return (
-        f"{left_out:,} samples of surface ({share:.2g} % of those that the lens may see) found no place in"
-        f" {layers} layer{'s' * (layers != 1)}, so that light from them is missing; {remedy}."
-    )
-
-
 def make_layers(
     table: LayerSettings,
     scene: Scene,

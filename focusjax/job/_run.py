@@ -21,6 +21,7 @@ from focusjax.config import (
     build_scene,
     build_solve_options,
 )
+from focusjax.film import CameraSettings, ChosenSettings
 from focusjax.focus import ImagePoints, Solution, SurfaceSolution
 from focusjax.geometry import Camera
 from focusjax.job._exposed import ExposedLens, ExposedSolution
@@ -91,6 +92,14 @@ class Outcome:
     def middle_lens(self) -> ThinLens | TiltShiftLens:
         """The lens as the middle of the picture has it."""
         return in_the_middle(self.lens, self.camera)
+
+    @property
+    def exposure(self) -> tuple[CameraSettings, ChosenSettings | None, str | None] | None:
+        """What was set on the camera, how it was chosen, and what gave way; None without an exposure."""
+        taken, exposed = self.photograph, self.exposed
+        if taken is not None and taken.settings is not None:
+            return taken.settings, taken.chosen, taken.sentence()
+        return None if exposed is None else (exposed.chosen.settings, exposed.chosen, exposed.sentence())
 
     @property
     def settings(self) -> LensSettings:

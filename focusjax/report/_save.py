@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from focusjax.config import Config
 from focusjax.io import json_text, save_exr, save_png
 from focusjax.job import Outcome
 from focusjax.report._page import page
@@ -38,27 +39,30 @@ def save_outcome(folder: Path, outcome: Outcome) -> None:
     render = outcome.config.render
     pictures = {}
     if outcome.picture is not None:
-        image, pinhole = outcome.picture.image, outcome.picture.pinhole
-        shown, taken = outcome.photograph, (image, pinhole)
-        if shown is not None:
-            taken = (shown.image, shown.pinhole)
-        stops = render.exposure if shown is None else 0.0
-        save_png(folder / "image.png", taken[0], exposure=stops, bits=render.png_bits)
-        save_png(folder / "pinhole.png", taken[1], exposure=stops)
+        shown = outcome.picture if outcome.photograph is None else outcome.photograph
+        stops = render.exposure if outcome.photograph is None else 0.0
+        save_png(folder / "image.png", shown.image, exposure=stops, bits=render.png_bits)
+        save_png(folder / "pinhole.png", shown.pinhole, exposure=stops)
         with np.errstate(divide="ignore"):
             depth = 1.0 / outcome.disparity
-        save_exr(folder / "image.exr", image, depth=depth, blur=outcome.blur)
+        save_exr(folder / "image.exr", outcome.picture.image, depth=depth, blur=outcome.blur)
         pictures = {"image": "image.png", "pinhole": "pinhole.png"}
     save_blur_picture(folder / "blur.png", outcome.blur, _marks(outcome))
     pictures["blur"] = "blur.png"
     facts = summary(outcome)
     (folder / "report.json").write_text(json_text(facts))
-    embedded = {
-        kind: "data:image/png;base64," + base64.b64encode((folder / name).read_bytes()).decode("ascii")
-        for kind, name in pictures.items()
-    }
-    title = outcome.config.title or outcome.config.source.stem.replace("_", " ").capitalize()
-    (folder / "report.html").write_text(page(title, facts, embedded), encoding="utf-8")
+    embedded = {kind: data_url(folder / name) for kind, name in pictures.items()}
+    (folder / "report.html").write_text(page(title_of(outcome.config), facts, embedded), encoding="utf-8")
+
+
+def data_url(path: Path) -> str:
+    """A PNG file as a part of a page."""
+    return "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode("ascii")
+
+
+def title_of(config: Config) -> str:
+    """The title of a config's report."""
+    return config.title or config.source.stem.replace("_", " ").capitalize()
 
 
 def _marks(outcome: Outcome) -> list[tuple[str, np.ndarray]]:

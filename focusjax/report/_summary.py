@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from focusjax.focus import Diagnosis, Result, SurfaceDiagnosis, SurfaceSolution, diagnose
 from focusjax.io import for_json
-from focusjax.job import Examined, Guessed, Outcome, left_out_sentence, room_for_more, shutter
+from focusjax.job import Examined, Guessed, Outcome, room_for_more, shutter
 from focusjax.lens import FocalSurfaceLens, as_tilt_shift, depth_of_field
 from focusjax.report._close_focus import close_focus_facts
 from focusjax.report._glass import glass_facts
@@ -84,14 +84,10 @@ def _lens(outcome: Outcome) -> dict[str, Any]:
 
 def _exposure(outcome: Outcome) -> dict[str, Any] | None:
     """What was set on the camera, and how that went; None where nothing was exposed."""
-    taken, exposed = outcome.photograph, outcome.exposed
-    if taken is not None and taken.settings is not None:
-        settings, chosen, sentence = taken.settings, taken.chosen, taken.sentence()
-    elif exposed is not None:
-        settings, chosen, sentence = exposed.chosen.settings, exposed.chosen, exposed.sentence()
-    else:
+    if outcome.exposure is None:
         return None
-    table = outcome.config.exposure
+    settings, chosen, sentence = outcome.exposure
+    taken, table = outcome.photograph, outcome.config.exposure
     assert table is not None
     return {
         "f_number": float(settings.f_number),
@@ -200,7 +196,7 @@ def _solver(outcome: Outcome) -> dict[str, Any] | None:
             "active_bounds": [],
         }
     return {
-        "status": next(name for name in _RESULTS if solution.result == getattr(Result, name)),
+        "status": status(solution.result),
         "message": str(Result[solution.result]),
         "steps": int(solution.steps),
         "cost_px2": float(solution.cost),
@@ -208,6 +204,11 @@ def _solver(outcome: Outcome) -> dict[str, Any] | None:
         "undetermined": list(solution.undetermined),
         "active_bounds": list(solution.active_bounds),
     }
+
+
+def status(result: Result) -> str:
+    """How a solve ended, by the name of its result."""
+    return next(name for name in _RESULTS if result == getattr(Result, name))
 
 
 def _diagnosis(outcome: Outcome) -> dict[str, Any] | None:
@@ -254,9 +255,13 @@ def left_out(outcome: Outcome) -> str | None:
     picture = outcome.picture
     if picture is None or picture.complete:
         return None
-    remedy = room_for_more(outcome.config.render)
-    counts = picture.samples_left_out, picture.samples_kept, picture.layer_count
-    return left_out_sentence(*counts, remedy)
+    left, kept, layers = picture.samples_left_out, picture.samples_kept, picture.layer_count
+    share = 100.0 * left / max(left + kept, 1)
+    return (
+        f"{left:,} samples of surface ({share:.2g} % of those that the lens may see) found no place in"
+        f" {layers} layer{'s' * (layers != 1)}, so that light from them is missing;"
+        f" {room_for_more(outcome.config.render)}."
+    )
 
 
 def _picture(outcome: Outcome) -> dict[str, Any] | None:

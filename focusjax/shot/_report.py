@@ -1,6 +1,5 @@
 """What a shot leaves behind beside its frames: report.json, report.html and the curves."""
 
-import base64
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +12,7 @@ from focusjax.config import Config
 from focusjax.focus import FramesSolution, Result, SurfaceFramesSolution
 from focusjax.io import for_json, json_text
 from focusjax.job import room_for_more
-from focusjax.report import versions
+from focusjax.report import data_url, status, title_of, versions
 from focusjax.shot._render import RenderedFrames
 from focusjax.shot._solve import SolvedShot
 
@@ -29,7 +28,6 @@ REPORT_FILES = (
 )
 """Every file that a shot can leave in its folder, beside the folder `frames`."""
 
-_RESULTS = ("solved", "undetermined", "max_steps_reached", "not_finite")
 SETTING_NAMES = {
     "focus_per_m": ("Focus", "dioptres"),
     "f_number": ("f-number", ""),
@@ -67,16 +65,10 @@ def save_report(
         pictures.append("long_exposure")
     facts = shot_summary(config, solved, rendered, seconds, compile_seconds)
     (folder / "report.json").write_text(json_text(facts))
-    embedded = {
-        name: "data:image/png;base64,"
-        + base64.b64encode((folder / f"{name}.png").read_bytes()).decode("ascii")
-        for name in pictures
-    }
-    title = config.title or config.source.stem.replace("_", " ").capitalize()
     text = template("focusjax.shot", "shot.html.j2").render(
-        title=title,
+        title=title_of(config),
         facts=facts,
-        pictures=embedded,
+        pictures={name: data_url(folder / f"{name}.png") for name in pictures},
         names=SETTING_NAMES,
         changing=[name for name, change in solved.solution.largest_changes().items() if change.seen],
     )
@@ -100,7 +92,7 @@ def shot_summary(
             "config": config.model_dump(mode="python", by_alias=True),
             "versions": versions(),
             "solver": {
-                "status": _status(solved),
+                "status": status(solution.result) if solved.shot.wishes else "keyed",
                 "message": str(Result[solution.result]) if solved.shot.wishes else "",
                 "steps": int(solution.steps) if isinstance(solution, FramesSolution) else 1,
                 "cost_px2": float(solution.cost),
@@ -145,14 +137,6 @@ def _freedom(solution: FramesSolution | SurfaceFramesSolution) -> dict[str, Any]
         "undetermined": list(solution.undetermined),
         "frames_at_bounds": int(np.sum(np.asarray(solution.at_lower) | np.asarray(solution.at_upper))),
     }
-
-
-def _status(solved: SolvedShot) -> str:
-    """How the solve ended, or that there was none."""
-    if not solved.shot.wishes:
-        return "keyed"
-    result = solved.solution.result
-    return next(name for name in _RESULTS if result == getattr(Result, name))
 
 
 def _diagnosis(solved: SolvedShot) -> dict[str, Any]:

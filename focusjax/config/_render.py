@@ -81,15 +81,10 @@ class RenderTable(Table):
     @model_validator(mode="after")
     def _what_post_ignores(self) -> "RenderTable":
         names = (
-            "quality",
-            "max_layers",
-            "slabs",
-            "slab_blur_px",
-            "examine_layers",
-            "view_dependent",
-            "smooth",
-        )
-        idle = [name for name in (*names, "pixel_filter") if name in self.model_fields_set]
+            "quality", "max_layers", "slabs", "slab_blur_px", "examine_layers", "view_dependent", "smooth",
+            "pixel_filter",
+        )  # fmt: skip
+        idle = [name for name in names if name in self.model_fields_set]
         if self.method == "post" and idle:
             remedy = "say method = 'auto'" if idle[0] == "quality" else "leave one out"
             raise ValueError(f"has {idle[0]}, which is about tracing, and method = 'post'; {remedy}")

@@ -127,18 +127,13 @@ class SolveTable(Table):
     def _bounds_in_order(self) -> "SolveTable":
         if len(set(self.free)) != len(self.free):
             raise ValueError(f"has free = {list(self.free)}; name each setting once")
-        pairs: list[tuple[str, Number | None, str, Number | None, str]] = [
-            ("f_number_min", self.f_number_min, "f_number_max", self.f_number_max, "f_number"),
-            ("tilt_min_deg", self.tilt_min_deg, "tilt_max_deg", self.tilt_max_deg, "tilt"),
-            ("swing_min_deg", self.swing_min_deg, "swing_max_deg", self.swing_max_deg, "swing"),
-            (
-                "focal_length_min_mm", self.focal_length_min_mm,
-                "focal_length_max_mm", self.focal_length_max_mm, "focal_length",
-            ),
-            ("shift_min_mm", self.shift_min_mm, "shift_max_mm", self.shift_max_mm, "shift"),
-            ("rise_min_mm", self.rise_min_mm, "rise_max_mm", self.rise_max_mm, "rise"),
-        ]  # fmt: skip
-        for low_key, low, high_key, high, name in pairs:
+        units = {
+            "f_number": "", "tilt": "_deg", "swing": "_deg",
+            "focal_length": "_mm", "shift": "_mm", "rise": "_mm",
+        }  # fmt: skip
+        for name, unit in units.items():
+            low_key, high_key = f"{name}_min{unit}", f"{name}_max{unit}"
+            low, high = getattr(self, low_key), getattr(self, high_key)
             if low is not None and high is not None and low >= high:
                 raise ValueError(
                     f"has {low_key} = {low:g}, which is not below {high_key} = {high:g}; swap the two, or"

@@ -50,14 +50,7 @@ def in_grey(objects: Mapping[str, range], layers: Layers) -> Layers:
 
 
 def guessed_shares(grey: Layers, lens: AbstractLens, *, rays: int, seed: int) -> Guessed:
-    """Shares of guesses in a picture of a photograph: R / B and G / B of sums over the picture of `in_grey`.
-
-    Args:
-        grey: the photograph's layers, as `in_grey` has them.
-        lens: whose picture it is.
-        rays: per pixel of the picture.
-        seed: its seed.
-    """
+    """Shares of guesses in a picture: R / B and G / B of sums over the picture of `in_grey` layers."""
     picture = render(grey, lens, rays=min(_RAYS, rays), seed=seed)
     red, green, blue = np.asarray(picture).sum(axis=(0, 1))
     whole = max(float(blue), 1e-30)

@@ -136,14 +136,7 @@ def peel_picture(
 ) -> Peeled:
     """What a picture as `table` has it takes of `scene`.
 
-    Args:
-        table: the `[render]` of a config.
-        scene: what is in front of the camera.
-        camera: frame and pose.
-        lens: any lens.
-        like: `Picture.extent` of another run, whose compiled programs serve again.
-        watch: times the stages.
-        moving: what moves while the shutter is open, if there is one.
+    Compiled programs of another run serve again where `like` is its `Picture.extent`.
     """
     post = table.method == "post"
     serves = moving is None and not post and like is not None and like.serves(camera, table.supersampling)
@@ -175,16 +168,9 @@ def make_picture(
     choose_lens: bool = False,
     moving: Moving | None = None,
 ) -> Picture:
-    """Rays and picture as `table` has them.
+    """Rays and picture as `table` has them, of what `peel_picture` made with the same settings.
 
-    Args:
-        table: the `[render]` of a config.
-        peeled: by `peel_picture`, of the same settings.
-        camera: frame and pose.
-        lens: any lens.
-        watch: times the stages.
-        choose_lens: whether polynomials may take the place of a real lens, if the quality of `table` allows.
-        moving: what moves while the shutter is open, if there is one.
+    With `choose_lens` polynomials may take the place of a real lens, if the quality of `table` allows.
     """
     if moving is not None:
         return _while_open(table, peeled.layers, lens, moving, watch)

@@ -16,25 +16,22 @@ def close_focus_facts(outcome: Outcome) -> dict[str, Any] | None:
         "image_distance_mm": 1000 * float(settings.image_distance),
         "magnification": float(settings.magnification),
         "working_f_number": float(settings.working_f_number()),
-        "sentence": _sentence(outcome),
+        "sentence": close_focus_sentence(outcome),
     }
 
 
-def _sentence(outcome: Outcome) -> str:
-    settings = outcome.settings
+def close_focus_sentence(outcome: Outcome) -> str | None:
+    """The facts in a sentence; None where close focus is ignored."""
+    model, settings = outcome.config.lens.close_focus, outcome.settings
+    if model == "ignored":
+        return None
     length, distance = (1000 * float(each) for each in (settings.focal_length, settings.image_distance))
     stays = (
         f"the framing stays that of {distance:.3g} mm, and the focal length is {length:.3g} mm"
-        if outcome.config.lens.close_focus == "framing"
+        if model == "framing"
         else f"the focal length stays {length:.3g} mm, and the framing is that of {distance:.3g} mm"
     )
     return (
         f"Focused there, at magnification {float(settings.magnification):.2g}, {stays}; the light is that of"
         f" {f_number(float(settings.working_f_number()))}."
     )
-
-
-def close_focus_sentence(outcome: Outcome) -> str | None:
-    """The facts in a sentence; None where close focus is ignored."""
-    facts = close_focus_facts(outcome)
-    return None if facts is None else str(facts["sentence"])

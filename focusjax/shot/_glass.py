@@ -77,7 +77,7 @@ class ShotGlass:
             frame: from 1.
             camera: of the frame.
             lens: the ideal lens with the settings.
-            depths: disparities in 1/m that are seen, for the nearest.
+            depths: disparities in 1/m that are seen.
             fit: whether to look for polynomials.
         """
         config = self.track.config_at(frame)
@@ -111,16 +111,7 @@ def solve_through_glass(
     An ideal lens settles what frames the picture, and tilt and swing; focus and f-number are then found
     through the glass.
 
-    Args:
-        glass: the lens.
-        points: every frame's wishes.
-        cameras: of every frame.
-        lenses: where to start.
-        held: as for `solve_frames`.
-        throw: the same.
-        smoothness: the same.
-        steadiness: the same.
-        options: of `solve`.
+    Arguments are as for `solve_frames`; `lenses` are where to start.
 
     Raises:
         ConfigError: as `build_real_lens`.

@@ -27,9 +27,6 @@ from focusjax.shot._settings import FrameSettings
 from focusjax.shot._solve import SolvedShot
 from focusjax.trace import plan_rays
 
-FORMATS = ("png", "exr", "mp4")
-"""Kinds of files that a shot can be made to."""
-
 _SHOT = ".shot-"
 """Begins the names of files that workers read a shot from; a process that is killed leaves one behind."""
 _LOOKS = 5

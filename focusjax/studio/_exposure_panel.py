@@ -1,12 +1,11 @@
 """Exposure and film beside the picture, where the config has them."""
 
-from collections.abc import Callable
 from typing import Any
 
 from nicegui import ui
 
 from focusjax.film import film_names
-from focusjax.studio._session import Session
+from focusjax.studio._elements import Attempt, Quiet, named
 from focusjax.studio._studio import Studio
 
 _FIELDS = (
@@ -20,20 +19,20 @@ _FIELDS = (
 class ExposurePanel:
     """Fields for `[exposure]` and `[film]`, and what the camera was set to."""
 
-    def __init__(self, studio: Studio, attempt: Callable[[Callable[[Session], object]], object]):
+    def __init__(self, studio: Studio, attempt: Attempt):
         """Build it where NiceGUI is at; `attempt` makes a change to the session."""
         self._studio, self._attempt = studio, attempt
-        self._quiet = False
+        self._quiet = Quiet()
         self._fields: dict[str, Any] = {}
-        with ui.column().classes("w-full at-exposure").style("gap: 2px").mark("exposure") as self._box:
+        with named(ui.column().classes("w-full").style("gap: 2px"), "exposure") as self._box:
             ui.label("Exposure and film").classes("fj-head")
             with ui.row().classes("fj-row") as self._exposure:
                 for key, label, help_ in _FIELDS:
                     self._fields[key] = self._field(key, label, help_)
-            self._film = ui.select(["", *film_names()], label="film").props("dense options-dense")
-            self._film.classes("w-full at-film").mark("film").tooltip("The film that the light falls on")
+            self._film = named(ui.select(["", *film_names()], label="film"), "film").classes("w-full")
+            self._film.props("dense options-dense").tooltip("The film that the light falls on")
             self._film.on_value_change(lambda e: self._set("film", "preset", e.value or None))
-            self._summary = ui.label().classes("fj-dim").mark("exposed").classes("at-exposed")
+            self._summary = named(ui.label().classes("fj-dim"), "exposed")
 
     def show(self) -> None:
         """Show what is new."""
@@ -42,25 +41,20 @@ class ExposurePanel:
         self._box.set_visibility(exposure is not None or film is not None)
         if config is None or (exposure is None and film is None):
             return
-        self._quiet = True
-        try:
-            self._exposure.set_visibility(exposure is not None)
+        self._exposure.set_visibility(exposure is not None)
+        self._film.set_visibility(film is not None and film.curve is None)
+        with self._quiet:
             for key, field in self._fields.items():
-                value = _written(key, getattr(exposure, key, None))
-                if field.value != value:
-                    field.value = value
-            self._film.set_visibility(film is not None and film.curve is None)
+                field.value = _written(key, getattr(exposure, key, None))
             self._film.value = "" if film is None else film.preset or ""
-            taken = self._studio.painter.taken
-            settings = None if taken is None else taken.settings
-            numbers = "" if settings is None else f"{_seconds(settings.time)}, ISO {settings.iso:.0f}. "
-            self._summary.text = numbers + ("" if taken is None else taken.sentence() or "")
-        finally:
-            self._quiet = False
+        taken = self._studio.painter.taken
+        settings = None if taken is None else taken.settings
+        numbers = "" if settings is None else f"{_seconds(settings.time)}, ISO {settings.iso:.0f}. "
+        self._summary.text = numbers + ("" if taken is None else taken.sentence() or "")
 
     def _field(self, key: str, label: str, help_: str) -> ui.input:
-        field = ui.input(label).props("dense hide-bottom-space").style("min-width: 0")
-        field.classes(f"col at-{key}").mark(key).tooltip(help_)
+        field = named(ui.input(label), key).classes("col").style("min-width: 0").tooltip(help_)
+        field.props("dense hide-bottom-space")
         field.on("change", lambda: self._set("exposure", key, _read(field.value)))
         return field
 

@@ -1,7 +1,7 @@
 """The lens beside the picture: each setting free within limits, or fixed and set by hand."""
 
+import functools
 import math
-from collections.abc import Callable
 from typing import Any
 
 from nicegui import ui
@@ -9,8 +9,8 @@ from nicegui import ui
 from focusjax._settings import angle, f_number, metres
 from focusjax.studio._answer import Answer
 from focusjax.studio._aperture_view import aperture_svg
+from focusjax.studio._elements import Attempt, Quiet, named, number_field
 from focusjax.studio._lens_settings import SETTINGS, Setting, is_free, limits
-from focusjax.studio._session import Session
 from focusjax.studio._studio import Studio
 
 _FARTHEST = 1000.0
@@ -24,25 +24,20 @@ _LEAST_UNCERTAINTY = 0.005
 class LensPanel:
     """Five settings with what was solved for them, and from where to where the picture is sharp."""
 
-    def __init__(self, studio: Studio, attempt: Callable[[Callable[[Session], object]], object]):
+    def __init__(self, studio: Studio, attempt: Attempt):
         """Build it where NiceGUI is at; `attempt` makes a change to the session."""
         self._studio, self._attempt = studio, attempt
-        self._quiet = False
+        self._quiet = Quiet()
         self._built: dict[str, object] = {}
         self._fields: dict[str, dict[str, Any]] = {}
         ui.label("Lens").classes("fj-head")
         self._rows = {
-            name: ui.column()
-            .classes("w-full")
-            .style("gap: 0")
-            .mark(f"setting-{name}")
-            .classes(f"at-setting-{name}")
-            for name in SETTINGS
+            name: named(ui.column().classes("w-full").style("gap: 0"), f"setting-{name}") for name in SETTINGS
         }
         with ui.row().classes("fj-row"):
-            self._opening = ui.html("", sanitize=False).mark("opening").classes("at-opening")
+            self._opening = named(ui.html("", sanitize=False), "opening")
             self._opening.tooltip("The shape of the opening, in which lights out of focus are drawn")
-            self._sharp = ui.label().classes("fj-dim").mark("sharp").classes("at-sharp")
+            self._sharp = named(ui.label().classes("fj-dim"), "sharp")
 
     def show(self) -> None:
         """Show what is new."""
@@ -59,9 +54,7 @@ class LensPanel:
                 self._built[name] = shape
                 self._build(setting, *shape)
             self._fill(setting, answer, values.get(name), ends)
-        opening = aperture_svg(answer)
-        if opening != self._opening.content:
-            self._opening.content = opening
+        self._opening.content = aperture_svg(answer)
         depth = answer.depth_of_field()
         self._sharp.set_visibility(depth is not None and not surface)
         if depth is not None:
@@ -77,91 +70,70 @@ class LensPanel:
         with self._rows[name]:
             with ui.row().classes("fj-row"):
                 ui.label(setting.label).style("width: 96px; font-size: 13px").tooltip(setting.help)
-                fields["value"] = (
-                    ui.label()
-                    .classes("fj-num col")
-                    .style("font-weight: 600; font-size: 14px")
-                    .mark(f"value-{name}")
-                    .classes(f"at-value-{name}")
-                )
+                value = ui.label().classes("fj-num col").style("font-weight: 600; font-size: 14px")
+                fields["value"] = named(value, f"value-{name}")
                 if may_be_free:
-                    ui.button(
-                        "free" if free else "fixed",
-                        icon="lock_open" if free else "lock",
-                        on_click=lambda: self._toggle(name, free),
-                    ).props(f"flat dense no-caps size=sm {'color=primary' if free else 'color=grey'}").style(
-                        "width: 74px"
-                    ).mark(f"lock-{name}").classes(f"at-lock-{name}").tooltip(
-                        "Free: the wishes decide it. Click to keep it as it is."
-                        if free
-                        else "Fixed: you decide it. Click to let the wishes decide."
-                    )
+                    self._build_lock(name, free)
             with ui.row().classes("fj-row").style("padding-left: 12px"):
                 if free:
-                    for end, sign in (("low", "≥"), ("high", "≤")):
-                        field = (
-                            ui.number(prefix=sign, step=0.1)
-                            .props("dense clearable debounce=400 hide-bottom-space")
-                            .classes("col")
-                            .style("min-width: 0")
-                        )
-                        field.props["aria-label"] = (
-                            f"{setting.label} {'at least' if end == 'low' else 'at most'}"
-                        )
-                        field.mark(f"{end}-{name}").classes(f"at-{end}-{name}").tooltip(
-                            f"The limit to the {setting.label.lower()}; empty for the usual one"
-                        )
-                        field.on_value_change(lambda e, end=end: self._limit(name, end, e.value))
-                        fields[end] = field
+                    self._build_limits(setting, fields)
                 else:
-                    slider = (
-                        ui.slider(min=0.0, max=1.0, step=0.002)
-                        .props("dense")
-                        .classes("col")
-                        .mark(f"slider-{name}")
-                        .classes(f"at-slider-{name}")
-                    )
-                    slider.on("update:model-value", lambda e: self._slid(setting, e.args), throttle=0.06)
-                    slider.on("change", lambda: self._studio.session.end_drag())
-                    slider.props(f'aria-label="{setting.label}"').tooltip(setting.help)
-                    # Its arrow keys do not nudge points, too.
-                    slider.on("keydown", js_handler="(event) => event.stopPropagation()")
-                    fields["slider"] = slider
-                    field = (
-                        ui.number(step=0.1)
-                        .props("dense debounce=400 hide-bottom-space")
-                        .style("width: 92px")
-                        .mark(f"fixed-{name}")
-                        .classes(f"at-fixed-{name}")
-                    )
-                    field.props["aria-label"] = setting.label
-                    field.tooltip(f"{setting.label} in {setting.unit}" if setting.unit else setting.label)
-                    field.on_value_change(lambda e: self._set(name, e.value))
-                    fields["fixed"] = field
+                    self._build_value(setting, fields)
+
+    def _build_lock(self, name: str, free: bool) -> None:
+        lock = named(
+            ui.button("free" if free else "fixed", icon="lock_open" if free else "lock"), f"lock-{name}"
+        )
+        lock.on_click(lambda: self._toggle(name, free)).style("width: 74px")
+        lock.props(f"flat dense no-caps size=sm color={'primary' if free else 'grey'}")
+        lock.tooltip(
+            "Free: the wishes decide it. Click to keep it as it is."
+            if free
+            else "Fixed: you decide it. Click to let the wishes decide."
+        )
+
+    def _build_limits(self, setting: Setting, fields: dict[str, Any]) -> None:
+        help_ = f"The limit to the {setting.label.lower()}; empty for the usual one"
+        for end, sign, words in (("low", "≥", "at least"), ("high", "≤", "at most")):
+            act = functools.partial(self._limit, setting.name, end)
+            field = number_field(
+                f"{end}-{setting.name}", help_, act, props="clearable", prefix=sign, step=0.1
+            )
+            field.props["aria-label"] = f"{setting.label} {words}"
+            fields[end] = field
+
+    def _build_value(self, setting: Setting, fields: dict[str, Any]) -> None:
+        name = setting.name
+        slider = named(ui.slider(min=0.0, max=1.0, step=0.002), f"slider-{name}").classes("col")
+        slider.on("update:model-value", lambda e: self._slid(setting, e.args), throttle=0.06)
+        slider.on("change", lambda: self._studio.session.end_drag())
+        slider.props(f'dense aria-label="{setting.label}"').tooltip(setting.help)
+        # Its arrow keys do not nudge points, too.
+        slider.on("keydown", js_handler="(event) => event.stopPropagation()")
+        help_ = f"{setting.label} in {setting.unit}" if setting.unit else setting.label
+        act = functools.partial(self._set, name)
+        fixed = number_field(f"fixed-{name}", help_, act, width="92px", step=0.1)
+        fixed.props["aria-label"] = setting.label
+        fields |= {"slider": slider, "fixed": fixed}
 
     def _fill(
         self, setting: Setting, answer: Answer, value: float | None, ends: tuple[float | None, float | None]
     ) -> None:
         name, fields = setting.name, self._fields[setting.name]
-        self._quiet = True
-        try:
-            text = "-" if value is None else _shown(name, value)
-            doubt = answer.uncertainty.get(name, 0.0)
-            if name in answer.uncertain():
-                text += " (open)"
-            elif value is not None and math.isfinite(doubt) and doubt > _LEAST_UNCERTAINTY * abs(value):
-                text += f" ± {_difference(name, doubt)}"
-            fields["value"].text = text
+        text = "-" if value is None else _shown(name, value)
+        doubt = answer.uncertainty.get(name, 0.0)
+        if name in answer.uncertain():
+            text += " (open)"
+        elif value is not None and math.isfinite(doubt) and doubt > _LEAST_UNCERTAINTY * abs(value):
+            text += f" ± {_difference(name, doubt)}"
+        fields["value"].text = text
+        with self._quiet:
             for key, limit in zip(("low", "high"), ends, strict=True):
-                if key in fields and fields[key].value != limit:
+                if key in fields:
                     fields[key].value = limit if limit is None or math.isfinite(limit) else None
             if "slider" in fields and value is not None and math.isfinite(value):
                 fields["slider"].value = _to_share(self._studio, name, value)
-                rounded = float(f"{value:.4g}")
-                if fields["fixed"].value != rounded:
-                    fields["fixed"].value = rounded
-        finally:
-            self._quiet = False
+                fields["fixed"].value = float(f"{value:.4g}")
 
     def _toggle(self, name: str, free: bool) -> None:
         self._attempt(lambda session: session.fix(name) if free else session.free(name))

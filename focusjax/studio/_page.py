@@ -12,17 +12,17 @@ from nicegui.elements.mixins.value_element import ValueElement
 from focusjax._console import sentence
 from focusjax.exchange import TARGETS
 from focusjax.studio._desk import Desk
+from focusjax.studio._dialogs import SaveDialog, TextDialog
 from focusjax.studio._document import EditError
+from focusjax.studio._elements import named
 from focusjax.studio._exposure_panel import ExposurePanel
 from focusjax.studio._lens_panel import LensPanel
 from focusjax.studio._picture_view import PictureView
-from focusjax.studio._save_dialog import SaveDialog
 from focusjax.studio._session import Session
 from focusjax.studio._side_view import Plan, make_plan, side_view
 from focusjax.studio._stage import Stage
 from focusjax.studio._studio import State, Studio
 from focusjax.studio._surface_panel import SurfacePanel
-from focusjax.studio._text_dialog import TextDialog
 from focusjax.studio._timeline import Timeline
 from focusjax.studio._wish_panel import WishPanel
 
@@ -73,7 +73,7 @@ class Page:
                 self.exposure = ExposurePanel(studio, self.attempt)
                 self.wishes = WishPanel(studio, self.picture)
                 ui.label("From above").classes("fj-head")
-                self._side = ui.html("", sanitize=False).classes("w-full").mark("above").classes("at-above")
+                self._side = named(ui.html("", sanitize=False).classes("w-full"), "above")
                 ui.label(_KEYS).classes("fj-dim").style("white-space: pre-line")
         self.text = TextDialog(studio)
         self.saving = SaveDialog(studio)
@@ -182,9 +182,7 @@ class Page:
             self._name = ui.label().classes("fj-dim")
             ui.space()
             self._progress = ui.spinner(size="16px").props('aria-label="working"')
-            self._state = (
-                ui.label().classes("fj-state").mark("state").classes("at-state").props('role="status"')
-            )
+            self._state = named(ui.label().classes("fj-state").props('role="status"'), "state")
             self._undo = _button("undo", "Take the last change back (Ctrl-Z)", lambda: self._step("undo"))
             self._redo = _button("redo", "Do it again (Ctrl-Y)", lambda: self._step("redo"))
             self._overlay = ui.toggle(
@@ -211,9 +209,9 @@ class Page:
             ):
                 for name, target in TARGETS.items():
                     ui.menu_item(target.called, functools.partial(self._export, name)).mark(f"export-{name}")
-            ui.button("Save", on_click=self.save).props("dense no-caps unelevated size=sm").mark(
-                "save"
-            ).classes("at-save").tooltip("Write the config to its file, comments and all (Ctrl-S)")
+            save = named(ui.button("Save", on_click=self.save), "save")
+            save.props("dense no-caps unelevated size=sm")
+            save.tooltip("Write the config to its file, comments and all (Ctrl-S)")
             _button("save_as", "Save to another file (Ctrl-Shift-S)", lambda: self.saving.open())
         self._refused = False
 
@@ -263,6 +261,9 @@ class Page:
     def _toggle_wipe(self) -> None:
         self.picture.set_wipe(None if self.picture.wipe is not None else 0.5)
 
+    def _toggle_overlay(self, kind: str) -> None:
+        self._overlay.value = "" if self._overlay.value == kind else kind
+
     def _toggle_dark(self) -> None:
         self._dark.value = not self._dark.value
 
@@ -279,12 +280,12 @@ class Page:
         else:
             act = {
                 " ": self._toggle_wipe,
-                "b": lambda: self._overlay.set_value("" if self._overlay.value == "blur" else "blur"),
-                "d": lambda: self._overlay.set_value("" if self._overlay.value == "depth" else "depth"),
+                "b": lambda: self._toggle_overlay("blur"),
+                "d": lambda: self._toggle_overlay("depth"),
                 "n": self._next,
                 "Enter": lambda: self._add_in_the_middle(self.picture.add),
                 "c": lambda: self._add_in_the_middle(self.picture.add_control),
-                "l": lambda: self._overlay.set_value("" if self._overlay.value == "layers" else "layers"),
+                "l": lambda: self._toggle_overlay("layers"),
                 "z": self.picture.zoom,
                 "r": self._render,
                 "p": self.timeline.toggle,

@@ -6,9 +6,9 @@ from typing import Any
 
 from nicegui import events, ui
 
+from focusjax.studio._elements import Attempt, named
 from focusjax.studio._marks import controls_svg, layers_svg, marks_svg, nearest_mark, radius
 from focusjax.studio._overlays import shown_size
-from focusjax.studio._session import Session
 from focusjax.studio._studio import Studio
 from focusjax.studio._wish_card import WishCard
 
@@ -28,12 +28,7 @@ class PictureView:
         overlay: "blur", "depth" or nothing.
     """
 
-    def __init__(
-        self,
-        studio: Studio,
-        attempt: Callable[[Callable[[Session], object]], object],
-        on_select: Callable[[int | None], None],
-    ):
+    def __init__(self, studio: Studio, attempt: Attempt, on_select: Callable[[int | None], None]):
         """Build it where NiceGUI is at.
 
         Args:
@@ -52,27 +47,21 @@ class PictureView:
         self._loaded = 0
         self._zoom = 0
         self._seen = tuple(0.5 * each for each in self._resolution())
-        self._content = ""
         width, height = self._size()
         with ui.element("div").classes("fj-stage"):
-            with (
-                ui.element("div")
-                .classes("fj-frame")
-                .style(f"--fj-ratio: {width / height:.5f}") as self._frame
-            ):
-                self.image = ui.interactive_image(
+            with ui.element("div").classes("fj-frame") as self._frame:
+                self._frame.style(f"--fj-ratio: {width / height:.5f}")
+                image = ui.interactive_image(
                     size=(width, height),
                     events=["mousedown", "mousemove", "mouseup", "mouseleave"],
                     on_mouse=self._on_mouse,
                     sanitize=False,
-                ).classes("w-full")
-                self.image.mark("picture").classes("at-picture")
+                )
+                self.image = named(image.classes("w-full"), "picture")
                 self.card = WishCard(self)
-            self._under = ui.label().classes("fj-under").mark("under").classes("at-under")
+            self._under = named(ui.label().classes("fj-under"), "under")
             self._under.set_visibility(False)
-            self._note = (
-                ui.label().classes("fj-under").style("top: 8px; bottom: auto").mark("note").classes("at-note")
-            )
+            self._note = named(ui.label().classes("fj-under").style("top: 8px; bottom: auto"), "note")
 
     def show(self) -> None:
         """Show what the studio has."""
@@ -206,9 +195,7 @@ class PictureView:
         content = layers_svg(addresses, size, overlay=self.overlay, wipe=self.wipe)
         content += controls_svg(answer, self._scale(), size[0], self.control)
         content += marks_svg(answer, self._scale(), size[0], self.selected)
-        if content != self._content:
-            self._content = content
-            self.image.content = content
+        self.image.content = content
 
     def _on_mouse(self, event: events.MouseEventArguments) -> None:
         x, y = event.image_x / self._scale(), event.image_y / self._scale()

@@ -7,11 +7,11 @@ from fastapi import Response
 from nicegui import app, ui
 
 from focusjax.studio._desk import Desk
+from focusjax.studio._elements import add_style
 from focusjax.studio._guard import Guard
 from focusjax.studio._page import Page
 from focusjax.studio._start_page import StartPage
 from focusjax.studio._studio import KINDS, Studio
-from focusjax.studio._style import add_style
 
 LOCAL = "127.0.0.1"
 _NO_STORE = {"Cache-Control": "no-store"}

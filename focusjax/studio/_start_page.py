@@ -6,6 +6,7 @@ from nicegui import ui
 
 from focusjax.config import ConfigError
 from focusjax.studio._desk import Desk
+from focusjax.studio._elements import named, problem_label
 
 _EVERY = 0.3
 """Seconds between looks for new thumbnails."""
@@ -20,7 +21,7 @@ class StartPage:
         self._desk, self._gallery = desk, desk.gallery
         self._version = 0
         self._pictures: dict[int, ui.image] = {}
-        with ui.column().classes("fj-start").mark("start").classes("at-start"):
+        with named(ui.column().classes("fj-start"), "start"):
             ui.label("focusjax studio").classes("fj-start-title")
             ui.label("Choose a scene, then click on what should be sharp.").classes("fj-dim")
             if self._gallery.entries:
@@ -29,14 +30,14 @@ class StartPage:
                         self._card(number)
             else:
                 folders = ", ".join(str(folder.absolute()) for folder in self._gallery.folders)
-                ui.label(
+                none = ui.label(
                     f"There is no config in {folders}. The examples come with the repository, not with the"
                     " installed package. Start with a mesh or a photograph with depth of your own instead."
-                ).classes("fj-way").mark("none").classes("at-none")
+                )
+                named(none, "none").classes("fj-way")
             if desk.any_file:
                 self._any_file()
-            self._problem = ui.label().classes("fj-way at-problem").mark("problem").props('role="alert"')
-            self._problem.set_visibility(False)
+            self._problem = problem_label("problem")
         self._show()
         ui.timer(_EVERY, self._show)
 
@@ -58,22 +59,21 @@ class StartPage:
 
     def _any_file(self) -> None:
         with ui.row().classes("fj-row").style("max-width: 640px"):
-            field = ui.input("A config, a mesh, or a photograph with depth").props("dense outlined")
-            field.classes("col at-path").mark("path").tooltip("The path of a file on this machine")
+            field = named(ui.input("A config, a mesh, or a photograph with depth"), "path").classes("col")
+            field.props("dense outlined").tooltip("The path of a file on this machine")
 
             def typed() -> None:
                 self._open(Path((field.value or "").strip()).expanduser())
 
             field.on("keydown.enter", typed)
-            button = ui.button("Open", on_click=typed).props("unelevated no-caps")
-            button.mark("open").classes("at-open").tooltip("Open that file")
+            button = named(ui.button("Open", on_click=typed), "open").props("unelevated no-caps")
+            button.tooltip("Open that file")
 
     def _open(self, path: Path) -> None:
         try:
             self._desk.open([path])
         except ConfigError as error:
             self._problem.text = str(error)
-            self._problem.set_visibility(True)
             return
         ui.navigate.reload()
 

@@ -1,14 +1,14 @@
 """The focal surface beside the picture: on or off, its shape, and its control points."""
 
-from collections.abc import Callable
+import functools
 from typing import Any
 
 from nicegui import ui
 
 from focusjax._settings import metres
 from focusjax.studio._answer import Control
+from focusjax.studio._elements import Attempt, Quiet, list_line, named, number_field, show_chosen
 from focusjax.studio._picture_view import PictureView
-from focusjax.studio._session import Session
 from focusjax.studio._studio import Studio
 from focusjax.studio._surface_edits import BASES, KERNELS, kernel_size
 
@@ -22,12 +22,7 @@ _FIELDS = (
 class SurfacePanel:
     """A switch between a plane and a surface, and a line for each control point of a surface."""
 
-    def __init__(
-        self,
-        studio: Studio,
-        view: PictureView,
-        attempt: Callable[[Callable[[Session], object]], object],
-    ):
+    def __init__(self, studio: Studio, view: PictureView, attempt: Attempt):
         """Build it where NiceGUI is at.
 
         Args:
@@ -36,21 +31,15 @@ class SurfacePanel:
             attempt: makes a change to the session.
         """
         self._studio, self._view, self._attempt = studio, view, attempt
-        self._quiet = False
+        self._quiet = Quiet()
         self._built: object = None
         self._shape: dict[str, Any] = {}
         self._fields: dict[str, Any] = {}
         self._lines: list[tuple[Any, Any, Any]] = []
         self._switch = ui.checkbox("Focus from place to place", on_change=lambda e: self._turn(e.value))
-        self._switch.props("dense size=xs").mark("surface").classes("at-surface")
+        named(self._switch, "surface").props("dense size=xs")
         self._switch.tooltip("A focal surface through control points, in place of one plane in focus")
-        with (
-            ui.column()
-            .classes("w-full")
-            .style("gap: 2px")
-            .mark("controls")
-            .classes("at-controls") as self._box
-        ):
+        with named(ui.column().classes("w-full").style("gap: 2px"), "controls") as self._box:
             self._build_shape()
             ui.label("Each new point has a control point; Shift and click sets one alone.").classes("fj-dim")
             self._rows = ui.column().classes("w-full").style("gap: 0")
@@ -61,10 +50,9 @@ class SurfacePanel:
         if answer is None or config is None:
             return
         table = config.lens.focal_surface
-        self._quiet = True
-        try:
+        self._box.set_visibility(table is not None)
+        with self._quiet:
             self._switch.value = table is not None
-            self._box.set_visibility(table is not None)
             if table is None:
                 return
             size = kernel_size(config)
@@ -73,11 +61,8 @@ class SurfacePanel:
                 "size": size, "smoothness": table.smoothness,
             }  # fmt: skip
             for key, value in values.items():
-                if self._shape[key].value != value:
-                    self._shape[key].value = value
-            self._shape["size"].set_visibility(size is not None)
-        finally:
-            self._quiet = False
+                self._shape[key].value = value
+        self._shape["size"].set_visibility(size is not None)
         controls = answer.controls()
         # The text may be ahead of the answer.
         if len(controls) == len(table.points):
@@ -90,23 +75,16 @@ class SurfacePanel:
             self._built = built
             self._build(len(controls), chosen)
         for number, (line, name, distance) in enumerate(self._lines):
-            line.classes(
-                add="chosen" if number == chosen else "", remove="" if number == chosen else "chosen"
-            )
+            show_chosen(line, number == chosen)
             name.text = controls[number].name
             where = controls[number].distance
             distance.text = "" if where is None else metres(where)
         table = self._studio.session.config.lens.focal_surface
         if chosen is None or table is None:
             return
-        self._quiet = True
-        try:
+        with self._quiet:
             for key, field in self._fields.items():
-                value = getattr(table.points[chosen], key)
-                if field.value != value:
-                    field.value = value
-        finally:
-            self._quiet = False
+                field.value = getattr(table.points[chosen], key)
 
     def _build_shape(self) -> None:
         with ui.row().classes("fj-row"):
@@ -118,29 +96,13 @@ class SurfacePanel:
                 ("size", "px", 10.0, "Pixels over which influence fades or ends"),
                 ("smoothness", "smoothness", 0.001, "Weight of an even blur against the wishes"),
             ):
-                self._number(
-                    self._shape, key, label, step, help_, lambda value, key=key: self._set(key, value)
-                )
-
-    def _number(
-        self,
-        fields: dict[str, Any],
-        key: str,
-        label: str,
-        step: float,
-        help_: str,
-        act: Callable[[Any], None],
-    ) -> None:
-        """A field for a number, which waits for the end of typing."""
-        field = ui.number(label, step=step, on_change=lambda e: act(e.value))
-        field.props("dense debounce=400 hide-bottom-space").style("min-width: 0").tooltip(help_)
-        mark = f"surface-{key}"
-        fields[key] = field.classes(f"col at-{mark}").mark(mark)
+                act = functools.partial(self._set, key)
+                self._shape[key] = number_field(f"surface-{key}", help_, act, label=label, step=step)
 
     def _choice(self, key: str, words: dict[str, str], label: str, help_: str) -> None:
         field = ui.select(words, label=label, on_change=lambda e: self._set(key, e.value))
-        field.props("dense options-dense").style("min-width: 0").tooltip(help_)
-        self._shape[key] = field.classes(f"col at-surface-{key}").mark(f"surface-{key}")
+        field.props("dense options-dense").classes("col").style("min-width: 0").tooltip(help_)
+        self._shape[key] = named(field, f"surface-{key}")
 
     def _build(self, count: int, chosen: int | None) -> None:
         self._rows.clear()
@@ -153,11 +115,8 @@ class SurfacePanel:
                         self._build_fields(number)
 
     def _line(self, number: int) -> tuple[Any, Any, Any]:
-        line = ui.row().classes("fj-wish at-control").mark(f"control-{number}")
-        line.props(f'tabindex=0 role="button" aria-label="control point {number + 1}"')
-        line.on("click", lambda: self._view.select_control(number))
-        line.on("keydown.enter", lambda: self._view.select_control(number))
-        with line:
+        line = list_line(f"control point {number + 1}", lambda: self._view.select_control(number))
+        with line.classes("at-control").mark(f"control-{number}"):
             ui.label("◇").style("width: 18px")
             name = ui.label().style("flex: 1; min-width: 0; overflow: hidden; text-overflow: ellipsis")
             distance = ui.label().classes("fj-num").tooltip("The focus distance here")
@@ -165,9 +124,8 @@ class SurfacePanel:
 
     def _build_fields(self, number: int) -> None:
         for key, label, step, help_ in _FIELDS:
-            self._number(
-                self._fields, key, label, step, help_, lambda value, key=key: self._change(number, key, value)
-            )
+            act = functools.partial(self._change, number, key)
+            self._fields[key] = number_field(f"surface-{key}", help_, act, label=label, step=step)
         delete = ui.button(icon="delete", on_click=lambda: self._view.delete_control(number))
         delete.props('flat dense size=sm color=grey aria-label="Forget this control point"')
         delete.tooltip("Forget this control point (Delete)").mark("control-delete")

@@ -1,11 +1,11 @@
 """The shot below the picture: a slider over its frames, play, and the tracks of the wishes."""
 
-from collections.abc import Callable
+import functools
 
 from nicegui import ui
 
+from focusjax.studio._elements import Attempt, Quiet, named, number_field
 from focusjax.studio._picture_view import PictureView
-from focusjax.studio._session import Session
 from focusjax.studio._studio import Studio
 from focusjax.studio._timing import KEYED, keys_of, span_of
 from focusjax.studio._tracks import LEFT, RIGHT, tracks_svg
@@ -17,37 +17,30 @@ _WIDTH = 900
 class Timeline:
     """Scrubs and plays a shot; hidden for stills."""
 
-    def __init__(
-        self,
-        studio: Studio,
-        view: PictureView,
-        attempt: Callable[[Callable[[Session], object]], object],
-    ):
+    def __init__(self, studio: Studio, view: PictureView, attempt: Attempt):
         """Build it where NiceGUI is at."""
         self._studio, self._view, self._attempt = studio, view, attempt
         self._drawn: object = None
-        self._quiet = False
+        self._quiet = Quiet()
         self._shown_number = 0
-        with ui.column().classes("fj-timeline").mark("timeline").classes("at-timeline") as self._box:
+        with named(ui.column().classes("fj-timeline"), "timeline") as self._box:
             with ui.row().classes("fj-row"):
-                self._play = ui.button(icon="play_arrow", on_click=self.toggle).props(
-                    'flat dense round size=sm aria-label="Play"'
-                )
-                self._play.mark("play").classes("at-play").tooltip("Play at draft quality (P)")
-                self._label = ui.label().classes("fj-num at-frame").mark("frame").style("width: 78px")
+                self._play = named(ui.button(icon="play_arrow", on_click=self.toggle), "play")
+                self._play.props('flat dense round size=sm aria-label="Play"')
+                self._play.tooltip("Play at draft quality (P)")
+                self._label = named(ui.label().classes("fj-num").style("width: 78px"), "frame")
                 ui.space()
                 self._from = self._end("from", "The first frame in which the chosen wish counts")
                 self._to = self._end("to", "The last frame in which the chosen wish counts")
-                self._key = ui.button("◆ +", on_click=self.toggle_key).props("flat dense size=sm no-caps")
-                self._key.mark("key").classes("at-key").tooltip(
-                    "Set or take away a keyframe of the chosen wish at this frame (K)"
-                )
+                self._key = named(ui.button("◆ +", on_click=self.toggle_key), "key")
+                self._key.props("flat dense size=sm no-caps")
+                self._key.tooltip("Set or take away a keyframe of the chosen wish at this frame (K)")
             with ui.element("div").style(f"width: 100%; padding: 0 {_share(RIGHT)} 0 {_share(LEFT)}"):
                 # Its ends lie above those of the tracks.
-                self._slider = ui.slider(min=1, max=2, step=1).props('dense aria-label="Frame"')
-                self._slider.classes("at-scrub").mark("scrub").tooltip("The frame that is shown (, and .)")
+                self._slider = named(ui.slider(min=1, max=2, step=1), "scrub")
+                self._slider.props('dense aria-label="Frame"').tooltip("The frame that is shown (, and .)")
                 self._slider.on("update:model-value", lambda e: self._scrubbed(e.args), throttle=0.04)
-            self._tracks = ui.html("", sanitize=False).classes("w-full").mark("tracks").classes("at-tracks")
+            self._tracks = named(ui.html("", sanitize=False).classes("w-full"), "tracks")
         self._timer = ui.timer(1 / 24, self._step, active=False)
 
     def show(self) -> None:
@@ -63,18 +56,15 @@ class Timeline:
         self._label.text = f"{frame} / {shot.frames}"
         self._slider.props(f"max={shot.frames}")
         self._slider.enabled = studio.reel is not None
-        self._quiet = True
-        self._slider.value = frame
-        chosen = selected is not None and selected < len(config.focus)
+        chosen = selected if selected is not None and selected < len(config.focus) else None
         for field in (self._from, self._to, self._key):
-            field.set_enabled(chosen)
-        if chosen and selected is not None:
-            self._from.value, self._to.value = span_of(config, selected)
-            here = any(frame in keys_of(config, selected, what) for what in KEYED)
+            field.set_enabled(chosen is not None)
+        with self._quiet:
+            self._slider.value = frame
+            self._from.value, self._to.value = (None, None) if chosen is None else span_of(config, chosen)
+        if chosen is not None:
+            here = any(frame in keys_of(config, chosen, what) for what in KEYED)
             self._key.text = "◆ \N{MINUS SIGN}" if here else "◆ +"
-        else:
-            self._from.value = self._to.value = None
-        self._quiet = False
         drawn = (config, studio.reel, frame, selected)
         if drawn != self._drawn:
             self._drawn = drawn
@@ -107,18 +97,15 @@ class Timeline:
         self._attempt(lambda session: session.set_key(number, frame, what, value))
 
     def _end(self, end: str, help_: str) -> ui.number:
-        field = ui.number(end, min=1, step=1, precision=0).props(
-            "dense debounce=500 hide-bottom-space clearable"
-        )
-        field.style("width: 84px").classes(f"at-{end}-frame").mark(f"{end}-frame").tooltip(help_)
+        return number_field(
+            f"{end}-frame", help_, functools.partial(self._act, end), wait_ms=500, width="84px",
+            props="clearable", label=end, min=1, step=1, precision=0,
+        )  # fmt: skip
 
-        def typed(value: float | None) -> None:
-            number = self._view.selected
-            if not self._quiet and number is not None:
-                self._attempt(lambda s: s.act(number, end, None if value is None else int(value)))
-
-        field.on_value_change(lambda e: typed(e.value))
-        return field
+    def _act(self, end: str, frame: float | None) -> None:
+        number = self._view.selected
+        if not self._quiet and number is not None:
+            self._attempt(lambda s: s.act(number, end, None if frame is None else int(frame)))
 
     def _scrubbed(self, frame: object) -> None:
         if not self._quiet and isinstance(frame, int | float):

@@ -1,10 +1,12 @@
 """The card beside a mark: what is wished for its point."""
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from nicegui import events, ui
 
+from focusjax.studio._elements import Quiet, named, number_field
 from focusjax.studio._session import Session
 from focusjax.studio._wishes import KINDS, KINDS_OF_SURFACE, MEASURED, called, kind_of
 
@@ -26,9 +28,9 @@ class WishCard:
         self._view = view
         self._number: int | None = None
         self._built: object = None
-        self._quiet = False
+        self._quiet = Quiet()
         self._fields: dict[str, Any] = {}
-        self._card = ui.card().classes("fj-card").mark("card").classes("at-card")
+        self._card = named(ui.card().classes("fj-card"), "card")
         self._card.set_visibility(False)
 
     def open(self, number: int | None) -> None:
@@ -70,17 +72,17 @@ class WishCard:
         with self._card:
             with ui.row().classes("fj-row"):
                 self._build_name()
-            self._fields["summary"] = ui.label().classes("fj-dim at-summary").mark("summary")
+            self._fields["summary"] = named(ui.label().classes("fj-dim"), "summary")
             toggle = ui.toggle({each: KINDS[each] for each in kinds}, on_change=self._choose)
-            toggle.props("dense no-caps unelevated size=sm spread").classes("w-full at-kind").mark("kind")
-            self._fields["kind"] = toggle
+            toggle.props("dense no-caps unelevated size=sm spread").classes("w-full")
+            self._fields["kind"] = named(toggle, "kind")
             with ui.row().classes("fj-row"):
                 self._build_numbers(kind, others)
             with ui.row().classes("fj-row"):
                 self._build_switches()
 
     def _build_name(self) -> None:
-        field = ui.input().props("dense borderless").classes("col at-name").mark("name")
+        field = named(ui.input().props("dense borderless").classes("col"), "name")
         field.on("change", lambda: self._do(lambda s: s.rename(self.number, field.value or "")))
         field.tooltip("The wish's name")
         self._fields["name"] = field
@@ -96,7 +98,7 @@ class WishCard:
             )  # fmt: skip
         if kind == "same_blur_as":
             field = ui.select(list(others), label="as blurred as", on_change=self._other)
-            self._fields["other"] = field.props("dense").classes("col at-other").mark("other")
+            self._fields["other"] = named(field.props("dense").classes("col"), "other")
         self._number_field(
             "weight", "weight", 1.0, "How much this wish counts beside the others",
             lambda s, v: s.set_weight(self.number, v, self._view.studio.frame),
@@ -116,23 +118,18 @@ class WishCard:
         )
         ui.space()
         delete = ui.button("Delete", on_click=lambda: self._view.delete(self.number))
-        delete.props("flat dense no-caps size=sm color=negative").classes("at-delete").mark("delete")
+        named(delete, "delete").props("flat dense no-caps size=sm color=negative")
         delete.tooltip("Forget this wish (Delete)")
 
     def _number_field(
         self, key: str, label: str, step: float, help_: str, edit: Edit, *, may_be_empty: bool = False
     ) -> None:
-        """A field for a number, which waits for the end of typing."""
-        field = ui.number(label, min=0.0, step=step)
-        field.on_value_change(lambda e: self._typed(e, edit, may_be_empty=may_be_empty))
-        field.props("dense debounce=350 hide-bottom-space").style("min-width: 0")
-        self._fields[key] = field.classes(f"col at-{key}").mark(key)
-        field.tooltip(help_)
+        act = functools.partial(self._typed, edit, may_be_empty=may_be_empty)
+        self._fields[key] = number_field(key, help_, act, wait_ms=350, label=label, min=0.0, step=step)
 
     def _switch(self, key: str, label: str, help_: str, edit: Edit) -> None:
-        box = ui.checkbox(label, on_change=lambda e: self._typed(e, edit)).props("dense size=xs")
-        self._fields[key] = box.classes(f"at-{key}").mark(key)
-        box.tooltip(help_)
+        box = ui.checkbox(label, on_change=lambda e: self._typed(edit, e.value)).props("dense size=xs")
+        self._fields[key] = named(box, key).tooltip(help_)
 
     def _fill(self, number: int, kind: str) -> None:
         """Values of the fields, without taking them for what somebody typed."""
@@ -162,14 +159,11 @@ class WishCard:
             "whole": wish.object is not None and wish.triangle is None,
             "on": wish.weight > 0,
         }
-        self._quiet = True
-        try:
-            fields["summary"].text = summary
+        fields["summary"].text = summary
+        with self._quiet:
             for key, value in values.items():
-                if key in fields and fields[key].value != value:
+                if key in fields:
                     fields[key].value = value
-        finally:
-            self._quiet = False
 
     def _choose(self, event: events.ValueChangeEventArguments[Any]) -> None:
         if self._quiet or event.value is None:
@@ -196,11 +190,9 @@ class WishCard:
         if not self._quiet and event.value is not None:
             self._do(lambda s: s.wish_for(self.number, "same_blur_as", other=event.value))
 
-    def _typed(
-        self, event: events.ValueChangeEventArguments[Any], edit: Edit, *, may_be_empty: bool = False
-    ) -> None:
-        if not self._quiet and (may_be_empty or event.value is not None):
-            self._do(lambda session: edit(session, event.value))
+    def _typed(self, edit: Edit, value: Any, *, may_be_empty: bool = False) -> None:
+        if not self._quiet and (may_be_empty or value is not None):
+            self._do(lambda session: edit(session, value))
 
     def _do(self, edit: Any) -> None:
         self._view.attempt(edit)

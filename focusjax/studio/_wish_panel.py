@@ -5,6 +5,7 @@ from typing import Any
 from nicegui import ui
 
 from focusjax.focus import wish_rows
+from focusjax.studio._elements import list_line, named, show_chosen
 from focusjax.studio._marks import SIGNS
 from focusjax.studio._picture_view import PictureView
 from focusjax.studio._studio import Studio
@@ -20,13 +21,13 @@ class WishPanel:
         self._names: tuple[str, ...] | None = None
         self._lines: list[tuple[Any, ...]] = []
         ui.label("Wishes").classes("fj-head")
-        with ui.column().classes("w-full at-wishes").style("gap: 0").mark("wishes") as self._rows:
+        with named(ui.column().classes("w-full").style("gap: 0"), "wishes") as self._rows:
             self._empty = ui.label("Click on the picture, on what should be sharp.").classes("fj-dim")
             with ui.row().classes("fj-wish fj-dim").style("cursor: default") as self._head:
                 for text, style in zip(("", "wish", "wished", "got px", "off px", ""), _WIDTHS, strict=True):
                     ui.label(text).style(style)
             self._head.set_visibility(False)
-        self._way = ui.column().classes("w-full").style("gap: 4px").mark("way").classes("at-way")
+        self._way = named(ui.column().classes("w-full").style("gap: 4px"), "way")
         self._sentences: tuple[str, ...] | None = ()
 
     def show(self) -> None:
@@ -41,10 +42,7 @@ class WishPanel:
         rows = answer.wishes
         texts = wish_rows(rows)
         for number, (line, sign, _, wished, got, off, verdict) in enumerate(self._lines):
-            line.classes(
-                add="chosen" if number == self._view.selected else "",
-                remove="" if number == self._view.selected else "chosen",
-            )
+            show_chosen(line, number == self._view.selected)
             sign.text = f"{number + 1} {SIGNS[kind_of(answer.config, number)]}"
             if number >= len(rows):
                 continue
@@ -78,10 +76,7 @@ class WishPanel:
             label.text = name
 
     def _line(self, number: int) -> tuple[Any, ...]:
-        line = ui.row().classes("fj-wish").props(f'tabindex=0 role="button" aria-label="wish {number + 1}"')
-        line.on("click", lambda: self._view.select(number))
-        line.on("keydown.enter", lambda: self._view.select(number))
-        with line:
+        with list_line(f"wish {number + 1}", lambda: self._view.select(number)) as line:
             labels = [ui.label().style(style) for style in _WIDTHS]
         for label in labels[2:]:
             label.classes("fj-num")

@@ -13,6 +13,15 @@ SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change a key of the config, e.g. render.rays=16."),
 ]
+AnchorsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--anchor",
+        metavar="X,Y,METRES|VALUE,METRES",
+        help="For relative: the distance of a pixel of the photograph's file, or of a value of the depth map"
+        " (48,36 is: value 48 is 36 m away); give two of one form.",
+    ),
+]
 RootOption = Annotated[
     Path | None,
     typer.Option(

@@ -15,6 +15,7 @@ from rich.console import Console
 from focusjax._console import BAD_INPUT, FAILED, caches, fail, say, talk_of
 from focusjax._later import Later, group_of
 from focusjax._options import (
+    AnchorsOption,
     ConfigArgument,
     JobsOption,
     OutOption,
@@ -162,15 +163,7 @@ def refocus(
     baseline_m: Annotated[
         float | None, typer.Option("--baseline-m", help="For px: distance of the two cameras in metres.")
     ] = None,
-    anchor: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--anchor",
-            metavar="X,Y,METRES|VALUE,METRES",
-            help="For relative: the distance of a pixel of the photograph's file, or of a value of the"
-            " depth map (48,36 is: value 48 is 36 m away); give two of one form.",
-        ),
-    ] = None,
+    anchor: AnchorsOption = None,
     focal_length_35mm: Annotated[
         float | None, typer.Option("--focal-length-35mm", help="mm as on 36 x 24 mm film, if EXIF has none.")
     ] = None,

@@ -241,6 +241,7 @@ ALLOWED = {
         "shot",
         "_console",
         "_freed",
+        "_options",
         "_photo_options",
         "_refocus",
         "_settings",

@@ -8,15 +8,13 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from focusjax._console import fail, say
+from focusjax._console import BAD_INPUT, fail, say
+from focusjax._options import AnchorsOption, RootOption
 from focusjax._photo_options import STUDIO, in_options
 from focusjax._refocus import anchors_of
 from focusjax.config import ConfigError
 
-_BAD_INPUT = 2
 _INSTALL = "the page needs NiceGUI, which is not installed; install it with: pip install 'focusjax[studio]'"
-
-
 _PORTS = range(8123, 8143)
 """Tried one after another where none is asked for."""
 
@@ -62,25 +60,12 @@ def command(
     depth_scale: Annotated[
         float | None, typer.Option("--depth-scale", metavar="X", help="What a stored 1 is in that unit.")
     ] = None,
-    anchors: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--anchor",
-            metavar="X,Y,METRES|VALUE,METRES",
-            help="For relative: the distance of a pixel of the photograph's file, or of a value of the"
-            " depth map (48,36 is: value 48 is 36 m away); give two of one form.",
-        ),
-    ] = None,
+    anchors: AnchorsOption = None,
     focal_length_35mm: Annotated[
         float | None,
         typer.Option("--focal-length-35mm", metavar="MM", help="A photograph's, as on 36 x 24 mm film."),
     ] = None,
-    root: Annotated[
-        Path | None,
-        typer.Option(
-            "--root", metavar="DIR", help="Folder below which a config may name files; its own by default."
-        ),
-    ] = None,
+    root: RootOption = None,
     host: Annotated[
         str | None,
         typer.Option("--host", help="Listen there for other machines, too; the address then has a token."),
@@ -94,19 +79,16 @@ def command(
     """Click what should be sharp on a page in the browser, and see the lens and the picture."""
     console, errors = Console(), Console(stderr=True)
     if importlib.util.find_spec("nicegui") is None:
-        fail(errors, ModuleNotFoundError(_INSTALL), _BAD_INPUT)
+        fail(errors, ModuleNotFoundError(_INSTALL), BAD_INPUT)
     from focusjax.studio._desk import Desk
     from focusjax.studio._gallery import Gallery
     from focusjax.studio._serve import LOCAL, serve
 
     try:
         chosen = _free_port(LOCAL if host is None else host, port)
-    except OSError as error:
-        fail(errors, error, _BAD_INPUT)
-    try:
         known = anchors_of(anchors or ())
-    except ConfigError as error:
-        fail(errors, error, _BAD_INPUT)
+    except (OSError, ConfigError) as error:
+        fail(errors, error, BAD_INPUT)
     photo: dict[str, Any] = {
         "depth": None if depth is None else str(depth),
         "anchors": known or None,
@@ -119,7 +101,7 @@ def command(
         try:
             desk.open(files, root=root, photo=photo)
         except ConfigError as error:
-            fail(errors, ConfigError(_in_words(str(error), files)), _BAD_INPUT)
+            fail(errors, ConfigError(_in_words(str(error), files)), BAD_INPUT)
     serve(
         desk,
         host=host,

@@ -1,6 +1,5 @@
 """What was changed and not saved, kept beside a config's file until it is."""
 
-import contextlib
 from pathlib import Path
 
 from focusjax._whole_file import replace_file
@@ -25,8 +24,7 @@ def keep_text(path: Path, text: str | None) -> None:
     Raises:
         OSError: the folder cannot be written to.
     """
-    if text is not None:
+    if text is None:
+        kept_file(path).unlink(missing_ok=True)
+    else:
         replace_file(kept_file(path), text)
-        return
-    with contextlib.suppress(FileNotFoundError):
-        kept_file(path).unlink()

@@ -4,6 +4,7 @@ import hashlib
 import os
 from pathlib import Path
 
+from focusjax._console import caches
 from focusjax.config import Config
 from focusjax.studio._files_named import texts_in
 
@@ -13,8 +14,7 @@ _MOST = 300
 
 def user_cache() -> Path:
     """The user's own folder for them."""
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return home / "focusjax" / "thumbnails"
+    return caches() / "thumbnails"
 
 
 def kept_picture(folder: Path, config: Config, kind: str) -> bytes | None:

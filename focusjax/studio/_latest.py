@@ -44,17 +44,11 @@ class Latest:
 
     def submit(self, work: Work) -> None:
         """Do `work` next; drop what waits, and mark what has begun as overtaken."""
-        with self._condition:
-            self._waiting = work
-            self._newest += 1
-            self._condition.notify_all()
+        self._replace(work)
 
     def cancel(self) -> None:
         """Drop what waits, and mark what has begun as overtaken."""
-        with self._condition:
-            self._waiting = None
-            self._newest += 1
-            self._condition.notify_all()
+        self._replace(None)
 
     def overtaken(self, cancelled: Cancelled, seconds: float) -> bool:
         """Wait for something newer, for so long at most; whether it has come. For the work itself to ask."""
@@ -68,11 +62,15 @@ class Latest:
 
     def close(self) -> None:
         """End the thread after what it has begun."""
+        self._closed = True
+        self._replace(None)
+        self._thread.join()
+
+    def _replace(self, work: Work | None) -> None:
         with self._condition:
-            self._waiting, self._closed = None, True
+            self._waiting = work
             self._newest += 1
             self._condition.notify_all()
-        self._thread.join()
 
     def _run(self) -> None:
         while True:

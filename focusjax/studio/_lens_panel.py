@@ -81,10 +81,8 @@ class LensPanel:
                     self._build_value(setting, fields)
 
     def _build_lock(self, name: str, free: bool) -> None:
-        lock = named(
-            ui.button("free" if free else "fixed", icon="lock_open" if free else "lock"), f"lock-{name}"
-        )
-        lock.on_click(lambda: self._toggle(name, free)).style("width: 74px")
+        lock = ui.button("free" if free else "fixed", icon="lock_open" if free else "lock")
+        named(lock, f"lock-{name}").on_click(lambda: self._toggle(name, free)).style("width: 74px")
         lock.props(f"flat dense no-caps size=sm color={'primary' if free else 'grey'}")
         lock.tooltip(
             "Free: the wishes decide it. Click to keep it as it is."

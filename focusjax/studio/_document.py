@@ -7,7 +7,7 @@ from typing import Any
 
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
-from tomlkit.items import AoT, Array
+from tomlkit.items import AoT, Array, InlineTable
 
 from focusjax._whole_file import replace_file
 from focusjax.config import Config, ConfigError, parse_config, refuse_close_focus
@@ -249,10 +249,7 @@ def set_value(*keys: str, value: Any) -> Change:
                     return
                 place[key] = tomlkit.table()
             place = place[key]
-        if value is not None:
-            place[keys[-1]] = value
-        elif keys[-1] in place:
-            del place[keys[-1]]
+        put(place, keys[-1], value)
 
     return change
 
@@ -275,9 +272,7 @@ def add_row(*keys: str, row: dict[str, Any]) -> Change:
         place = _at(tables, outer)
         rows: Any = place.get(last)
         if isinstance(rows, Array):
-            inline = tomlkit.inline_table()
-            inline.update(row)
-            rows.append(inline)
+            rows.append(inline_table(row))
             return
         table = tomlkit.table()
         for key, value in row.items():
@@ -286,7 +281,7 @@ def add_row(*keys: str, row: dict[str, Any]) -> Change:
             place.add(tomlkit.nl())
             place[last] = rows = tomlkit.aot()
         else:
-            _blank_line_between(rows)
+            blank_line_after(rows)
         table.add(tomlkit.nl())
         rows.append(table)
 
@@ -298,12 +293,8 @@ def change_row(*keys: str, number: int, row: dict[str, Any], without: Sequence[s
 
     def change(tables: tomlkit.TOMLDocument) -> None:
         table = _at(tables, keys)[number]
-        for key in (*without, *(key for key, value in row.items() if value is None)):
-            if key in table:
-                del table[key]
-        for key, value in row.items():
-            if value is not None:
-                table[key] = value
+        for key, value in (dict.fromkeys(without) | row).items():
+            put(table, key, value)
 
     return change
 
@@ -312,12 +303,35 @@ def delete_row(*keys: str, number: int) -> Change:
     """A change that removes one table of an array."""
 
     def change(tables: tomlkit.TOMLDocument) -> None:
-        rows = _at(tables, keys)
-        del rows[number]
-        if not len(rows):
-            del _at(tables, keys[:-1])[keys[-1]]
+        *outer, last = keys
+        place = _at(tables, outer)
+        del place[last][number]
+        if not len(place[last]):
+            del place[last]
 
     return change
+
+
+def inline_table(row: dict[str, Any]) -> InlineTable:
+    """The table in braces, such as `{frame = 1, blur = 2.0}`."""
+    table = tomlkit.inline_table()
+    table.update(row)
+    return table
+
+
+def blank_line_after(rows: AoT) -> None:
+    """A table that follows the others of an array does so after a blank line."""
+    last = rows[-1]
+    if not last.as_string().endswith("\n\n"):
+        last.add(tomlkit.nl())
+
+
+def put(table: Any, key: str, value: Any) -> None:
+    """Set a key; None removes it."""
+    if value is not None:
+        table[key] = value
+    elif key in table:
+        del table[key]
 
 
 def _at(tables: tomlkit.TOMLDocument, keys: Sequence[str]) -> Any:
@@ -325,13 +339,6 @@ def _at(tables: tomlkit.TOMLDocument, keys: Sequence[str]) -> Any:
     for key in keys:
         place = place[key]
     return place
-
-
-def _blank_line_between(wishes: AoT) -> None:
-    """The next table of `wishes` does not follow the last one's values without a blank line."""
-    last = wishes[-1]
-    if not last.as_string().endswith("\n\n"):
-        last.add(tomlkit.nl())
 
 
 def _read(path: Path) -> str:

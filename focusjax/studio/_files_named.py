@@ -29,8 +29,13 @@ def name_files_from(tables: Any, old: Path, new: Path, root: Path) -> str:
         if not path.resolve().is_relative_to(root.resolve()):
             return name
         if not Path(name).is_absolute():
-            table[key] = Path(os.path.relpath(path.absolute(), new.absolute())).as_posix()
+            table[key] = path_from(new, path)
     return ""
+
+
+def path_from(folder: Path, path: Path) -> str:
+    """The path from a config's folder to a file, as a config has it."""
+    return Path(os.path.relpath(path.absolute(), folder.absolute())).as_posix()
 
 
 def texts_in(tables: Any) -> Iterator[str]:

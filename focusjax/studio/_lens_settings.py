@@ -101,18 +101,16 @@ def fix(config: Config, name: str, value: float) -> Change:
     Raises:
         EditError: nothing would be left for the wishes to decide.
     """
-    names = [each for each in config.solve.free if each != name]
-    if is_free(config, name) and not names:
-        raise EditError("one setting at least has to stay free, for the wishes to decide; free another first")
     if not is_free(config, name):
         return set_fixed(name, value)
+    names = [each for each in config.solve.free if each != name]
+    if not names:
+        raise EditError("one setting at least has to stay free, for the wishes to decide; free another first")
     setting = SETTINGS[name]
     changes = [set_value("solve", key, value=None) for key in (setting.low, setting.high)]
     if getattr(config.solve.prior, name) is not None:
         changes.append(set_value("solve", "prior", name, value=None))
-    if names:
-        changes.append(set_value("solve", "free", value=names))
-    return together(*changes, set_fixed(name, value))
+    return together(*changes, set_value("solve", "free", value=names), set_fixed(name, value))
 
 
 def set_fixed(name: str, value: float) -> Change:

@@ -12,6 +12,8 @@ from jaxtyping import Float
 from focusjax._settings import metres
 from focusjax.config import ConfigError, build_camera, parse_config
 from focusjax.scene import load_mesh
+from focusjax.studio._document import inline_table
+from focusjax.studio._files_named import path_from
 from focusjax.studio._session import Session
 
 MESHES = frozenset({".glb", ".gltf", ".obj", ".ply", ".stl", ".off"})
@@ -100,13 +102,12 @@ def _of_meshes(paths: Sequence[Path]) -> tuple[str, Path]:
     _add_lens(document)
     document["scene"] = scene = tomlkit.table()
     scene["ambient"] = 0.35
-    background = tomlkit.inline_table()
-    background.update({"kind": "gradient", "bottom": 0.12, "horizon": 0.3, "top": [0.32, 0.38, 0.5]})
-    scene["background"] = background
+    scene["background"] = inline_table(
+        {"kind": "gradient", "bottom": 0.12, "horizon": 0.3, "top": [0.32, 0.38, 0.5]}
+    )
     scene["lights"] = _tables([{"kind": "directional", "direction": [-0.5, -1.0, -0.65], "colour": 0.8}])
     objects = [
-        {"name": name, "file": Path(os.path.relpath(path.absolute(), folder)).as_posix()}
-        | ({"scale": scale} if scale != 1.0 else {})
+        {"name": name, "file": path_from(folder, path)} | ({"scale": scale} if scale != 1.0 else {})
         for name, path in zip(names, paths, strict=True)
     ]
     scene["objects"] = _tables(objects)
@@ -125,12 +126,11 @@ def _of_photo(path: Path, given: dict[str, Any]) -> tuple[str, Path]:
                 f"{depth}: nothing says what the values of this depth map mean; give depth_unit as one of"
                 " m, mm, 1/m, px or relative"
             )
-        given = given | {"depth": Path(os.path.relpath(depth.absolute(), folder)).as_posix()}
+        given = given | {"depth": path_from(folder, depth)}
     document, file = _started(path.stem, ""), _new_file(folder, path.stem)
     _add_lens(document)
     document["scene"] = tomlkit.table(is_super_table=True)
-    table = {"file": Path(os.path.relpath(path.absolute(), folder)).as_posix()} | given
-    document["scene"]["photo"] = table  # pyright: ignore[reportIndexIssue]
+    document["scene"]["photo"] = {"file": path_from(folder, path)} | given  # pyright: ignore[reportIndexIssue]
     camera = build_camera(parse_config(tomlkit.dumps(document), file))
     longest = max(camera.width, camera.height)
     if longest > _MOST_PIXELS:

@@ -4,11 +4,18 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import tomlkit
-
 from focusjax.config import Config, FocalSurfaceTable
 from focusjax.focus import WishResult
-from focusjax.studio._document import Change, EditError, add_row, change_row, delete_row, set_value, together
+from focusjax.studio._document import (
+    Change,
+    EditError,
+    add_row,
+    change_row,
+    delete_row,
+    inline_table,
+    set_value,
+    together,
+)
 from focusjax.studio._lens_settings import set_fixed
 from focusjax.studio._wishes import called, change_wish, free_name, pixel_row, place_row, taken_names
 
@@ -54,8 +61,7 @@ def use_surface(config: Config, rows: Sequence[WishResult], values: dict[str, fl
     changes += [
         set_value("solve", key, value=None) for key in config.solve.model_fields_set - {"favour_near"}
     ]
-    kernel = tomlkit.inline_table()
-    kernel.update({"kind": "inverse_distance", "exponent": _EXPONENT})
+    kernel = inline_table({"kind": "inverse_distance", "exponent": _EXPONENT})
     changes += [
         set_value("lens", "focal_surface", "kernel", value=kernel),
         set_value("lens", "focal_surface", "smoothness", value=_SMOOTHNESS),
@@ -129,8 +135,7 @@ def set_kernel(
         size: in pixels, of kernels that end; None for what it was, or a fifth of the picture.
     """
     old = _table(config).kernel
-    kernel = tomlkit.inline_table()
-    kernel.update({"kind": kind, "exponent": old.exponent if exponent is None else exponent})
+    kernel = inline_table({"kind": kind, "exponent": old.exponent if exponent is None else exponent})
     if kind in _SIZES:
         known = kernel_size(config)
         usual = round(_WIDTH * config.camera.resolution[0]) if known is None else known

@@ -1,12 +1,13 @@
 """Edits of a shot: from which frame to which a wish acts, and its keyframes."""
 
+from collections.abc import Callable
 from typing import Any
 
 import tomlkit
 
 from focusjax.config import Config, values_of
 from focusjax.shot import keyframes
-from focusjax.studio._document import Change, EditError, together
+from focusjax.studio._document import Change, EditError, blank_line_after, inline_table, put, together
 from focusjax.studio._wishes import MEASURED, called, change_wish, kind_of
 
 KEYED = ("blur", "weight")
@@ -41,7 +42,7 @@ def set_span(config: Config, number: int, end: str, frame: int | None) -> Change
         EditError: a frame that the shot does not have.
     """
     _check(config, frame)
-    return _of_track(config, number, lambda table: _put(table, f"{end}_frame", frame))
+    return _of_track(config, number, lambda table: put(table, f"{end}_frame", frame))
 
 
 def set_key(config: Config, number: int, frame: int, what: str, value: float) -> Change:
@@ -64,8 +65,7 @@ def set_key(config: Config, number: int, frame: int, what: str, value: float) ->
             if key["frame"] == frame:
                 key[what] = value
                 return
-        made = tomlkit.inline_table()
-        made.update({"frame": frame, what: value})
+        made = inline_table({"frame": frame, what: value})
         keys.insert(sum(key["frame"] < frame for key in keys), made)
 
     return _of_track(config, number, change)
@@ -77,30 +77,16 @@ def without_keys(config: Config, number: int, what: str) -> Change:
         return together()
 
     def change(table: Any) -> None:
-        keys = table["keys"]
-        for index, key in reversed(list(enumerate(keys))):
-            if what in key:
-                del key[what]
-            if set(key) <= {"frame"}:
-                del keys[index]
-        if not len(keys):
-            del table["keys"]
+        for key in table["keys"]:
+            put(key, what, None)
+        _delete(table, "keys", lambda key: set(key) <= {"frame"})
 
     return _of_track(config, number, change)
 
 
 def delete_key(config: Config, number: int, frame: int) -> Change:
     """Take the keyframe of a wish at a frame away; nothing happens where there is none."""
-
-    def change(table: Any) -> None:
-        keys = table.get("keys", [])
-        for index, key in reversed(list(enumerate(keys))):
-            if key["frame"] == frame:
-                del keys[index]
-        if "keys" in table and not len(keys):
-            del table["keys"]
-
-    return _of_track(config, number, change)
+    return _of_track(config, number, lambda table: _delete(table, "keys", lambda key: key["frame"] == frame))
 
 
 def rename_track(config: Config, number: int, name: str) -> Change:
@@ -108,7 +94,7 @@ def rename_track(config: Config, number: int, name: str) -> Change:
 
     def change(tables: Any) -> None:
         if _track(config, number) is not None:
-            _put(_table(tables, called(config, number)), "name", name)
+            _table(tables, called(config, number))["name"] = name
 
     return change
 
@@ -117,14 +103,8 @@ def delete_track(config: Config, number: int) -> Change:
     """Take a wish's track away with it."""
 
     def change(tables: Any) -> None:
-        if _track(config, number) is None:
-            return
-        tracks = tables["shot"]["wishes"]
-        for index, table in reversed(list(enumerate(tracks))):
-            if table["name"] == called(config, number):
-                del tracks[index]
-        if not len(tracks):
-            del tables["shot"]["wishes"]
+        if _track(config, number) is not None:
+            _delete(tables["shot"], "wishes", lambda table: table["name"] == called(config, number))
 
     return change
 
@@ -144,11 +124,7 @@ def _of_track(config: Config, number: int, change_table: Any) -> Change:
         table = _table(tables, name)
         change_table(table)
         if set(table) <= {"name"}:
-            delete = [k for k, each in enumerate(tables["shot"]["wishes"]) if each["name"] == name]
-            for index in reversed(delete):
-                del tables["shot"]["wishes"][index]
-            if not len(tables["shot"]["wishes"]):
-                del tables["shot"]["wishes"]
+            _delete(tables["shot"], "wishes", lambda each: each["name"] == name)
 
     named = [] if config.focus[number].name else [change_wish(number, {"name": name})]
     return together(*named, change)
@@ -163,16 +139,19 @@ def _table(tables: Any, name: str) -> Any:
             return table
     made = tomlkit.table()
     made["name"] = name
-    if len(shot["wishes"]) and not shot["wishes"][-1].as_string().endswith("\n\n"):
-        shot["wishes"][-1].add(tomlkit.nl())
+    if len(shot["wishes"]):
+        blank_line_after(shot["wishes"])
     shot["wishes"].append(made)
     return shot["wishes"][-1]
 
 
-def _put(table: Any, key: str, value: Any) -> None:
-    if value is not None:
-        table[key] = value
-    elif key in table:
+def _delete(table: Any, key: str, goes: Callable[[Any], bool]) -> None:
+    """Delete those rows of an array for which `goes` is true; the array goes with its last one."""
+    rows = table.get(key, [])
+    for index, row in reversed(list(enumerate(rows))):
+        if goes(row):
+            del rows[index]
+    if key in table and not len(rows):
         del table[key]
 
 

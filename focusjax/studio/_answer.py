@@ -114,6 +114,11 @@ class Answer:
             found.append((float(best[0]), float(best[1])))
         return found
 
+    def mark(self, number: int) -> tuple[float, float] | None:
+        """Where a wish is in the picture; None where that is not known, or there is no such wish yet."""
+        marks = self.marks()
+        return marks[number] if number < len(marks) else None
+
     def controls(self) -> tuple[Control, ...]:
         """The control points of the focal surface, in the config's order; none where the focus is a plane."""
         table = self.config.lens.focal_surface

@@ -172,10 +172,8 @@ class Painter:
         cut = table.slabs is not None or table.slab_blur_px is not None
         if outcome.glass is None and not cut:
             wide = lens_to_peel_for(config, stage, outcome.lens)
-        layers = None
-        if wide is not None:
-            layers = self._peel(config, stage, wide, like)
-        if layers is None or not _serve(layers, look):
+        layers = self._peel(config, stage, look if wide is None else wide, like)
+        if wide is not None and not _serve(layers, look):
             layers = self._peel(config, stage, look, like)
         self._layers, self._peeled = layers, key
         self._extent = layers.extent.for_others(like)

@@ -133,10 +133,9 @@ class PictureView:
         """The whole picture, or each of its pixels as 1, 2 or 4 of the screen's, around what is looked at."""
         self._zoom = (self._zoom + 1) % len(_ZOOMS)
         factor, width = _ZOOMS[self._zoom], self._size()[0]
-        answer = self.studio.answer
-        marks = [] if answer is None else answer.marks()
-        mark = marks[self.selected] if self.selected is not None and self.selected < len(marks) else None
-        x, y = self._seen if mark is None else mark
+        answer, selected = self.studio.answer, self.selected
+        mark = None if answer is None or selected is None else answer.mark(selected)
+        x, y = mark or self._seen
         if not factor:
             self._frame.style("width: min(100cqw, calc(100cqh * var(--fj-ratio)))")
             return
@@ -156,12 +155,10 @@ class PictureView:
                 x, y = table.points[control].pixel or mark
                 self.attempt(lambda s: s.move_control(control, x + dx, y + dy, drag="nudge"))
             return
-        if answer is None or number is None or number >= len(answer.marks()):
-            return
-        mark = answer.marks()[number]
-        if mark is not None:
-            place = self.studio.session.config.focus[number].pixel or mark
-            self.attempt(lambda s: s.move_point(number, place[0] + dx, place[1] + dy, drag="nudge"))
+        mark = None if answer is None or number is None else answer.mark(number)
+        if number is not None and mark is not None:
+            x, y = self.studio.session.config.focus[number].pixel or mark
+            self.attempt(lambda s: s.move_point(number, x + dx, y + dy, drag="nudge"))
 
     def set_overlay(self, kind: str) -> None:
         """Lay the "blur" or "depth" map over the picture, or nothing."""
@@ -176,8 +173,7 @@ class PictureView:
     def place_of(self, number: int) -> tuple[float, float]:
         """Shares of width and height at which the mark of a wish is."""
         answer = self.studio.answer
-        marks = [] if answer is None else answer.marks()
-        mark = marks[number] if number < len(marks) else None
+        mark = None if answer is None else answer.mark(number)
         width, height = self._resolution()
         return (0.5, 0.5) if mark is None else (mark[0] / width, mark[1] / height)
 

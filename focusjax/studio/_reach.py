@@ -37,14 +37,13 @@ def lens_to_peel_for(config: Config, stage: Stage, lens: Solved) -> AbstractLens
     if "f_number" in table.free and "f_number_min" in given:
         number = min(number, table.f_number_min)
     else:
-        number = number / _ROOM
+        number /= _ROOM
     nearest = float(stage.disparity.max(initial=0.0)) / _IN_FRONT
-    allowed = 1.0 / (table.min_focus_distance_m or 2.0 * float(camera.focal_length))
     focus = _nearest_focus(camera, lens)
+    allowed = _ROOM * focus
     if "focus" in table.free:
-        nearest = max(min(nearest, allowed), focus)
-    else:
-        nearest = max(min(nearest, _ROOM * focus), focus)
+        allowed = 1.0 / (table.min_focus_distance_m or 2.0 * float(camera.focal_length))
+    nearest = max(min(nearest, allowed), focus)
     if not nearest > 0:
         return None
     try:
@@ -75,12 +74,10 @@ def _most_turned(config: Config, camera: Camera, lens: Solved) -> float:
     turned = 0.0
     if isinstance(lens, TiltShiftLens):
         plane = np.asarray(lens.plane)
-        turned = float(np.arcsin(min(1.0, float(camera.focal_length) * float(np.hypot(*plane[:2])))))
-        turned *= _ROOM
+        sine = float(camera.focal_length) * float(np.hypot(*plane[:2]))
+        turned = _ROOM * float(np.arcsin(min(1.0, sine)))
     table, given = config.solve, config.solve.model_fields_set
     for name in {"tilt", "swing"} & set(table.free):
-        for end in ("min", "max"):
-            key = f"{name}_{end}_deg"
-            if key in given:
-                turned = max(turned, float(np.radians(abs(getattr(table, key)))))
+        for key in {f"{name}_min_deg", f"{name}_max_deg"} & given:
+            turned = max(turned, float(np.radians(abs(getattr(table, key)))))
     return turned

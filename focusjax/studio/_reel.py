@@ -3,6 +3,7 @@
 import dataclasses
 from collections import OrderedDict
 from functools import cached_property
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -11,14 +12,14 @@ from jaxtyping import Float
 
 from focusjax import job
 from focusjax.config import Config
-from focusjax.focus import FramesSolution, ImagePoints, SurfaceFramesSolution
+from focusjax.focus import FramesSolution, SurfaceFramesSolution
 from focusjax.job import Progress as Progress
 from focusjax.layers import first_surfaces
-from focusjax.lens import FocalSurface
 from focusjax.shot import MovingScene, SolvedShot, build_shot, solve_shot
 from focusjax.studio._answer import Answer
 from focusjax.studio._stage import Stage
 
+PerFrame = TypeVar("PerFrame")
 _MOST_BYTES = 800 << 20
 """Of what is kept of the frames' first surfaces; the frame least recently looked at goes first."""
 
@@ -52,12 +53,11 @@ class Reel:
         stage = self.stages.of(frame)
         if {"focal_length", "shift", "rise"} & set(self.config.solve.free):
             stage = stage.seen_from(camera)
-        points = _points_of(self.solved, frame)
         outcome = job.Outcome(
             config=self.config,
             camera=camera,
             lens=lens,
-            points=points,
+            points=_at(solution.points, frame),
             solution=None,
             disparity=stage.disparity,
             blur=np.asarray(job.blur_map(lens, camera, jnp.asarray(stage.disparity, dtype=float))),
@@ -65,7 +65,7 @@ class Reel:
             photograph=None,
             seconds={},
             compile_seconds={},
-            surface=_surface_of(self.solved, frame),
+            surface=_at(solution.surface, frame) if isinstance(solution, SurfaceFramesSolution) else None,
         )
         full = self.solved.share[frame - 1] > 0
         rows = tuple(
@@ -174,14 +174,6 @@ class ReelMaker:
         return self._stages
 
 
-def _surface_of(solved: SolvedShot, frame: int) -> FocalSurface | None:
-    """The control points of a frame, where the shot has a focal surface."""
-    solution = solved.solution
-    if not isinstance(solution, SurfaceFramesSolution):
-        return None
-    return jax.tree.map(lambda leaf: np.asarray(leaf)[frame - 1], solution.surface)
-
-
-def _points_of(solved: SolvedShot, frame: int) -> ImagePoints:
-    """The wishes of a frame as points of the picture; by numpy, which compiles nothing."""
-    return jax.tree.map(lambda leaf: np.asarray(leaf)[frame - 1], solved.solution.points)
+def _at(tree: PerFrame, frame: int) -> PerFrame:
+    """What arrays of all frames hold of one; by numpy, which compiles nothing."""
+    return jax.tree.map(lambda leaf: np.asarray(leaf)[frame - 1], tree)

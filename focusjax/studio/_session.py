@@ -130,13 +130,8 @@ class Session:
     def delete_point(self, number: int) -> None:
         """Forget a wish, and its track in a shot."""
         config = self.config
-        self._edit(
-            together(
-                timing.delete_track(config, number),
-                surface.control_deleted(config, number),
-                wishes.delete_wish(number),
-            )
-        )
+        follow = timing.delete_track(config, number), surface.control_deleted(config, number)
+        self._edit(together(*follow, wishes.delete_wish(number)))
 
     def wish_for(self, number: int, kind: str, *, pixels: float = 0.0, other: str = "") -> None:
         """Change what is wished; see `wish_for` of the wishes.
@@ -145,7 +140,7 @@ class Session:
         """
         config = self.config
         change = wishes.wish_for(number, kind, pixels=pixels, other=other)
-        if not wishes.in_pixels(config, number) or kind not in wishes.MEASURED:
+        if wishes.pixels_of(config.focus[number]) is None or kind not in wishes.MEASURED:
             change = together(timing.without_keys(config, number, "blur"), change)
         rows = () if self._answer is None else self._answer.wishes
         before = number < len(rows) and rows[number].got < 0
@@ -300,11 +295,8 @@ class Session:
         if value is not None and exposure is not None and getattr(exposure, other, None) is not None:
             # Nothing is left to choose.
             idle.append("priority")
-        self._edit(
-            together(
-                *(set_value(table, each, value=None) for each in idle), set_value(table, key, value=value)
-            )
-        )
+        removed = (set_value(table, each, value=None) for each in idle)
+        self._edit(together(*removed, set_value(table, key, value=value)))
 
     def set_text(self, text: str) -> None:
         """Take a whole text."""

@@ -135,12 +135,11 @@ class Studio:
     def refresh(self) -> None:
         """Work out the config as it is."""
         config = self.session.document.config
+        self._painting.cancel()
         if config is None:
             self._numbers.cancel()
-            self._painting.cancel()
             self._set(state=State("problem", detail=self.session.document.problem))
             return
-        self._painting.cancel()
         shot = config.shot if config.focus else None
         self.frame = 0 if shot is None else min(max(self.frame, 1), shot.frames)
         self._set(state=State("solving" if self.answer else "starting"))
@@ -197,9 +196,7 @@ class Studio:
     def _solve(self, config: Config, number: int, cancelled: IsCancelled) -> None:
         answer = self.session.solve(config, number)
         self.reel = None
-        self._set(answer=answer)
-        self._lay_blur(answer)
-        self._painting.submit(functools.partial(self._paint, answer))
+        self._take(answer)
         if not self._numbers.overtaken(cancelled, _AFTER_DRAFT_S):
             explained = answer.with_sentences()
             if not cancelled():
@@ -212,9 +209,7 @@ class Studio:
             self._set(state=State("solving the shot", share or 0.0))
 
         if self.answer is None or self.answer.config.scene != config.scene:
-            first = self.session.before_shot(config, self.frame, number)
-            self._set(answer=first)
-            self._painting.submit(functools.partial(self._paint, first))
+            self._take(self.session.before_shot(config, self.frame, number))
         try:
             reel = self.session.solve_shot(config, number, report)
         except Cancelled:
@@ -222,8 +217,7 @@ class Studio:
         except (ValueError, RuntimeError) as error:
             unsolved = self.session.before_shot(config, self.frame, number, sentence(error))
             self.reel = None
-            self._set(answer=unsolved)
-            self._painting.submit(functools.partial(self._paint, unsolved))
+            self._take(unsolved)
             return
         self.reel = reel
         self._show_frame(reel, cancelled)
@@ -234,21 +228,20 @@ class Studio:
 
     def _show_frame(self, reel: Reel, cancelled: IsCancelled) -> None:
         answer = self.session.frame_of(reel, self.frame)
-        if cancelled():
-            return
-        self._set(answer=answer)
-        self._lay_blur(answer)
-        known = self._drafts[1].get(answer.frame) if self._drafts[0] is reel else None
-        if known is not None:
-            self._show("picture", answer, lambda: known)
-            self._set(state=State("draft"))
-        self._painting.submit(functools.partial(self._paint, answer))
+        if not cancelled():
+            self._take(answer, self._drafts[1].get(answer.frame) if self._drafts[0] is reel else None)
 
-    def _lay_blur(self, answer: Answer) -> None:
+    def _take(self, answer: Answer, draft: bytes | None = None) -> None:
+        """Show a new answer with its blur, and a draft that is there already; then have it painted."""
+        self._set(answer=answer)
         outcome, sharp = answer.outcome, answer.depth_of_field()
         if outcome is not None and sharp is not None:
             size = shown_size(answer.config.camera.resolution)
             self._show("blur", answer, lambda: webp(blur_overlay(outcome.blur, sharp.circle_px), size))
+        if draft is not None:
+            self._show("picture", answer, lambda: draft)
+            self._set(state=State("draft"))
+        self._painting.submit(functools.partial(self._paint, answer))
 
     def _warm_up(self) -> None:
         self._numbers.wait()

@@ -8,7 +8,7 @@ from nicegui import events, ui
 
 from focusjax.studio._elements import Quiet, named, number_field
 from focusjax.studio._session import Session
-from focusjax.studio._wishes import KINDS, KINDS_OF_SURFACE, MEASURED, called, kind_of
+from focusjax.studio._wishes import KINDS, KINDS_OF_SURFACE, MEASURED, called, kind_of, pixels_of
 
 Edit = Callable[[Session, Any], object]
 
@@ -137,16 +137,11 @@ class WishCard:
         config, answer = studio.session.config, studio.answer
         wish = config.focus[number]
         row = answer.wishes[number] if answer is not None and number < len(answer.wishes) else None
-        summary = "…"
-        if answer is not None and number < len(answer.marks()) and answer.marks()[number] is not None:
-            mark = answer.marks()[number]
-            assert mark is not None
-            summary = answer.under(*mark).sentence()
+        mark = None if answer is None else answer.mark(number)
+        summary = "…" if answer is None or mark is None else answer.under(*mark).sentence()
         if row is not None and row.counts:
             summary += ". Met." if row.met else f". Missed by {abs(row.residual):.1f} px."
-        known = [getattr(wish, f"{each}_px") for each in MEASURED]
-        pixels = next((each for each in known if each is not None), None)
-        frame = studio.frame
+        frame, pixels = studio.frame, pixels_of(wish)
         if frame and pixels is not None:
             pixels = studio.session.value_at(number, frame, "blur")
         values: dict[str, Any] = {
@@ -180,10 +175,9 @@ class WishCard:
                 return
             self._do(lambda s: s.wish_for(number, kind, other=others[0]))
             return
-        wish = config.focus[number]
-        known = [getattr(wish, f"{each}_px") for each in MEASURED]
+        known = pixels_of(config.focus[number])
         usual = round(_FIRST_PX * config.camera.resolution[0] / 640, 1)
-        pixels = next((abs(each) for each in known if each is not None), usual)
+        pixels = usual if known is None else abs(known)
         self._do(lambda s: s.wish_for(number, kind, pixels=pixels))
 
     def _other(self, event: events.ValueChangeEventArguments[Any]) -> None:

@@ -127,9 +127,10 @@ def kind_of(config: Config, number: int) -> str:
     return ""
 
 
-def in_pixels(config: Config, number: int) -> bool:
-    """Whether the diameter that is wished for is in pixels."""
-    return any(getattr(config.focus[number], f"{kind}_px") is not None for kind in MEASURED)
+def pixels_of(wish: FocusTable) -> float | None:
+    """The diameter that is wished for; None without one in pixels."""
+    known = (getattr(wish, f"{kind}_px") for kind in MEASURED)
+    return next((each for each in known if each is not None), None)
 
 
 def called(config: Config, number: int) -> str:

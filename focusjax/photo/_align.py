@@ -42,7 +42,7 @@ def aligned(
     """
     height, width = shown.shape[:2]
     scale = max(height / disparity.shape[0], 1.0)
-    filled = _nearest_known(disparity, known)
+    filled = nearest_known(disparity, known)
     depth, there = _enlarged(filled, known, (height, width))
     depth = depth.astype(np.float32)
     low, high = np.percentile(depth[there], [1, 99]) if there.any() else (0.0, 0.0)
@@ -60,11 +60,11 @@ def aligned(
     return depth, there
 
 
-def _nearest_known(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    if known.all():
+def nearest_known(values: np.ndarray, known: Bool[np.ndarray, "h w"]) -> np.ndarray:
+    """Values [h, w, ...], each of the nearest place where they are known; as they are where none is."""
+    if known.all() or not known.any():
         return values
-    index = np.zeros((2, *known.shape), dtype=np.int32)
-    scipy.ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True, indices=index)
+    index = scipy.ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
     return values[*index]
 
 
@@ -82,8 +82,7 @@ def _enlarged(values: np.ndarray, known: np.ndarray, shape: tuple[int, int]) -> 
 
 def _holes_filled(depth: np.ndarray, there: np.ndarray, shown: np.ndarray, threshold: float) -> np.ndarray:
     """Holes by medians over disks that reach well past their borders."""
-    away = np.zeros(there.shape)
-    scipy.ndimage.distance_transform_edt(~there, distances=away)
+    away = scipy.ndimage.distance_transform_edt(~there)
     holes = np.flatnonzero(~there.ravel())
     reach = (1.5 * away.ravel()[holes] + 4.0).astype(np.float32)
     out = depth.copy()

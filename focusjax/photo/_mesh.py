@@ -43,15 +43,15 @@ def squares(
 ) -> Squares:
     """The squares of the pixels that are `there`."""
     corners, whole = _corners(disparity, joined)
+    nodes = _nodes(corners)
     taken = np.zeros(there.shape, dtype=bool)
     parts = []
     for level in range(_LEVELS, 0, -1):
-        row, column = _merged(corners, whole & there & ~taken, 1 << level, parallax)
         size = 1 << level
+        row, column = _merged(nodes, whole & there & ~taken, size, parallax)
         for dy in range(size):
             for dx in range(size):
                 taken[row + dy, column + dx] = True
-        nodes = corners_grid(corners)
         values = [nodes[row + dy, column + dx] for dy in (0, size) for dx in (0, size)]
         parts.append((column, row, np.full(len(row), size), np.stack(values, axis=1)))
     row, column = np.nonzero(there & ~taken)
@@ -59,7 +59,7 @@ def squares(
     return Squares(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
-def corners_grid(corners: Float[np.ndarray, "4 h w"]) -> Float[np.ndarray, "_ _"]:
+def _nodes(corners: Float[np.ndarray, "4 h w"]) -> Float[np.ndarray, "_ _"]:
     """The corners of all pixels as one grid, of use where all pixels around each continue one another."""
     nodes = np.empty((corners.shape[1] + 1, corners.shape[2] + 1), dtype=corners.dtype)
     nodes[1:, 1:] = corners[3]
@@ -103,14 +103,13 @@ def _corners(
 
 
 def _merged(
-    corners: Float[np.ndarray, "4 h w"], free: Bool[np.ndarray, "h w"], size: int, parallax: float
+    nodes: Float[np.ndarray, "_ _"], free: Bool[np.ndarray, "h w"], size: int, parallax: float
 ) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"]]:
     """Row and column of the aligned squares of `size` pixels that may become two triangles."""
     height, width = (edge // size for edge in free.shape)
     blocks = free[: height * size, : width * size].reshape(height, size, width, size).all(axis=(1, 3))
     row, column = np.nonzero(blocks)
     row, column = row * size, column * size
-    nodes = corners_grid(corners)
     first, right, below, last = (nodes[row + y, column + x] for y in (0, size) for x in (0, size))
     least = np.minimum(np.minimum(first, right), np.minimum(below, last))
     most = np.maximum(np.maximum(first, right), np.maximum(below, last))
@@ -137,19 +136,15 @@ def triangles(
     count = len(some.row)
     x = (some.column[:, None] + some.size[:, None] * np.array([0, 1, 0, 1])).ravel()
     y = (some.row[:, None] + some.size[:, None] * np.array([0, 0, 1, 1])).ravel()
-    w = some.corners.ravel()
-    place = y.astype(np.int64) * (columns + 1) + x
-    if not shared:
-        corner = np.arange(4 * count, dtype=np.int32).reshape(count, 4)
-        faces = np.concatenate([corner[:, [0, 2, 1]], corner[:, [1, 2, 3]]])
-        return np.stack([x, y, w], axis=1), faces
-    # The same corner of two squares is one vertex where they agree.
-    order = np.lexsort((w, place))
-    new = np.ones(len(order), dtype=bool)
-    new[1:] = (np.diff(place[order]) != 0) | (np.diff(w[order]) != 0)
-    number = np.empty(len(order), dtype=np.int32)
-    number[order] = np.cumsum(new) - 1
-    kept = order[new]
+    corners = np.stack([x, y, some.corners.ravel()], axis=1)
+    number = np.arange(4 * count, dtype=np.int32)
+    if shared:
+        # The same corner of two squares is one vertex where they agree.
+        place, w = y.astype(np.int64) * (columns + 1) + x, some.corners.ravel()
+        order = np.lexsort((w, place))
+        new = np.ones(len(order), dtype=bool)
+        new[1:] = (np.diff(place[order]) != 0) | (np.diff(w[order]) != 0)
+        number[order] = np.cumsum(new) - 1
+        corners = corners[order[new]]
     corner = number.reshape(count, 4)
-    faces = np.concatenate([corner[:, [0, 2, 1]], corner[:, [1, 2, 3]]])
-    return np.stack([x[kept], y[kept], w[kept]], axis=1), faces
+    return corners, np.concatenate([corner[:, [0, 2, 1]], corner[:, [1, 2, 3]]])

@@ -255,14 +255,15 @@ def _camera(
     for name, value in (("focal_length_35mm", focal_length_35mm), ("focal_length_px", focal_length_px)):
         if value is not None and not 0 < real_number(value, name, "a positive length") < math.inf:
             raise PhotoError(f"{path}: {name} is {value}; expected a positive length")
-    film = focal_length_35mm or picture.focal_length_35mm
-    if focal_length_px is None and film is None:
-        raise PhotoError(
-            f"{path}: EXIF does not say the focal length; give focal_length_35mm (mm as on 36 x 24 mm film,"
-            " about 26 for a phone) or focal_length_px"
-        )
-    pixels = film_focal_px(film, width, height) if focal_length_px is None and film else focal_length_px
-    assert pixels is not None
+    pixels = focal_length_px
+    if pixels is None:
+        film = focal_length_35mm or picture.focal_length_35mm
+        if film is None:
+            raise PhotoError(
+                f"{path}: EXIF does not say the focal length; give focal_length_35mm (mm as on 36 x 24 mm"
+                " film, about 26 for a phone) or focal_length_px"
+            )
+        pixels = film_focal_px(film, width, height)
     sensor = film_width(width, height)
     return make_camera(
         np.eye(4), width=width, height=height, sensor_width=sensor, focal_length=pixels * sensor / width

@@ -19,15 +19,10 @@ _BRIGHT = 0.8
 """Linear value from which on highlights are expanded."""
 _FILM_DIAGONAL_MM = 43.2666
 """Of 36 x 24 mm, which lengths "in 35 mm film" are about."""
-_TURNS = {
-    2: Image.Transpose.FLIP_LEFT_RIGHT,
-    3: Image.Transpose.ROTATE_180,
-    4: Image.Transpose.FLIP_TOP_BOTTOM,
-    5: Image.Transpose.TRANSPOSE,
-    6: Image.Transpose.ROTATE_270,
-    7: Image.Transpose.TRANSVERSE,
-    8: Image.Transpose.ROTATE_90,
-}
+_QUARTER_TURNS = {3: 2, 4: 2, 5: 3, 6: 3, 7: 1, 8: 1}
+"""By the EXIF orientation, counter-clockwise."""
+_MIRRORED = (2, 4, 5, 7)
+"""Orientations that swap left and right after that."""
 
 
 @dataclass(frozen=True)
@@ -111,12 +106,14 @@ def picture_of(image: Image.Image, exif: Image.Exif, path: Path) -> PictureFile:
     size = image.size
     if image.mode == "F" or image.mode.startswith("I"):
         # A conversion to RGB would cut these off at 255.
-        grey = turned_upright(_grey(image, path), orientation)
-        shown = np.repeat(grey[..., None], 3, axis=2)
+        shown = np.repeat(_grey(image, path)[..., None], 3, axis=2)
     else:
-        turned = image.transpose(_TURNS[orientation]) if orientation in _TURNS else image
-        shown = np.asarray(turned.convert("RGB"), dtype=np.float32) / np.float32(255)
-    return PictureFile(shown, False, orientation, focal_length_of(exif, size))
+        shown = _shown(image)
+    return PictureFile(turned_upright(shown, orientation), False, orientation, focal_length_of(exif, size))
+
+
+def _shown(image: Image.Image) -> Float[np.ndarray, "h w 3"]:
+    return np.asarray(image.convert("RGB"), dtype=np.float32) / np.float32(255)
 
 
 def _grey(image: Image.Image, path: Path) -> Float[np.ndarray, "h w"]:
@@ -168,8 +165,7 @@ def _read_heif(path: Path) -> PictureFile:
         exif.load(opened.info["exif"])
     # The decoder has turned the picture already, and says so by an orientation of 1 in what it gives.
     turned = int(opened.info.get("original_orientation") or 1)
-    shown = np.asarray(image.convert("RGB"), dtype=np.float32) / np.float32(255)
-    return PictureFile(shown, False, turned, focal_length_of(exif, image.size))
+    return PictureFile(_shown(image), False, turned, focal_length_of(exif, image.size))
 
 
 def focal_length_of(exif: Image.Exif, size: tuple[int, int]) -> float | None:
@@ -235,18 +231,9 @@ def linear_light(
 
 
 def turned_upright(values: np.ndarray, orientation: int) -> np.ndarray:
-    """A map [h, w] of the stored picture, turned as the picture was."""
-    swap = {5: "t", 6: "cw", 7: "tv", 8: "ccw", 2: "lr", 3: "180", 4: "ud"}.get(orientation)
-    return {
-        None: lambda a: a,
-        "lr": np.fliplr,
-        "ud": np.flipud,
-        "180": lambda a: np.rot90(a, 2),
-        "cw": lambda a: np.rot90(a, -1),
-        "ccw": np.rot90,
-        "t": np.transpose,
-        "tv": lambda a: np.rot90(a, 2).T,
-    }[swap](values)
+    """A picture [h, w, ...] as it is stored, or a map of it, turned as its EXIF orientation says."""
+    turned = np.rot90(values, _QUARTER_TURNS.get(orientation, 0))
+    return np.ascontiguousarray(np.fliplr(turned) if orientation in _MIRRORED else turned)
 
 
 def image_of(data: bytes) -> Image.Image:

@@ -13,6 +13,7 @@ import scipy
 from jaxtyping import Bool, Float
 
 from focusjax.geometry import Camera
+from focusjax.photo._align import nearest_known
 from focusjax.photo._beyond import extended
 from focusjax.photo._hidden import LAMP, MIXED, MIXED_EXACT, carried_behind, membrane, without_lamps
 from focusjax.photo._mattes import Mattes, mattes
@@ -92,7 +93,8 @@ def sheets(
     band, seen_behind = band & behind, far_band & behind
     near, far = np.where(behind, near, depth), np.where(behind, far, depth)
     surfaces = without_lamps(picture, int(LAMP * max(light.shape[:2])))
-    nearest = _spread_colours(surfaces, behind, trusted)
+    # A first guess of colours behind: those of the nearest pixel that is trusted and hides nothing.
+    nearest = nearest_known(surfaces, trusted & ~behind)
     weight = np.where(trusted, 1.0, MIXED_EXACT if edge_px == 1 else MIXED).astype(np.float32)
     back = membrane(np.where(behind, far, np.nan), depth, weight, surfaces, nearest, step)
     near_side = near_band | (
@@ -130,16 +132,6 @@ def _near_depth(depth: np.ndarray, near_band: np.ndarray, edge_px: int) -> np.nd
     """Disparity of the foreground beside each pixel of its far band."""
     around = scipy.ndimage.grey_dilation(np.where(near_band, depth, -1.0), size=2 * edge_px + 1)
     return np.where(around > depth, around, depth).astype(np.float32)
-
-
-def _spread_colours(picture: np.ndarray, behind: np.ndarray, trusted: np.ndarray) -> np.ndarray:
-    """A first guess of colours behind: those of the nearest pixel that is trusted and hides nothing."""
-    edge = trusted & ~behind
-    if not edge.any():
-        return picture
-    index = np.zeros((2, *edge.shape), dtype=np.int32)
-    scipy.ndimage.distance_transform_edt(~edge, return_distances=False, return_indices=True, indices=index)
-    return picture[*index]
 
 
 def photo_scene(

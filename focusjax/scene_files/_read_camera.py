@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from focusjax.scene_files._gltf_camera import gltf_camera
-from focusjax.scene_files._stored_camera import CameraFrames, SceneFileError, StoredCamera
-from focusjax.scene_files._usd_camera import usd_camera, usd_camera_frames
+from focusjax.scene_files._gltf import gltf_camera
+from focusjax.scene_files._stored import CameraFrames, SceneFileError, StoredCamera
+from focusjax.scene_files._usd_camera import usd_camera_frames
 
 USD = (".usd", ".usda", ".usdc", ".usdz")
 GLTF = (".gltf", ".glb")
@@ -39,7 +39,7 @@ def read_camera(
     path = checked(path)
     if path.suffix.lower() in GLTF:
         return gltf_camera(path, name)
-    return usd_camera(path, name, folders_of(path, within))
+    return usd_camera_frames(path, name, folders_of(path, within), first_only=True).cameras[0]
 
 
 def read_camera_frames(

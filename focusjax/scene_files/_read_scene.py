@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from focusjax.scene_files._gltf_scene import gltf_scene
+from focusjax.scene_files._gltf import gltf_scene
 from focusjax.scene_files._read_camera import GLTF, checked, folders_of
-from focusjax.scene_files._stored_scene import StoredScene
+from focusjax.scene_files._stored import StoredScene
 from focusjax.scene_files._usd_scene import usd_scene
 
 

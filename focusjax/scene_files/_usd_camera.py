@@ -11,33 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from focusjax.scene_files._stored_camera import (
-    CameraFrames,
-    Opening,
-    SceneFileError,
-    StoredCamera,
-    chosen,
-    rigid,
-)
+from focusjax.scene_files._stored import CameraFrames, Opening, SceneFileError, StoredCamera, chosen, rigid
 from focusjax.scene_files._usd_stage import object_names, open_stage, pxr, stage_frames, world_of
 
 _FAR = 1e6
 """Metres from which on a focus distance is infinite; USD has no infinity, and `export_camera` writes this."""
 
 
-def usd_camera(path: Path, name: str | None, within: Sequence[Path]) -> StoredCamera:
-    """The camera in the first frame; see `read_camera`."""
-    stage = open_stage(path, within)
-    prim, called = _chosen(stage, path, name)
-    return _at(stage, prim, called, stage_frames(stage).codes[0], path)
-
-
-def usd_camera_frames(path: Path, name: str | None, within: Sequence[Path]) -> CameraFrames:
-    """The camera in every frame; see `read_camera_frames`."""
+def usd_camera_frames(
+    path: Path, name: str | None, within: Sequence[Path], *, first_only: bool = False
+) -> CameraFrames:
+    """The camera in every frame, or in the first alone; see `read_camera_frames`."""
     stage = open_stage(path, within)
     prim, called = _chosen(stage, path, name)
     frames = stage_frames(stage)
-    return CameraFrames(tuple(_at(stage, prim, called, code, path) for code in frames.codes), frames.fps)
+    codes = frames.codes[:1] if first_only else frames.codes
+    return CameraFrames(tuple(_at(stage, prim, called, code, path) for code in codes), frames.fps)
 
 
 def _chosen(stage: Any, path: Path, name: str | None) -> tuple[Any, str]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from focusjax.scene import Material, TextureTable, open_picture
-from focusjax.scene_files._stored_camera import SceneFileError
+from focusjax.scene_files._stored import SceneFileError
 from focusjax.scene_files._usd_stage import pxr, refuse_outside
 
 _GREY = 0.18

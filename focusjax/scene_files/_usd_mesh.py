@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from focusjax.scene import Material, Part, check_part
-from focusjax.scene_files._stored_camera import SceneFileError
+from focusjax.scene_files._stored import SceneFileError
 from focusjax.scene_files._usd_material import Look, Looks
 from focusjax.scene_files._usd_stage import pxr
 

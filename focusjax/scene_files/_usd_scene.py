@@ -10,8 +10,7 @@ from jaxtyping import Float
 
 from focusjax._words import listed
 from focusjax.scene import SceneObject, TextureTable, moved_part, object_of_parts
-from focusjax.scene_files._stored_camera import SceneFileError
-from focusjax.scene_files._stored_scene import StoredScene
+from focusjax.scene_files._stored import SceneFileError, StoredScene
 from focusjax.scene_files._usd_lights import usd_lights
 from focusjax.scene_files._usd_material import Looks
 from focusjax.scene_files._usd_mesh import usd_parts

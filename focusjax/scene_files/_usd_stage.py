@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from focusjax.scene_files._stored_camera import SceneFileError
+from focusjax.scene_files._stored import SceneFileError
 
 _LONGEST = 300
 """Characters of a remark of USD's that a message has room for."""

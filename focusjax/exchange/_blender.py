@@ -9,9 +9,9 @@ Source: Blender's manual and Python API.
 from pathlib import Path
 from typing import Any
 
+from focusjax.exchange._files import distance, number
 from focusjax.exchange._osl import blade_rotation, needs_shader, parameters, shader_text
 from focusjax.exchange._record import Frame, Record
-from focusjax.exchange._text import distance, number
 from focusjax.exchange._usd import Z_UP
 from focusjax.io import replace_file
 

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from focusjax.exchange._files import distance, each_frame, identifier, number
 from focusjax.exchange._record import Frame, Record
-from focusjax.exchange._shot_files import each_frame
-from focusjax.exchange._text import distance, identifier, number
 from focusjax.io import replace_file
 
 _TURN = np.diag([-1.0, 1.0, -1.0, 1.0])

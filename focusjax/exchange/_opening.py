@@ -60,14 +60,12 @@ def opening_of(aperture: AbstractAperture) -> Opening:
     squeeze, whole = 1.0, aperture
     if isinstance(aperture, Squeezed):
         squeeze, whole = float(aperture.squeeze), aperture.whole
-    if isinstance(whole, Disk):
-        return Opening(squeeze=squeeze, radius_share=share)
     if isinstance(whole, Polygon):
         rotation, roundness = (float(str(np.asarray(v))) for v in (whole.rotation, whole.roundness))
         if roundness < 1.0:
             return Opening(whole.blades, rotation, roundness, squeeze, radius_share=share)
-        return Opening(squeeze=squeeze, radius_share=share)
-    return Opening(squeeze=squeeze, other=type(whole).__name__, radius_share=share)
+    other = "" if isinstance(whole, Disk | Polygon) else type(whole).__name__
+    return Opening(squeeze=squeeze, other=other, radius_share=share)
 
 
 def opening_points(aperture: AbstractAperture, side: int = 24) -> jax.Array:

@@ -12,8 +12,8 @@ import math
 import numpy as np
 from jaxtyping import Float
 
+from focusjax.exchange._files import number
 from focusjax.exchange._record import Frame, Record
-from focusjax.exchange._text import number
 
 _CELLS = 48
 """Most cells across for the table of a focal surface; it is bilinear in each."""

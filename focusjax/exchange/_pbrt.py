@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from focusjax.exchange._files import distance, each_frame, number
 from focusjax.exchange._record import Frame, Record
-from focusjax.exchange._shot_files import each_frame
-from focusjax.exchange._text import distance, number
 from focusjax.io import replace_file
 from focusjax.lens import PrescriptionLens
 from focusjax.optics import first_order, pbrt_lens_text

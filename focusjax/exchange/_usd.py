@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from focusjax.exchange._files import distance, identifier, number
 from focusjax.exchange._record import Frame, Record
-from focusjax.exchange._text import distance, identifier, number
 from focusjax.io import replace_file
 
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
@@ -82,13 +82,8 @@ def usd_text(record: Record, stage: Stage) -> str:
 def _attributes(record: Record, stage: Stage) -> list[tuple[str, Callable[[Frame], str]]]:
     unit, tenth = stage.metres_per_unit, stage.metres_per_unit / 10.0
     share = record.height / record.width
-
-    def near_and_far(frame: Frame) -> str:
-        del frame
-        return f"({number(0.01 / unit)}, {number(1e6 / unit)})"
-
     return [
-        ("float2 clippingRange", near_and_far),
+        ("float2 clippingRange", lambda _: f"({number(0.01 / unit)}, {number(1e6 / unit)})"),
         ("float focalLength", lambda frame: number(frame.focal_length / tenth)),
         ("float focusDistance", lambda frame: number(distance(frame.focus_distance) / unit)),
         ("float fStop", lambda frame: number(frame.f_number if frame.aperture_radius else 0.0)),

@@ -182,6 +182,7 @@ ALLOWED = {
         "io",
         "config",
         "many",
+        "__version__",
         "_console",
         "_options",
     },

@@ -9,7 +9,7 @@ from rich.console import Console
 from focusjax._console import FAILED, say, warnings_printed
 from focusjax._options import JobsOption, SchedulerOption
 from focusjax.config import ConfigError
-from focusjax.dataset._run import DatasetResults, make_dataset
+from focusjax.dataset._run import make_dataset
 from focusjax.dataset._spec import load_spec
 from focusjax.many import chosen_workers, failures, progress_bar
 
@@ -48,11 +48,6 @@ def command(
                 on_done=lambda number: bar.advance(task, number),
                 on_note=lambda text: say(errors, f"Note: {text}"),
             )
-    _conclude(console, errors, results)
-
-
-def _conclude(console: Console, errors: Console, results: DatasetResults) -> None:
-    """The last lines, and the exit status."""
     kept = f", {results.kept} of them before" if results.kept else ""
     say(console, f"{results.there} pictures{kept}")
     say(console, f"Manifest: {results.folder / 'manifest.jsonl'}")

@@ -5,12 +5,12 @@ import os
 import uuid
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from focusjax import __version__
 from focusjax.config import ConfigError
 from focusjax.dataset._spec import Spec
 from focusjax.io import (
@@ -127,11 +127,7 @@ def _check(folder: Path, first: str, origin: dict[str, Any], *, resume: bool) ->
 
 
 def _origin(spec: Spec) -> dict[str, Any]:
-    try:
-        version = metadata.version("focusjax")
-    except metadata.PackageNotFoundError:
-        version = "0+not.installed"
-    return {"format": 1, "focusjax": version, "spec": spec.identity}
+    return {"format": 1, "focusjax": __version__, "spec": spec.identity}
 
 
 def _remove_unfinished(folder: Path) -> None:

@@ -78,13 +78,14 @@ def make_dataset(
     if not 1 <= count <= _MOST:
         raise ConfigError(f"count is {count}; expected the number of pictures, from 1 to {_MOST}")
     check_workers(workers, folder)
-    report = on_done or _silent
+    report = on_done or (lambda count: None)
     failed: list[str] = []
     with dataset_folder(folder, spec, resume=resume):
         there = {number for number in numbers_in(folder) if number < count}
         report(len(there))
         missing = [number for number in range(count) if number not in there]
-        tasks = [_task(missing[k : k + GROUP]) for k in range(0, len(missing), GROUP)]
+        groups = (tuple(missing[k : k + GROUP]) for k in range(0, len(missing), GROUP))
+        tasks = [Task(f"{group[0]:06}-{group[-1]:06}", group) for group in groups]
         work = MakePictures(spec, folder.absolute())
         try:
             with closing(carry_out(work, tasks, folder, workers=workers, on_note=on_note)) as ended:
@@ -95,10 +96,6 @@ def make_dataset(
         finally:
             total = write_manifest(folder)
     return DatasetResults(folder, total, len(there), tuple(failed))
-
-
-def _task(numbers: list[int]) -> Task:
-    return Task(f"{numbers[0]:06}-{numbers[-1]:06}", tuple(numbers))
 
 
 @dataclass(frozen=True)
@@ -130,7 +127,3 @@ class MakePictures:
         if failed:
             more = f" (and {len(failed) - 1} more of its group)" if len(failed) > 1 else ""
             raise RuntimeError(failed[0] + more)
-
-
-def _silent(_: int) -> None:
-    """Ignore a count."""

@@ -138,8 +138,7 @@ class CamerasTable(Table):
         if self.field_of_view_deg is not None:
             angle = self.field_of_view_deg.ends[1] if of is None else of
             return 5e-4 * self.sensor_width_mm / math.tan(math.radians(angle) / 2.0)
-        length = (self.length.ends[0]) if of is None else of
-        return 1e-3 * length
+        return 1e-3 * (self.length.ends[0] if of is None else of)
 
     @property
     def length(self) -> Distribution:

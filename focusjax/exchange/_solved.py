@@ -4,14 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from focusjax.config import (
-    Config,
-    ConfigError,
-    build_camera,
-    build_lens,
-    build_look,
-    refuse_close_focus,
-)
+from focusjax.config import Config, ConfigError, build_camera, build_lens, build_look, refuse_close_focus
 from focusjax.exchange._export import TARGETS, Exported, checked_stage, checked_target, write_record
 from focusjax.exchange._fitting import ExportError, Target, features, refusal
 from focusjax.exchange._record import record_of
@@ -58,15 +51,15 @@ def export_config(
     if shot:
         _refuse_a_shot(config)
     if not approximate:
-        _refuse_early(config, target, TARGETS, shot=shot)
+        _refuse_early(config, target, shot=shot)
     called = name or config.title or config.source.stem
     if shot:
         made = build_shot(config)
         solved = solve_shot(made, progress=progress)
-        pairs = [solved.seen_with(number, fit=False) for number in range(1, made.count + 1)]
-        lenses = [pair[1] for pair in pairs]
+        pairs = (solved.seen_with(number, fit=False) for number in range(1, made.count + 1))
+        cameras, lenses = zip(*pairs, strict=True)
         assert config.shot is not None
-        record = record_of([pair[0] for pair in pairs], lenses, name=called, fps=config.shot.fps)
+        record = record_of(cameras, lenses, name=called, fps=config.shot.fps)
         seen = [(float(low), float(high)) for low, high in solved.depths]
     else:
         outcome = run(config, solving=bool(config.focus), rendering=False, progress=progress)
@@ -138,8 +131,8 @@ def _early_features(config: Config, *, shot: bool) -> dict[str, str]:
     return found | {key: words for key, words in known.items() if not changing & may_change.get(key, set())}
 
 
-def _refuse_early(config: Config, target: Target, targets: dict[str, Target], *, shot: bool) -> None:
+def _refuse_early(config: Config, target: Target, *, shot: bool) -> None:
     """Refuse what the target cannot have whatever is solved for."""
     found = _early_features(config, shot=shot)
     if found.keys() - set(target.has):
-        raise ExportError(f"{config.source}: {refusal(found, target, targets)}")
+        raise ExportError(f"{config.source}: {refusal(found, target, TARGETS)}")

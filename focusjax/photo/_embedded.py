@@ -64,10 +64,8 @@ def _of_heif(path: Path) -> StoredDepth | None:
     values = values[..., 0] if values.ndim == 3 else values
     largest = 255.0 if values.max() <= 255 else 65535.0
     kind = said.get("representation_type")
-    ends = ("z_near", "z_far") if kind == _UNIFORM_Z else ("d_min", "d_max")
+    ends = ("z_far", "z_near") if kind == _UNIFORM_Z else ("d_min", "d_max")
     low, high = (said.get(name) for name in ends)
-    if kind == _UNIFORM_Z:
-        low, high = high, low
     if kind not in (_UNIFORM_INVERSE_Z, _UNIFORM_DISPARITY, _UNIFORM_Z) or low is None or high is None:
         raise PhotoError(
             f"{path}: the depth in this HEIC file does not say what its values mean; save it as a PNG and"

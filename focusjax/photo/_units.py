@@ -129,14 +129,11 @@ def disparity_of(
     scaled = np.where(known, v, 1.0) * unit.scale
     step = stored.step * unit.scale
     if unit.unit in ("m", "mm"):
-        metres = scaled / (1000.0 if unit.unit == "mm" else 1.0)
+        per_metre = 1000.0 if unit.unit == "mm" else 1.0
+        metres = scaled / per_metre
         known &= metres > 0
         disparity = 1.0 / np.where(known, metres, 1.0)
-        step = (
-            step / (1000.0 if unit.unit == "mm" else 1.0) * float(np.median(disparity[known]) ** 2)
-            if known.any()
-            else 0.0
-        )
+        step = step / per_metre * float(np.median(disparity[known]) ** 2) if known.any() else 0.0
     else:
         known &= np.isfinite(v)
         factor, offset = _affine(unit, np.where(known, scaled, np.nan), stored.source, size)

@@ -1,6 +1,7 @@
 """Maps over the picture, and pictures as bytes for a browser."""
 
 import io
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -20,21 +21,22 @@ Rgba = UInt8[np.ndarray, "h w 4"]
 
 def jpeg(pixels: UInt8[np.ndarray, "h w 3"], size: tuple[int, int]) -> bytes:
     """The picture as JPEG of `size` (width, height), so that a draft lies where the refined one will."""
-    image = Image.fromarray(pixels)
-    if image.size != size:
-        image = image.resize(size, Image.Resampling.BICUBIC)
-    stream = io.BytesIO()
-    image.save(stream, "JPEG", quality=_QUALITY, subsampling=0)
-    return stream.getvalue()
+    return _encoded(pixels, size, Image.Resampling.BICUBIC, format="JPEG", quality=_QUALITY, subsampling=0)
 
 
 def webp(pixels: Rgba, size: tuple[int, int]) -> bytes:
     """A map that the picture shows through, as WebP of `size`."""
+    return _encoded(pixels, size, Image.Resampling.NEAREST, format="WEBP", quality=80, method=0)
+
+
+def _encoded(
+    pixels: UInt8[np.ndarray, "h w c"], size: tuple[int, int], how: Image.Resampling, **options: Any
+) -> bytes:
     image = Image.fromarray(pixels)
     if image.size != size:
-        image = image.resize(size, Image.Resampling.NEAREST)
+        image = image.resize(size, how)
     stream = io.BytesIO()
-    image.save(stream, "WEBP", quality=80, method=0)
+    image.save(stream, **options)
     return stream.getvalue()
 
 

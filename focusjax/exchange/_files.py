@@ -39,13 +39,7 @@ def distance(metres: float) -> float:
 
 
 def each_frame(record: Record, path: Path, write: Callable[[Record, Path], object]) -> tuple[Path, ...]:
-    """Write `path`, or `name.0001.ending` and so on for the frames of a shot.
-
-    Args:
-        record: the camera.
-        path: of the file of a single frame.
-        write: writes a record of one frame to a file.
-    """
+    """Write `path`, or for the frames of a shot `name.0001.ending` and so on, each a record of its own."""
     if not record.is_shot:
         write(record, path)
         return (path,)

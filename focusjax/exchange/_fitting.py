@@ -145,13 +145,7 @@ def fitted_to(
 
 
 def refusal(found: Mapping[str, str], target: Target, targets: Mapping[str, Target]) -> ExportError:
-    """What is said of the first of some `features` that a target lacks, with the targets that have them all.
-
-    Args:
-        found: the words for each feature; the target lacks one or more.
-        target: for what the record is.
-        targets: all there are, for what could be exported instead.
-    """
+    """What is said of the first of some `features` that a target lacks; of `targets`, those that have all."""
     words = next(words for key, words in found.items() if key not in target.has)
     able = [each.name for each in targets.values() if found.keys() <= set(each.has)]
     named = " or ".join([", ".join(able[:-1]), able[-1]] if len(able) > 1 else able)

@@ -228,13 +228,7 @@ def _warn_of_unlikely(disparity: Float[np.ndarray, "n"], unit: DepthUnit, source
 
 
 def _warn_of_anchors(disparity: Float[np.ndarray, "n"], unit: DepthUnit, source: str) -> None:
-    """Say so where anchors put much of a map behind infinity, or right before the lens.
-
-    Args:
-        disparity: of all that is known, negative behind infinity.
-        unit: with two anchors.
-        source: the depth map, for messages.
-    """
+    """Say so where anchors put much of a map behind infinity (below 0), or right before the lens."""
     behind = float((disparity < 0).mean())
     nearest = 1.0 / max(float(np.percentile(disparity, 99)), 1e-12)
     if behind > _BEHIND_INFINITY:

@@ -225,13 +225,7 @@ def _draft_camera(answer: Answer) -> Camera:
 
 
 def _draft_lens(answer: Answer, full: Camera, camera: Camera) -> AbstractLens:
-    """The lens that blurs the draft: of one kind, tilted or not, so that one program does.
-
-    Args:
-        answer: has the lens.
-        full: the picture's camera.
-        camera: the draft's.
-    """
+    """The lens that blurs the draft of `camera`: of one kind, tilted or not, so that one program does."""
     outcome = answer.outcome
     assert outcome is not None
     if outcome.glass is not None:

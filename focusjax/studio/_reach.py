@@ -20,12 +20,8 @@ _IN_FRONT = 0.7
 def lens_to_peel_for(config: Config, stage: Stage, lens: Solved) -> AbstractLens | None:
     """A lens whose rays go as far as those of any within the config's limits, and as those of `lens`.
 
-    None where there is no such lens, so that layers are peeled for one lens only.
-
-    Args:
-        config: its limits; where it has none, some room around `lens`.
-        stage: what is seen.
-        lens: what was solved for.
+    Where the config has no limits, there is some room around `lens`. None where there is no such lens, so
+    that layers are peeled for one lens only.
     """
     table, given, camera = config.solve, config.solve.model_fields_set, stage.camera
     widest = float(lens.aperture_radius)

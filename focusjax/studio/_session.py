@@ -83,10 +83,7 @@ class Session:
     ) -> Reel:
         """The lenses of all frames of the config's shot, as `focusjax shot` finds them.
 
-        Args:
-            config: as for `solve`.
-            number: as for `solve`.
-            progress: called with the stage that runs and the share of it that is done.
+        Arguments are those of `solve`, and `progress` is called with the stage that runs and its share done.
 
         Raises:
             EditError: the text is no usable config.

@@ -32,7 +32,7 @@ def value_at(config: Config, number: int, frame: float, what: str) -> float:
     if keys and config.shot is not None:
         return float(f"{float(keyframes(keys, between=config.shot.between)(frame)):.4g}")
     wish = config.focus[number]
-    return float(wish.weight if what == "weight" else getattr(wish, wish.wish_key or "weight"))
+    return float(wish.weight if what == "weight" else getattr(wish, wish.wish_key))
 
 
 def set_span(config: Config, number: int, end: str, frame: int | None) -> Change:

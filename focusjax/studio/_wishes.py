@@ -95,8 +95,8 @@ def wish_for(number: int, kind: str, *, pixels: float = 0.0, other: str = "") ->
 
 def set_number(number: int, key: str, value: float | None) -> Change:
     """Set a weight, or a tolerance in pixels; None for the usual."""
-    others = [f"tolerance_{unit}" for unit in _UNITS] if key == "tolerance_px" else []
-    return change_wish(number, {key: value}, [each for each in others if each != key])
+    others = ("tolerance_mm", "tolerance_height") if key == "tolerance_px" else ()
+    return change_wish(number, {key: value}, others)
 
 
 def rename(config: Config, number: int, name: str) -> Change:
@@ -119,12 +119,8 @@ def rename(config: Config, number: int, name: str) -> Change:
 
 def kind_of(config: Config, number: int) -> str:
     """What a wish is for, of `KINDS`; empty for wishes that the page only shows."""
-    wish = config.focus[number]
-    for kind in KINDS:
-        keys = [kind] if kind in ("sharp", "same_blur_as") else [f"{kind}_{unit}" for unit in _UNITS]
-        if any(getattr(wish, key) is not None for key in keys):
-            return kind
-    return ""
+    key = config.focus[number].wish_key
+    return next((kind for kind in KINDS if key in (kind, *(f"{kind}_{unit}" for unit in _UNITS))), "")
 
 
 def pixels_of(wish: FocusTable) -> float | None:

@@ -56,8 +56,8 @@ def export_config(
     if shot:
         made = build_shot(config)
         solved = solve_shot(made, progress=progress)
-        pairs = (solved.seen_with(number, fit=False) for number in range(1, made.count + 1))
-        cameras, lenses = zip(*pairs, strict=True)
+        pairs = [solved.seen_with(number, fit=False) for number in range(1, made.count + 1)]
+        cameras, lenses = [camera for camera, _ in pairs], [lens for _, lens in pairs]
         assert config.shot is not None
         record = record_of(cameras, lenses, name=called, fps=config.shot.fps)
         seen = [(float(low), float(high)) for low, high in solved.depths]

@@ -16,6 +16,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
+from _command_line import make_parser
 
 from focusjax.film import to_bytes
 from focusjax.geometry import Camera, look_at
@@ -46,9 +47,7 @@ SQUARE = np.array([(0, 1, 2), (0, 2, 3)])
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--out", type=Path, required=True, help="folder for the pictures")
     parser.add_argument("--only", nargs="+", choices=list(LENSES), default=list(LENSES), help="some lenses")
     parser.add_argument("--rays", type=int, default=64, help="per pixel on the average")

@@ -9,8 +9,9 @@ second call with the same folder goes on where the first was stopped.
         --grid 'solve.f_number_min=[1.4, 2.8]' --out out/search --jobs 2
 """
 
-import argparse
 import sys
+
+from _command_line import make_parser
 
 from focusjax.batch import BatchError, ItemResult, make_items, parse_grid, run_batch
 from focusjax.config import ConfigError
@@ -22,9 +23,7 @@ def report(result: ItemResult) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("configs", nargs="+", metavar="CONFIG", help="TOML files")
     parser.add_argument("--grid", action="append", default=[], metavar="KEY=[VALUE,...]")
     parser.add_argument("--table", metavar="CSV", help="a row for each item, with keys as columns")

@@ -6,15 +6,14 @@ alternating turns after a first one.
     python scripts/bench_gather.py
 """
 
-import argparse
 import time
 from pathlib import Path
 from unittest import mock
 
 import numpy as np
+from _command_line import make_parser, make_table
 from _special_scenes import CASES
 from rich.console import Console
-from rich.table import Table
 
 from focusjax.baselines import RayScene, lens_picture, pinhole_view
 from focusjax.bench import case_from_config
@@ -35,9 +34,7 @@ def gathered(view: tuple[np.ndarray, np.ndarray], case, taps: int, levels: int) 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument(
         "--cases", nargs="*", choices=list(CASES), default=["foreground blur", "highlights", "wide blur"]
     )
@@ -50,9 +47,8 @@ def main() -> None:
     width, height = (int(side) for side in options.size.split("x"))
     cases = {name: CASES[name]() for name in options.cases}
     cases |= {path.stem: case_from_config(load_config(path), (width, height)) for path in options.configs}
-    table = Table(title="gathering without and with mip maps")
-    for heading in ("case", "taps", "dB without", "dB with", "s without", "s with"):
-        table.add_column(heading, justify="left" if heading == "case" else "right")
+    headings = ("case", "taps", "dB without", "dB with", "s without", "s with")
+    table = make_table("gathering without and with mip maps", *headings)
     for name, case in cases.items():
         scene = RayScene(case.scene)
         truth = np.clip(lens_picture(scene, case.camera, case.lens, rays=options.truth_rays), 0.0, 1.0)

@@ -27,6 +27,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from _command_line import make_parser
 from _compared_scenes import SCENES, Compared
 from bench_render import machine
 
@@ -40,9 +41,7 @@ Row = dict[str, Any]
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--scenes", nargs="+", choices=list(SCENES), default=["scan-2", "leaves-2"])
     parser.add_argument("--rays", nargs="+", type=int, default=[4, 16, 100])
     parser.add_argument(

@@ -19,6 +19,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from _command_line import make_table
 from bench_lenses import NEAREST, errors_of, parser_of, scene_of, shown
 from jaxtyping import Array, Float
 from rich.console import Console
@@ -134,11 +135,9 @@ def measure(options: argparse.Namespace) -> dict[str, dict[str, object]]:
 
 
 def table(results: dict[str, dict]) -> Table:
-    out = Table(title="Height fields")
     columns = ("picture", "times the spheres'", "ns a ray", "times theirs", "dB from exact")
     columns = (*columns, "polynomials", "degree", "worst px", "rms px")
-    for column in ("lens", *columns):
-        out.add_column(column, justify="left" if column == "lens" else "right")
+    out = make_table("Height fields", "lens", *columns)
     for name, row in results.items():
         out.add_row(name, *(shown(row.get(column, "")) for column in columns))
     return out

@@ -30,6 +30,7 @@ from typing import Any
 import jax
 import numpy as np
 import trimesh
+from _command_line import make_parser, make_table
 from _procedural import placements, wall
 from bench_render import machine
 from rich.console import Console
@@ -198,10 +199,9 @@ def in_own_process(triangles: int, size: str, options: argparse.Namespace) -> di
 
 
 def table(results: list[dict]) -> Table:
-    out = Table(title="peeling, warm, seconds")
     headings = ("triangles", "size", "all", *STAGES, "compile", "layers", "kept", "layers MiB", "peak MiB")
-    for heading in (*headings, "Mitsuba: tree", "first cast", "all casts", "ours / casts"):
-        out.add_column(heading, justify="right")
+    headings = (*headings, "Mitsuba: tree", "first cast", "all casts", "ours / casts")
+    out = make_table("peeling, warm, seconds", *headings, left=0)
     for row in results:
         cast = row.get("mitsuba cast")
         out.add_row(
@@ -248,9 +248,7 @@ def plot(results: list[dict], path: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--triangles", nargs="+", type=int, default=TRIANGLES)
     parser.add_argument("--size", nargs="+", default=SIZES, metavar="WIDTHxHEIGHT")
     parser.add_argument("--supersampling", type=int, default=1)

@@ -22,6 +22,7 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
+from _command_line import make_parser, make_table
 from _procedural import boulders, wall
 from rich.console import Console
 from rich.table import Table
@@ -61,9 +62,7 @@ FITTED = (
 
 def parser_of(description: str | None) -> argparse.ArgumentParser:
     """What scripts that compare pictures through lenses are asked for."""
-    parser = argparse.ArgumentParser(
-        description=description, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(description)
     parser.add_argument("--width", type=int, default=800)
     parser.add_argument("--height", type=int, default=600)
     parser.add_argument("--rays", type=int, default=64)
@@ -189,22 +188,9 @@ def measure(options: argparse.Namespace) -> dict[str, dict[str, object]]:
 
 
 def table(results: dict[str, dict]) -> Table:
-    out = Table(title="Lenses")
-    columns = (
-        "trace",
-        "times the thin lens",
-        "of cores",
-        "times the thin lens's",
-        "compile",
-        "layers",
-        "degree",
-        "worst px",
-        "rms px",
-        "outline px",
-    )
-    columns = (*columns, "light misplaced", "dB from exact")
-    for column in ("lens", *columns):
-        out.add_column(column, justify="left" if column == "lens" else "right")
+    columns = ("trace", "times the thin lens", "of cores", "times the thin lens's", "compile", "layers")
+    columns = (*columns, "degree", "worst px", "rms px", "outline px", "light misplaced", "dB from exact")
+    out = make_table("Lenses", "lens", *columns)
     for name, row in results.items():
         out.add_row(name, *(shown(row.get(column, "")) for column in columns))
     return out

@@ -22,6 +22,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from _command_line import make_parser
 from rich.console import Console
 from rich.table import Table
 
@@ -41,9 +42,7 @@ FPS = 24.0
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--size", nargs=2, type=int, default=[160, 120], help="width and height in pixels")
     parser.add_argument("--rays", type=int, default=64)
     parser.add_argument("--way", type=float, default=0.08, help="metres that she goes")

@@ -8,7 +8,6 @@ with noise for texture, and their depth as a 16-bit PNG in millimetres.
     python scripts/bench_photo.py --photo IMG_2031.heic --sharp 1530,1980
 """
 
-import argparse
 import resource
 import subprocess
 import sys
@@ -17,6 +16,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from _command_line import make_parser
 from PIL import Image
 
 DISCS = 200
@@ -44,9 +44,7 @@ def made(folder: Path, width: int, height: int) -> list[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--size", default="4000x3000", help="of the photograph that is made, in pixels")
     parser.add_argument("--photo", help="a photograph that has its depth, in place of one that is made")
     parser.add_argument("--sharp", default="320,240", help="what is to be sharp in it")

@@ -25,6 +25,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from _command_line import make_parser
 
 from focusjax import job
 from focusjax.bench import baked, resized
@@ -57,9 +58,7 @@ MOVE = 0.02
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--out", type=Path, required=True, help="folder for post.json and the pictures")
     parser.add_argument("--config", type=Path, default=Path("configs/still_life.toml"))
     parser.add_argument("--width", type=int, default=640, help="pixels; the height is three quarters of it")

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import jax
 import numpy as np
+from _command_line import make_parser, make_table
 from _procedural import timed_scene
 from _truth import truth
 from rich.console import Console
@@ -33,9 +34,7 @@ from focusjax.trace import render
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--mesh", nargs="+", type=Path, default=[], help="files instead of the lumpy balls")
     parser.add_argument("--objects", type=int, help="balls (120), or copies of meshes (3 of each)")
     parser.add_argument(
@@ -132,9 +131,8 @@ def measure(options: argparse.Namespace) -> dict[str, object]:
 
 
 def table(results: dict) -> Table:
-    out = Table(title=f"{results['triangles']} triangles, {results['width']} x {results['height']}")
-    out.add_column("what")
-    out.add_column("value", justify="right")
+    title = f"{results['triangles']} triangles, {results['width']} x {results['height']}"
+    out = make_table(title, "what", "value")
     for name in ("load", "peel", "compile"):
         out.add_row(name, f"{results[name]:.2f} s")
     for rays, seconds in results["trace"].items():

@@ -14,6 +14,7 @@ import equinox as eqx
 import jax
 import numpy as np
 import trimesh
+from _command_line import make_parser
 from rich.console import Console
 from rich.table import Table
 
@@ -27,9 +28,7 @@ from focusjax.trace import render
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--size", nargs=2, type=int, default=[320, 240], help="width and height in pixels")
     parser.add_argument("--rays", type=int, default=64)
     parser.add_argument("--radius", type=float, default=0.04, help="aperture radius in metres")

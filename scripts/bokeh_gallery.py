@@ -18,6 +18,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
+from _command_line import make_parser
 from scipy.ndimage import zoom
 
 from focusjax.film import to_bytes
@@ -57,9 +58,7 @@ TINTS = np.array([(1.0, 0.72, 0.4), (0.9, 0.9, 0.9), (0.9, 0.9, 0.9), (0.5, 0.75
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--out", type=Path, required=True, help="folder for gallery.png and gallery.json")
     parser.add_argument("--only", nargs="+", choices=list(LENSES), default=list(LENSES), help="some lenses")
     parser.add_argument("--rays", type=int, default=256, help="per pixel on the average")

@@ -3,10 +3,11 @@
 python scripts/check_site.py out/site
 """
 
-import argparse
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
+
+from _command_line import make_parser
 
 
 class Page(HTMLParser):
@@ -54,9 +55,7 @@ def faults(site: Path) -> list[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("site", type=Path, help="the folder of a built site")
     site = parser.parse_args().site
     if not (site / "index.html").exists():

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import jax
+from _command_line import make_parser
 from rich.console import Console
 from rich.table import Table
 
@@ -51,9 +52,7 @@ def measured(path: Path, rays: int) -> dict[str, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("checkouts", nargs=2, type=Path, help="before, and now")
     parser.add_argument("--configs", nargs="+", default=["still_life", "town"])
     parser.add_argument("--rays", type=int, default=64)

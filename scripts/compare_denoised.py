@@ -37,6 +37,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
+from _command_line import make_parser, make_table
 from _compared_scenes import SCENES, Compared
 from bench_render import machine
 from rich.console import Console
@@ -60,9 +61,7 @@ TARGET = ("mitsuba+oidn", 16)
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--scenes", nargs="+", choices=list(SCENES), default=["scan-2", "leaves-2"])
     parser.add_argument("--rays", nargs="+", type=int, default=[2, 4, 8, 16, 64], help="of focusjax")
     parser.add_argument("--supersampling", nargs="+", type=int, default=[1, 2], help="of focusjax")
@@ -272,13 +271,12 @@ LABELS = {
 
 def measured_table(result: dict[str, Any]) -> Table:
     reference = result["reference"]
-    table = Table(
-        title=f"{result['scene']}: {result['triangles']:,} triangles, {result['width']} x {result['height']};"
+    title = (
+        f"{result['scene']}: {result['triangles']:,} triangles, {result['width']} x {result['height']};"
         f" reference {reference['samples']} samples, good to {reference['floor psnr']:.1f} dB,"
         f" {reference['not finite']} not finite"
     )
-    for heading in ("method", "rays, samples", "seconds", "best", "compile s", "PSNR dB"):
-        table.add_column(heading, justify="left" if heading == "method" else "right")
+    table = make_table(title, "method", "rays, samples", "seconds", "best", "compile s", "PSNR dB")
     for row in result["rows"]:
         table.add_row(
             row["method"],
@@ -294,9 +292,8 @@ def measured_table(result: dict[str, Any]) -> Table:
 
 
 def derived_table(results: list[dict[str, Any]]) -> Table:
-    table = Table(title="focusjax beside Mitsuba and its denoiser")
-    for heading in ("", "", "scene", "ours s", "theirs s", "times as quick", "dB"):
-        table.add_column(heading, justify="left" if heading in ("", "scene") else "right")
+    headings = ("", "", "scene", "ours s", "theirs s", "times as quick", "dB")
+    table = make_table("focusjax beside Mitsuba and its denoiser", *headings, left=3)
     for letter, label in LABELS.items():
         for result in results:
             row = result["derived"][letter]

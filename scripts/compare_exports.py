@@ -17,6 +17,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+from _command_line import make_parser
 from rich.console import Console
 from rich.table import Table
 
@@ -96,9 +97,7 @@ def compare(path: Path, options: argparse.Namespace, folder: Path) -> list[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     still = [ROOT / "configs" / "still_life.toml"]
     parser.add_argument("configs", nargs="*", type=Path, default=still)
     parser.add_argument("--to", choices=("mitsuba", "blender"), default="mitsuba")

@@ -6,11 +6,10 @@ Mitsuba's perfect conductor is the independent word on what each lens ray sees m
     python scripts/compare_mirror.py --samples 512
 """
 
-import argparse
-
 import jax.numpy as jnp
 import numpy as np
 import trimesh
+from _command_line import make_parser
 
 from focusjax.baselines import mitsuba
 from focusjax.geometry import Camera, look_at
@@ -88,9 +87,7 @@ def by_mitsuba(scene: Scene, camera: Camera, lens: ThinLens, pixels: np.ndarray,
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--size", nargs=2, type=int, default=[96, 72], help="width and height in pixels")
     parser.add_argument("--samples", type=int, default=576, help="Mitsuba's rays per pixel")
     parser.add_argument("--rays", type=int, default=128)

@@ -19,14 +19,13 @@ what is seen. A part of the truth at a time takes the place of what the photogra
     python scripts/compare_photo.py --oracle --focus 1 --configs configs/still_life.toml
 """
 
-import argparse
 import dataclasses
 from pathlib import Path
 
 import numpy as np
+from _command_line import make_parser, make_table
 from _photo_oracle import with_real_scene
 from rich.console import Console
-from rich.table import Table
 
 from focusjax.baselines import multilayer
 from focusjax.config import build_camera, build_scene, load_config
@@ -69,9 +68,7 @@ def photo_of(scene, camera, lens, path, display):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--configs", nargs="*", type=Path, default=CONFIGS)
     parser.add_argument("--size", default="320x240", help="in pixels")
     parser.add_argument("--f-number", type=float, help="in place of the config's widest")
@@ -82,24 +79,12 @@ def main() -> None:
     parser.add_argument("--oracle", action="store_true", help="also what parts of the truth would gain")
     options = parser.parse_args()
     size = [int(side) for side in options.size.split("x")]
-    table = Table(box=None, header_style="dim", title="PSNR in dB, SSIM")
-    for heading in (
-        "scene",
-        "focus",
-        "guessed",
-        "photo",
-        "multilayer",
-        "gather",
-        "seen",
-        "guessed part",
-        "inner",
-    ):
-        table.add_column(heading, justify="left" if heading == "scene" else "right")
-    known = Table(
-        box=None, header_style="dim", title="PSNR in dB, whole / seen, with a part of the truth known"
-    )
-    for heading in ("scene", "focus", "photo", "hidden", "beyond", "twice", "scene"):
-        known.add_column(heading, justify="left" if not known.columns else "right")
+    style = {"box": None, "header_style": "dim"}
+    headings = ("scene", "focus", "guessed", "photo", "multilayer", "gather", "seen", "guessed part", "inner")
+    table = make_table("PSNR in dB, SSIM", *headings, **style)
+    title = "PSNR in dB, whole / seen, with a part of the truth known"
+    headings = ("scene", "focus", "photo", "hidden", "beyond", "twice", "scene")
+    known = make_table(title, *headings, **style)
     for path in options.configs:
         config = load_config(path, [f"camera.resolution={size}"])
         scene, camera = build_scene(config), build_camera(config)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import scipy.ndimage
+from _command_line import make_parser
 from _special_scenes import SpecialCase, smooth_things
 
 from focusjax.baselines import RayScene, lens_picture
@@ -26,9 +27,7 @@ WANTED = {"smooth": 0.75, "silhouettes": 0.5}
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--out", type=Path, required=True, help="folder for the plot and the tables")
     parser.add_argument("--rays", nargs="+", type=int, default=[4, 8, 16, 32, 64, 128, 256, 512])
     parser.add_argument("--reference-rays", type=int, default=8192, help="through the same layers")

@@ -23,6 +23,7 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
+from _command_line import make_parser
 from _special_scenes import chequers, in_world, lens_with, view
 from bench_layers import balls, machine, peak_memory
 from bench_layers import view as balls_view
@@ -46,9 +47,7 @@ CURVES = {
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--out", type=Path, required=True, help="folder for the tables and the plot")
     parser.add_argument("--quick", action="store_true", help="fewer places, one warm call each")
     parser.add_argument("--memory-only", action="store_true", help=argparse.SUPPRESS)

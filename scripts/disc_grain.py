@@ -19,6 +19,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+from _command_line import make_parser
 from rich.console import Console
 from rich.table import Table
 
@@ -48,9 +49,7 @@ WITHIN = 0.8
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--rays", type=int, nargs="+", default=[16, 64, 256], help="per pixel")
     parser.add_argument("--only", nargs="*", choices=list(LENSES), default=list(LENSES), help="some")
     parser.add_argument("--supersampling", type=int, default=2, help="samples of layers per pixel")

@@ -12,6 +12,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
+from _command_line import make_parser
 
 import focusjax as fj
 from focusjax.film import GREY, develop, encode_srgb, film_names, film_preset, to_bytes
@@ -22,9 +23,7 @@ RANGE = (-8.0, 7.0)
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--out", type=Path, required=True, help="a .jpg to write")
     parser.add_argument("--rays", type=int, default=64, help="per pixel on the average")
     return parser.parse_args()

@@ -19,7 +19,6 @@ A seed chooses among the kinds that are given, so that `--only` needs the same `
 The exit status is 1 if anything is found.
 """
 
-import argparse
 import dataclasses
 import faulthandler
 import json
@@ -33,6 +32,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from _command_line import make_parser
 from _fuzz_inputs import folder_with_inputs
 from _fuzz_kinds import KINDS, Kind, bad_batch, bad_shot, studio_edits
 from _fuzz_studio import edit
@@ -155,9 +155,7 @@ def one_run(seed: int, inputs: Path, folder: Path, kinds: Sequence[Kind]) -> tup
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--first", type=int, default=0, help="seed of the first run")
     parser.add_argument("--only", type=int, nargs="+", help="seeds to run alone")

@@ -20,6 +20,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from _command_line import make_parser
 from rich.console import Console
 from rich.progress import track
 from scipy.stats import qmc
@@ -45,9 +46,7 @@ STEP = 1e-4
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--problems", type=int, default=50)
     parser.add_argument("--rays", type=int, default=1024, help="through the stop from each place of the film")
     parser.add_argument("--gradients", type=int, default=8, help="problems of which derivatives are compared")

@@ -8,7 +8,6 @@ reverse of a sum of squares, with the default of half as many rays per border an
     python scripts/gradient_cost.py configs/town.toml --memory --size 800x600 --rays 32 --layers 4
 """
 
-import argparse
 import resource
 import time
 from collections.abc import Callable
@@ -18,10 +17,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from _command_line import make_parser, make_table
 from gradient_study import moved, wide_case
 from jaxtyping import Array, Float
 from rich.console import Console
-from rich.table import Table
 
 from focusjax.layers import Layers, peel
 from focusjax.lens import TiltShiftLens
@@ -71,9 +70,7 @@ def peak_gib() -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("config", type=Path)
     parser.add_argument("--size", default="128x96", help="pixels")
     parser.add_argument("--blur", type=float, default=16.0, help="widest blur in pixels")
@@ -97,9 +94,8 @@ def main() -> None:
             f" {before:.2f} GiB with the layers, {peak_gib():.2f} GiB after a gradient {np.asarray(gradient)}"
         )
         return
-    table = Table(title=f"{case.name}, {options.size}, {layers.filled} layers: processor time in pictures")
-    for heading in ("rays", "picture s", "jvp", "vjp"):
-        table.add_column(heading, justify="right")
+    title = f"{case.name}, {options.size}, {layers.filled} layers: processor time in pictures"
+    table = make_table(title, "rays", "picture s", "jvp", "vjp", left=0)
     for rays in options.rays:
         spent = seconds(layers, lens, rays, options.turns)
         base = spent["picture"]

@@ -26,9 +26,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from _command_line import make_parser, make_table
 from jaxtyping import Array, Float
 from rich.console import Console
-from rich.table import Table
 
 from focusjax.baselines import RayScene, lens_picture
 from focusjax.bench import Case, case_from_config
@@ -186,9 +186,7 @@ def study(path: Path, options: argparse.Namespace) -> list[list[str]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument(
         "configs", nargs="*", type=Path, help="those in configs/ with a plain lens by default"
     )
@@ -204,9 +202,7 @@ def main() -> None:
     for path in options.configs or [folder / f"{name}.toml" for name in CONFIGS]:
         rows += study(path, options)
     title = f"{options.size}, blur up to {options.blur:g} px; seconds for all parameters together"
-    table = Table(title=title)
-    for heading in HEADINGS:
-        table.add_column(heading, justify="left" if heading in ("scene", "by") else "right")
+    table = make_table(title, *HEADINGS, left=2)
     for row in rows:
         table.add_row(*row)
     Console(width=max(120, Console().width)).print(table)

@@ -15,8 +15,8 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
+from _command_line import make_parser, make_table
 from rich.console import Console
-from rich.table import Table
 
 from focusjax.geometry import look_at
 from focusjax.lens import AbstractLens, PrescriptionLens, prescription_lens, thin_lens
@@ -37,9 +37,7 @@ CAMERA = look_at((0, 0, 1), (0, 0, 0), width=600, height=400, focal_length=LENGT
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--focus", type=float, default=1.0, help="metres")
     parser.add_argument("--near", type=float, default=0.5, help="metres to a lamp in front of the focus")
     parser.add_argument("--far", type=float, default=float("inf"), help="metres to a lamp behind it")
@@ -84,9 +82,8 @@ def rings(lens: AbstractLens, disparity: float) -> np.ndarray:
 
 def main() -> None:
     options = arguments()
-    table = Table(title="Light in discs")
-    for column in ("lens", "W040, um", "core in front", "rim in front", "core behind", "rim behind"):
-        table.add_column(column, justify="left" if column == "lens" else "right")
+    headings = ("lens", "W040, um", "core in front", "rim in front", "core behind", "rim behind")
+    table = make_table("Light in discs", *headings)
     results = {}
     for name, lens in lenses(options.focus).items():
         aberration = 0.0

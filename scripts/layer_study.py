@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import jax
+from _command_line import make_parser, make_table
 from _procedural import timed_scene
 from _truth import truth
 from bench_render import machine, view
@@ -41,9 +42,7 @@ View = tuple[str, Scene, Camera, ThinLens]
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("configs", nargs="*", type=Path, help="scenes to study")
     parser.add_argument("--mesh", nargs="+", type=Path, default=[], help="files to study copies of as well")
     parser.add_argument("--width", type=int, default=400)
@@ -157,10 +156,8 @@ def comparison(result: dict, options: argparse.Namespace) -> Table:
         f"{result['scene']}, aperture x {result['aperture']:g} (f/{result['f-number']:.2g}), blur up to"
         f" {result['widest blur px']:.0f} px, {options.width} x {options.height}, {options.rays} rays"
     )
-    table = Table(title=title, caption=f"against {result['reference']}; + where more was left")
-    table.add_column("way")
-    for heading in ("layers", "samples", "PSNR", "missed light", "build", "trace"):
-        table.add_column(heading, justify="right")
+    headings = ("way", "layers", "samples", "PSNR", "missed light", "build", "trace")
+    table = make_table(title, *headings, caption=f"against {result['reference']}; + where more was left")
     for row in result["ways"]:
         table.add_row(
             row["way"],
@@ -175,10 +172,8 @@ def comparison(result: dict, options: argparse.Namespace) -> Table:
 
 
 def savings(results: list[dict]) -> Table:
-    table = Table(title="What the umbra saves: layers and samples kept, to the last surface")
-    table.add_column("scene")
-    for heading in ("aperture", "layers: plain", "umbra", "samples: plain", "umbra", "saved"):
-        table.add_column(heading, justify="right")
+    headings = ("scene", "aperture", "layers: plain", "umbra", "samples: plain", "umbra", "saved")
+    table = make_table("What the umbra saves: layers and samples kept, to the last surface", *headings)
     for result in results:
         table.add_row(
             result["scene"],

@@ -13,6 +13,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
+from _command_line import make_parser
 
 from focusjax.film import to_bytes
 from focusjax.geometry import Camera, look_at
@@ -37,9 +38,7 @@ LIGHT = 14.0
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--out", type=Path, required=True, help="folder for lenses.jpg")
     parser.add_argument("--rays", type=int, default=256, help="per pixel on the average")
     parser.add_argument("--width", type=int, default=480)

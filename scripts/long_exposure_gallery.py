@@ -13,6 +13,7 @@ from pathlib import Path
 import imageio.v3 as iio
 import jax.numpy as jnp
 import numpy as np
+from _command_line import make_parser
 
 import focusjax as fj
 from focusjax.config import load_config
@@ -36,9 +37,7 @@ OVERRIDES = [
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--out", type=Path, required=True, help="a .jpg to write")
     parser.add_argument("--size", nargs=2, type=int, default=[300, 240], help="of each picture, in pixels")
     parser.add_argument("--rays", type=int, default=256, help="per pixel and frame")

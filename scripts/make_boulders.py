@@ -4,11 +4,11 @@ python scripts/make_boulders.py out/boulders
 focusjax bench speed-error out/boulders/boulders.toml --out out/bench
 """
 
-import argparse
 from pathlib import Path
 
 import numpy as np
 import trimesh
+from _command_line import make_parser
 from _procedural import boulders, wall
 
 CONFIG = """title = "Boulders"
@@ -27,9 +27,7 @@ focus_distance_m = 5.0
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("folder", type=Path, help="made if need be")
     parser.add_argument("--balls", type=int, default=120, help="of 5120 triangles each")
     options = parser.parse_args()

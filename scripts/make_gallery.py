@@ -15,6 +15,7 @@ import imageio.v3 as iio
 import jax
 import jax.numpy as jnp
 import numpy as np
+from _command_line import make_parser
 from PIL import Image
 from typer.testing import CliRunner
 
@@ -35,9 +36,7 @@ GAP = 4
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("names", nargs="+", choices=list(PICTURES), help="which pictures")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "gallery", help="a folder")
     parser.add_argument("--rays", type=int, default=128, help="per pixel, on the average")

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import jax
 import numpy as np
+from _command_line import make_parser
 
 from focusjax.lens import ProfileFit, profile_of, save_profile
 from focusjax.optics import PRESETS, converging_length, lens_preset
@@ -31,9 +32,7 @@ FOCUS, NEAREST = 50.0, 10.0
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--out", type=Path, required=True, help="folder for the files")
     parser.add_argument("--only", nargs="+", choices=list(NAMES), default=list(NAMES))
     return parser.parse_args()

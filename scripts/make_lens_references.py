@@ -7,7 +7,6 @@ either focusjax or its tests. Optiland is given radii, distances and, for each w
 and adds up by itself. Indices of glasses come from its own catalogue.
 """
 
-import argparse
 import csv
 import json
 from pathlib import Path
@@ -16,6 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optiland
+from _command_line import make_parser
 from optiland.materials import IdealMaterial, MaterialFile
 from optiland.optic import Optic
 from optiland.rays import RealRays
@@ -144,9 +144,7 @@ def indices() -> dict[str, list[float]]:
 
 def main() -> None:
     jax.config.update("jax_enable_x64", True)
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("out", type=Path)
     out = parser.parse_args().out
     content = {

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
+from _command_line import make_parser
 
 from focusjax.config import load_config
 from focusjax.shot import film
@@ -25,9 +26,7 @@ SHUTTERS = [
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--out", type=Path, required=True, help="a .jpg to write")
     parser.add_argument("--size", nargs=2, type=int, default=[360, 240], help="of each picture, in pixels")
     parser.add_argument("--rays", type=int, default=64, help="per pixel")

@@ -13,6 +13,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from _command_line import make_parser
 
 from focusjax import job
 from focusjax.bench import baked, resized
@@ -22,9 +23,7 @@ from focusjax.trace import decibels_of, estimate_quality, plan_rays, render
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("configs", nargs="+", type=Path)
     parser.add_argument("--out", type=Path, required=True, help="folder for the tables")
     parser.add_argument("--qualities", nargs="+", default=["30 dB", "35 dB", "40 dB"])

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from _command_line import make_parser
 from planner_study import decibels, markdown
 
 from focusjax import job
@@ -30,9 +31,7 @@ from focusjax.trace import decibels_of, plan_rays, render
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("configs", nargs="+", type=Path)
     parser.add_argument("--out", type=Path, required=True, help="folder for the tables")
     parser.add_argument("--qualities", nargs="+", default=["20 dB", "25 dB", "30 dB", "35 dB"])

@@ -7,7 +7,6 @@ XLA fuses operations of many lines into one, and names one of them: times are of
 fusion that several cores share counts once. Needs a processor: on a GPU other tools say more.
 """
 
-import argparse
 import collections
 import gzip
 import json
@@ -19,6 +18,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import jax
+from _command_line import make_parser
 from _compared_scenes import SCENES
 from rich.console import Console
 from rich.table import Table
@@ -29,9 +29,7 @@ from focusjax.trace import render
 
 def main() -> None:
     """Measure, and print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--scene", choices=list(SCENES), default="scan-1")
     parser.add_argument("--rays", type=int, default=16)
     parser.add_argument("--rows", type=int, default=30, help="of the table")
@@ -54,9 +52,8 @@ def main() -> None:
         own, calls = own_times(next(Path(folder).rglob("perfetto_trace.json.gz")))
         texts = Path(folder, "programs").glob("*picture*cpu_after_optimizations.txt")
         lines = lines_of(max(texts, key=lambda path: path.stat().st_size).read_text())
-    table = Table(title=f"{options.scene}, {options.rays} rays: {seconds:.3f} s with the profiler")
-    for heading in ("ms", "calls", "operation", "line") if options.ops else ("ms", "calls", "line"):
-        table.add_column(heading)
+    headings = ("ms", "calls", "operation", "line") if options.ops else ("ms", "calls", "line")
+    table = Table(*headings, title=f"{options.scene}, {options.rays} rays: {seconds:.3f} s with the profiler")
     for name, microseconds, count in totals(own, calls, lines, by_operation=options.ops)[: options.rows]:
         table.add_row(f"{microseconds / 1e3:.1f}", str(count), *name)
     Console().print(table)

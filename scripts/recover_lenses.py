@@ -19,8 +19,8 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+from _command_line import make_parser, make_table
 from rich.console import Console
-from rich.table import Table
 from scipy.stats import qmc
 
 from focusjax.baselines import RayScene, lens_picture, mitsuba_picture, unlit_scene
@@ -160,9 +160,7 @@ def misses(found: ThinLens | TiltShiftLens, true: ThinLens | TiltShiftLens, came
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("configs", nargs="*", type=Path, help="bars, still_life and town by default")
     parser.add_argument("--width", type=int, default=160)
     parser.add_argument("--height", type=int, default=120)
@@ -184,9 +182,9 @@ def main() -> None:
     chosen = {"upright": [UPRIGHT], "turned": [TURNED], None: [UPRIGHT, TURNED]}[options.only]
     paths = options.configs or [folder / f"{name}.toml" for name in names]
     results = [recover(path, free, options) for free in chosen for path in paths]
-    table = Table(title=f"{options.width} x {options.height}, {options.rays} rays, {options.fit_rays} to fit")
-    for heading in ("scene", "free", "pictures by", "found", "focus %", "f-number %", "turn °", "s"):
-        table.add_column(heading, justify="left" if heading in ("scene", "free", "pictures by") else "right")
+    title = f"{options.width} x {options.height}, {options.rays} rays, {options.fit_rays} to fit"
+    headings = ("scene", "free", "pictures by", "found", "focus %", "f-number %", "turn °", "s")
+    table = make_table(title, *headings, left=3)
     for row in results:
         median = {
             key: float(np.median([trial[key] for trial in row["trials"]]))

@@ -16,12 +16,11 @@ without a wish another gains so many pixels; a wish is out of reach even alone; 
     python scripts/solver_study.py --diagnosis --problems 100
 """
 
-import argparse
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.optimize
+from _command_line import make_parser
 
 from focusjax.focus import AT_LEAST, AT_MOST, EQUAL, SAME, ImagePoints, diagnose, solve, solve_frames
 from focusjax.geometry import make_camera
@@ -333,9 +332,7 @@ def study_diagnosis(problems, starts):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--problems", type=int, default=60)
     parser.add_argument("--starts", type=int, default=30)
     parser.add_argument("--set", default="", help="only sets of free parameters whose name has this")

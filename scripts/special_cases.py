@@ -21,6 +21,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 import scipy.signal
+from _command_line import make_parser
 from _special_scenes import (
     BLADES,
     CASES,
@@ -44,9 +45,7 @@ METHODS = ("ours", "post", "multilayer", "gather")
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--out", type=Path, required=True, help="folder for pictures and tables")
     parser.add_argument("--only", nargs="+", choices=list(CASES), default=list(CASES), help="some cases")
     parser.add_argument("--rays", type=int, default=100, help="of ours, per pixel on the average")

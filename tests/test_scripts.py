@@ -17,7 +17,7 @@ RUN = """
 import contextlib, io, json, runpy, sys
 said = {}
 for path in sys.argv[1:]:
-    options = "ArgumentParser" in open(path).read()
+    options = "parse_args(" in open(path).read()
     sys.argv = [path, "--help"]
     out = io.StringIO()
     try:
@@ -52,7 +52,7 @@ def test_a_script_can_be_imported_and_lists_its_options(said, script):
     state, rest = said[str(script)]
     if state == "missing" and rest in OPTIONAL:
         pytest.skip(f"{rest} is not installed")
-    if "ArgumentParser" not in script.read_text():
+    if "parse_args(" not in script.read_text():
         assert state == "imported"
         return
     assert state == "left with 0", rest

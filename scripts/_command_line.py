@@ -34,9 +34,10 @@ def write_json(file: Path | None, content: Any) -> None:
 
 def kept(file: Path | None, make: Callable[[], np.ndarray]) -> np.ndarray:
     """What `make` returns; kept in `file` if one is given, and read from there if it exists."""
-    if file is None:
-        return make()
-    if not file.exists():
+    if file is not None and file.exists():
+        return np.load(file)
+    made = make()
+    if file is not None:
         file.parent.mkdir(parents=True, exist_ok=True)
-        np.save(file, make())
-    return np.load(file)
+        np.save(file, made)
+    return made

@@ -11,10 +11,8 @@ import argparse
 import json
 import os
 import socket
-import statistics
 import subprocess
 import sys
-import time
 
 CASES = {
     "1 device, 1 core": (1, 1, 1),
@@ -38,6 +36,7 @@ def one_process(options: argparse.Namespace) -> None:
         address = f"localhost:{options.port}"
         jax.distributed.initialize(address, num_processes=options.processes, process_id=options.rank)
 
+    from _timing import timed
     from bench_layers import balls, view
 
     from focusjax.layers import peel
@@ -46,13 +45,8 @@ def one_process(options: argparse.Namespace) -> None:
     width, height = map(int, options.size.split("x"))
     camera, lens = view(width, height)
     layers = peel(balls(options.triangles), camera, lens, supersampling=1)
-    seconds = []
-    for _ in range(options.repeats + 1):
-        start = time.perf_counter()
-        picture = render(layers, lens, rays=options.rays, devices=jax.devices())
-        seconds.append(time.perf_counter() - start)
-    found = {"first": seconds[0], "warm": statistics.median(seconds[1:]), "mean": float(picture.mean())}
-    print(json.dumps(found))
+    made = timed(lambda: render(layers, lens, rays=options.rays, devices=jax.devices()), options.repeats)
+    print(json.dumps({"first": made.first, "warm": made.median, "mean": float(made.result.mean())}))
 
 
 def measured(options: argparse.Namespace, processes: int, devices: int, cores: int) -> dict[str, float]:

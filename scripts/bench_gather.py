@@ -6,13 +6,14 @@ alternating turns after a first one.
     python scripts/bench_gather.py
 """
 
-import time
+import functools
 from pathlib import Path
 from unittest import mock
 
 import numpy as np
 from _command_line import make_parser, make_table
 from _special_scenes import CASES
+from _timing import timed_in_turns
 from rich.console import Console
 
 from focusjax.baselines import RayScene, lens_picture, pinhole_view
@@ -25,12 +26,10 @@ LEVELS = (0, _gather._MOST_LEVELS)
 """Of mip maps: none, and as many as there are."""
 
 
-def gathered(view: tuple[np.ndarray, np.ndarray], case, taps: int, levels: int) -> tuple[np.ndarray, float]:
-    """The picture by at most so many levels, and the processor seconds it took."""
+def gathered(view: tuple[np.ndarray, np.ndarray], case, taps: int, levels: int) -> np.ndarray:
+    """The picture by at most so many levels."""
     with mock.patch.object(_gather, "_MOST_LEVELS", levels):
-        start = time.process_time()
-        picture = np.asarray(gather(*view, case.camera, case.lens, taps=taps))
-        return np.clip(picture, 0.0, 1.0), time.process_time() - start
+        return np.asarray(gather(*view, case.camera, case.lens, taps=taps))
 
 
 def main() -> None:
@@ -54,18 +53,13 @@ def main() -> None:
         truth = np.clip(lens_picture(scene, case.camera, case.lens, rays=options.truth_rays), 0.0, 1.0)
         view = pinhole_view(scene, case.camera)
         for taps in options.taps:
-            errors, seconds = {}, {levels: [] for levels in LEVELS}
-            for turn in range(options.turns + 1):
-                for levels in LEVELS:
-                    picture, took = gathered(view, case, taps, levels)
-                    errors[levels] = psnr(picture, truth)
-                    if turn:
-                        seconds[levels].append(took)
+            runs = {levels: functools.partial(gathered, view, case, taps, levels) for levels in LEVELS}
+            found = timed_in_turns(runs, options.turns).values()
             table.add_row(
                 name,
                 str(taps),
-                *(f"{errors[levels]:.1f}" for levels in LEVELS),
-                *(f"{np.median(seconds[levels]):.2f}" for levels in LEVELS),
+                *(f"{psnr(np.clip(each.result, 0.0, 1.0), truth):.1f}" for each in found),
+                *(f"{each.cpu_median:.2f}" for each in found),
             )
     Console().print(table)
 

@@ -16,7 +16,6 @@ Every line is printed as JSON as soon as it is there, and written to `--json` wi
 
 import argparse
 import json
-import statistics
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -29,9 +28,10 @@ import jax.numpy as jnp
 import numpy as np
 from _command_line import make_parser
 from _compared_scenes import SCENES, Compared
-from bench_render import machine
+from _timing import timed
 
 from focusjax.bench import Case, reference_picture, time_to_reach
+from focusjax.bench._run import machine
 from focusjax.layers import Layers, peel
 from focusjax.lens import ThinLens
 from focusjax.metrics import psnr
@@ -57,17 +57,13 @@ def arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def timed(run: Callable[[], Any], repeats: int) -> tuple[Any, Row]:
+def measured(run: Callable[[], Any], repeats: int) -> tuple[Any, Row]:
     """The result, seconds of the first call and milliseconds of the others."""
-    begun = time.perf_counter()
-    result = jax.block_until_ready(run())
-    first, others = time.perf_counter() - begun, []
-    for _ in range(repeats):
-        begun = time.perf_counter()
-        jax.block_until_ready(run())
-        others.append(1000 * (time.perf_counter() - begun))
-    found = {"first s": first, "ms": statistics.median(others), "best ms": min(others)} if others else {}
-    return result, found
+    found = timed(run, repeats)
+    if not repeats:
+        return found.result, {}
+    best = 1000 * min(found.wall[1:])
+    return found.result, {"first s": found.first, "ms": 1000 * found.median, "best ms": best}
 
 
 def on(device: Any, layers: Layers) -> Layers:
@@ -82,7 +78,7 @@ def pictures(
     gpu, cpu = jax.devices()[0], jax.devices("cpu")[0]
     there, here = on(gpu, layers), on(cpu, layers)
     for rays in options.rays:
-        found, row = timed(lambda n=rays: render(there, lens, rays=n), options.repeats)
+        found, row = measured(lambda n=rays: render(there, lens, rays=n), options.repeats)
         shown = np.asarray(found)
         if reference is not None:
             row["psnr"] = psnr(shown, reference)
@@ -100,7 +96,7 @@ def pictures(
         )
         for n in range(options.lenses)
     ]
-    _, row = timed(lambda: [render(there, each, rays=16) for each in lenses], 1)
+    _, row = measured(lambda: [render(there, each, rays=16) for each in lenses], 1)
     yield {"what": f"{options.lenses} lenses, 16 rays", **row, "ms each": row["ms"] / options.lenses}
     for rays in options.rays if options.profile else ():
         for row in costs(lambda n=rays: render(there, lens, rays=n), options.profile):
@@ -117,7 +113,7 @@ def derivatives(layers: Layers, lens: ThinLens, options: argparse.Namespace) -> 
 
         return eqx.filter_value_and_grad(loss)(lens)
 
-    (_, gradient), row = timed(lambda: slope(layers, lens), options.repeats)
+    (_, gradient), row = measured(lambda: slope(layers, lens), options.repeats)
     yield {
         "what": "value and gradient",
         "rays": 16,
@@ -175,7 +171,7 @@ def path_traced(
             drjit.sync_thread()
             return made
 
-        found, row = timed(run, options.repeats)
+        found, row = measured(run, options.repeats)
         if reference is not None:
             shown = np.array(found)[..., -3:] + np.asarray(unlit.background)
             row["psnr"] = psnr(shown, reference)

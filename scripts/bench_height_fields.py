@@ -11,15 +11,15 @@ against it; of the cylindrical lens, against its own glass.
 """
 
 import argparse
+import functools
 import json
-import statistics
-import time
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from _command_line import make_table
+from _timing import timed_in_turns
 from bench_lenses import NEAREST, errors_of, parser_of, scene_of, shown
 from jaxtyping import Array, Float
 from rich.console import Console
@@ -108,26 +108,21 @@ def measure(options: argparse.Namespace) -> dict[str, dict[str, object]]:
     wanted = dict.fromkeys(like for _, like in lenses.values())
     layers = {like: peel(scene, camera, lenses[like][0], supersampling=1) for like in wanted}
     square = jnp.asarray(np.random.default_rng(0).random((64, 1 << 14, 4)), dtype=float)
-    pictures, of_pictures = {}, {name: [] for name in lenses}
-    of_rays = {name: [] for name in lenses}
-    for _ in range(options.repeats + 1):
-        for name, (lens, like) in lenses.items():
-            work = time.process_time()
-            pictures[name] = np.asarray(render(layers[like], lens, rays=options.rays))
-            of_pictures[name].append(time.process_time() - work)
-            work = time.process_time()
-            _rays(lens, camera, square).block_until_ready()
-            of_rays[name].append(time.process_time() - work)
+    runs = {}
+    for name, (lens, like) in lenses.items():
+        runs[name, "picture"] = functools.partial(render, layers[like], lens, rays=options.rays)
+        runs[name, "rays"] = functools.partial(_rays, lens, camera, square)
+    found = timed_in_turns(runs, options.repeats)
     results: dict[str, dict[str, object]] = {}
     for name, (lens, like) in lenses.items():
         picture, base, rays, rays_base = (
-            statistics.median(taken[each][1:]) for taken in (of_pictures, of_rays) for each in (name, first)
+            found[each, what].cpu_median for what in ("picture", "rays") for each in (name, first)
         )
         count = square.shape[0] * square.shape[1]
         row = {"picture": picture, "times the spheres'": picture / base}
         row |= {"ns a ray": 1e9 * rays / count, "times theirs": rays / rays_base}
         if name != like:
-            row["dB from exact"] = psnr(jnp.asarray(pictures[name]), jnp.asarray(pictures[like]))
+            row["dB from exact"] = psnr(found[name, "picture"].result, found[like, "picture"].result)
         if isinstance(lens, FittedLens):
             row |= errors_of(lens) | {"polynomials": type(lens.transfer).__name__}
         results[name] = row

@@ -19,7 +19,6 @@ import argparse
 import csv
 import json
 import math
-import resource
 import statistics
 import subprocess
 import sys
@@ -32,11 +31,12 @@ import numpy as np
 import trimesh
 from _command_line import make_parser, make_table
 from _procedural import placements, wall
-from bench_render import machine
 from rich.console import Console
 from rich.table import Table
 
 from focusjax.baselines import UnlitScene, load_unlit, mitsuba
+from focusjax.bench._measure import peak_memory
+from focusjax.bench._run import machine
 from focusjax.geometry import Camera, make_camera
 from focusjax.layers import Layers
 from focusjax.layers._assemble import assemble
@@ -145,12 +145,6 @@ def mitsuba_casts(scene: Scene, layers: Layers, repeats: int) -> tuple[float, li
     cast_all()
     several = [cast_all() for _ in range(repeats)]
     return built, [statistics.median(each) for each in zip(*several, strict=True)]
-
-
-def peak_memory() -> float:
-    """Largest resident size of this process so far, in MiB."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
 
 
 def run_case(options: argparse.Namespace) -> dict[str, object]:

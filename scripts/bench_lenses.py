@@ -14,16 +14,16 @@ With `--fits` it only reports how far polynomials for lenses that come along are
 
 import argparse
 import dataclasses
+import functools
 import json
-import statistics
 import time
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from _command_line import make_parser, make_table
 from _procedural import boulders, wall
+from _timing import timed_in_turns
 from rich.console import Console
 from rich.table import Table
 
@@ -165,23 +165,19 @@ def measure(options: argparse.Namespace) -> dict[str, dict[str, object]]:
         layers[name] = peel(scene, camera, lens, supersampling=1)
         jax.block_until_ready(layers[name].cells)
         results[name] = {"peel with compiling": time.perf_counter() - start, "layers": layers[name].filled}
-    seconds, of_cores, pictures = {name: [] for name in lenses}, {name: [] for name in lenses}, {}
-    for _ in range(options.repeats + 1):
-        for name, (lens, _) in lenses.items():
-            start, work = time.perf_counter(), time.process_time()
-            pictures[name] = np.asarray(render(layers[name], lens, rays=options.rays))
-            seconds[name].append(time.perf_counter() - start)
-            of_cores[name].append(time.process_time() - work)
+    runs = {
+        name: functools.partial(render, layers[name], lens, rays=options.rays)
+        for name, (lens, _) in lenses.items()
+    }
+    traced = timed_in_turns(runs, options.repeats)
     for name, (lens, thin) in lenses.items():
-        row = results[name]
-        (warm, base), (work, base_work) = (
-            [statistics.median(taken[each][1:]) for each in (name, thin)] for taken in (seconds, of_cores)
-        )
-        row |= {"trace": warm, "times the thin lens": warm / base, "compile": seconds[name][0] - warm}
-        row |= {"of cores": work, "times the thin lens's": work / base_work}
+        row, own, base = results[name], traced[name], traced[thin]
+        row |= {"trace": own.median, "times the thin lens": own.median / base.median}
+        row |= {"compile": own.first - own.median}
+        row |= {"of cores": own.cpu_median, "times the thin lens's": own.cpu_median / base.cpu_median}
         exact = name.replace("fitted", "exact")
         if exact != name:
-            row["dB from exact"] = psnr(jnp.asarray(pictures[name]), jnp.asarray(pictures[exact]))
+            row["dB from exact"] = psnr(own.result, traced[exact].result)
         if isinstance(lens, FittedLens):
             row |= errors_of(lens)
     return results

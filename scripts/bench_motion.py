@@ -14,15 +14,14 @@ while the camera moves; the reference is the mean of two pictures of 512 rays, o
 
 import argparse
 import dataclasses
-import statistics
-import time
 from pathlib import Path
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _command_line import make_parser
+from _command_line import kept, make_parser
+from _timing import Timed, timed
 from rich.console import Console
 from rich.table import Table
 
@@ -106,30 +105,15 @@ def passing_spot(options: argparse.Namespace) -> tuple[MovingScene, Camera, Thin
 
 def reference(options: argparse.Namespace, world: MovingScene, camera: Camera, lens: ThinLens) -> np.ndarray:
     """The mean of many sharp times."""
-    if options.cache is not None and options.cache.exists():
-        return np.load(options.cache)
-    total = np.zeros((camera.height, camera.width, 3))
-    for number in range(options.times):
-        scene = world.at(2.0 * (number + 0.5) / options.times)
-        total += lens_picture(scene, camera, lens, rays=options.views, seed=number)
-    total /= options.times
-    if options.cache is not None:
-        options.cache.parent.mkdir(parents=True, exist_ok=True)
-        np.save(options.cache, total)
-    return total
 
+    def mean() -> np.ndarray:
+        total = np.zeros((camera.height, camera.width, 3))
+        for number in range(options.times):
+            scene = world.at(2.0 * (number + 0.5) / options.times)
+            total += lens_picture(scene, camera, lens, rays=options.views, seed=number)
+        return total / options.times
 
-def timed(run, repeats: int):
-    """The result, and the medians of seconds and of processor seconds of calls after the first."""
-    result = run()
-    wall_clock, processor = [], []
-    for _ in range(repeats):
-        start, cpu = time.perf_counter(), time.process_time()
-        result = run()
-        jax.block_until_ready(eqx.filter(result, eqx.is_array))
-        wall_clock.append(time.perf_counter() - start)
-        processor.append(time.process_time() - cpu)
-    return result, statistics.median(wall_clock), statistics.median(processor)
+    return kept(options.cache, mean)
 
 
 def mean_of_times(world: MovingScene, camera: Camera, lens: ThinLens, count: int, rays: int) -> np.ndarray:
@@ -195,15 +179,15 @@ def lamps(options: argparse.Namespace, console: Console) -> None:
     instant = np.mean([np.asarray(render(layers, lens, rays=512, seed=seed)) for seed in (1, 2)], axis=0)
     table = Table("rays", "moving", "seconds with peeling", "one instant", "seconds")
     for rays in (16, 64, 256):
-        moving, seconds, _ = timed(lambda rays=rays: taken(rays), options.repeats)
-        still, still_seconds, _ = timed(lambda rays=rays: render(layers, lens, rays=rays), options.repeats)
-        decibels = [psnr(np.asarray(moving.image), truth), psnr(np.asarray(still), instant)]
+        found = timed(lambda rays=rays: taken(rays), options.repeats)
+        still = timed(lambda rays=rays: render(layers, lens, rays=rays), options.repeats)
+        moving = found.result
         table.add_row(
             str(rays),
-            f"{decibels[0]:.1f} dB",
-            f"{seconds:.2f}",
-            f"{decibels[1]:.1f} dB",
-            f"{still_seconds:.2f}",
+            f"{psnr(np.asarray(moving.image), truth):.1f} dB",
+            f"{found.median:.2f}",
+            f"{psnr(np.asarray(still.result), instant):.1f} dB",
+            f"{still.median:.2f}",
         )
         if options.out is not None:
             options.out.mkdir(parents=True, exist_ok=True)
@@ -228,23 +212,23 @@ def main() -> None:
             peel(world.at(1.0), camera, lens), lens, rays=options.rays, smooth=not options.as_traced
         )
 
-    _, seconds, processor = timed(still, options.repeats)
+    instant = timed(still, options.repeats)
     table = Table(
         "picture", "times peeled", "PSNR", "where it moves", "seconds", "times one instant", "by processor"
     )
-    table.add_row("one instant", "1", "", "", f"{seconds:.2f}", "1", "1")
+    table.add_row("one instant", "1", "", "", f"{instant.median:.2f}", "1", "1")
     moving: np.ndarray | None = None
 
-    def add(name: str, peels: int, image: np.ndarray, wall_clock: float, cpu: float) -> None:
+    def add(name: str, peels: int, image: np.ndarray, spent: Timed) -> None:
         assert moving is not None
         table.add_row(
             name,
             str(peels),
             f"{psnr(image, truth):.1f} dB",
             f"{psnr(image, truth, mask=moving):.1f} dB",
-            f"{wall_clock:.2f}",
-            f"{wall_clock / seconds:.2f}",
-            f"{cpu / processor:.2f}",
+            f"{spent.median:.2f}",
+            f"{spent.median / instant.median:.2f}",
+            f"{spent.cpu_median / instant.cpu_median:.2f}",
         )
         if options.out is not None:
             options.out.mkdir(parents=True, exist_ok=True)
@@ -265,21 +249,22 @@ def main() -> None:
                 turn=turn,
             )
 
-        found, wall_clock, cpu = timed(run, options.repeats)
+        spent = timed(run, options.repeats)
+        found = spent.result
         if moving is None:
             still_picture = lens_picture(world.at(1.0), camera, lens, rays=16)
             moving = np.abs(truth - still_picture).max(axis=-1) > 0.1
             console.print(
                 f"{found.motion_px:.0f} px of motion, {found.changing:.0%} of the pixels traced with times"
             )
-        add(f"rays with times, turn {turn:g}", found.peels, np.asarray(found.image), wall_clock, cpu)
+        add(f"rays with times, turn {turn:g}", found.peels, np.asarray(found.image), spent)
     for count in options.discrete:
 
         def run_discrete(count: int = count):
             return mean_of_times(world, camera, lens, count, options.rays)
 
-        image, wall_clock, cpu = timed(run_discrete, 1)
-        add(f"mean of {count} sharp times", count, image, wall_clock, cpu)
+        spent = timed(run_discrete, 1)
+        add(f"mean of {count} sharp times", count, spent.result, spent)
     if options.out is not None:
         save_png(options.out / "reference.png", truth)
     console.print(table)

@@ -7,12 +7,10 @@ Peels the scenes of `compare_denoised.py`, warm; the median of several turns.
 """
 
 import argparse
-import statistics
-import time
+import functools
 
-import equinox as eqx
-import jax
 from _compared_scenes import SCENES
+from _timing import timed
 from rich.console import Console
 from rich.table import Table
 
@@ -29,16 +27,11 @@ def main() -> None:
     options = parser.parse_args()
     table = Table("scene", "cores", "seconds", "first")
     for name in options.scenes:
-        scene, camera, lens = SCENES[name]()
+        compared = SCENES[name]()
         for cores in options.cores:
             _parallel.use_cores(cores)
-            seconds = []
-            for _ in range(1 + options.repeats):
-                begun = time.perf_counter()
-                layers = peel(scene, camera, lens)
-                jax.block_until_ready(eqx.filter(layers, eqx.is_array))
-                seconds.append(time.perf_counter() - begun)
-            table.add_row(name, str(cores), f"{statistics.median(seconds[1:]):.3f}", f"{seconds[0]:.3f}")
+            found = timed(functools.partial(peel, *compared), options.repeats)
+            table.add_row(name, str(cores), f"{found.median:.3f}", f"{found.first:.3f}")
     Console().print(table)
 
 

@@ -16,16 +16,14 @@ printed goes to post.json, the pictures beside it.
 import argparse
 import dataclasses
 import json
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from _command_line import make_parser
+from _timing import timed
 
 from focusjax import job
 from focusjax.bench import baked, resized
@@ -108,20 +106,14 @@ def decibels(picture: Any, truth: np.ndarray) -> float:
     return float(-10.0 * np.log10(np.mean(error**2)))
 
 
-def timed(run: Callable[[], Any], repeats: int) -> tuple[Any, float, float]:
+def least(run: Callable[[], Any], repeats: int) -> tuple[Any, dict[str, float]]:
     """What it makes, and the least process and wall-clock seconds of some calls after the first."""
-    made, spent = jax.block_until_ready(run()), []
-    for _ in range(repeats):
-        process, wall = time.process_time(), time.perf_counter()
-        made = jax.block_until_ready(run())
-        spent.append((time.process_time() - process, time.perf_counter() - wall))
-    return made, min(each for each, _ in spent), min(each for _, each in spent)
+    found = timed(run, repeats)
+    return found.result, {"cpu": min(found.cpu[1:]), "wall": min(found.wall[1:])}
 
 
 def layers_of(scene: Scene, camera: Camera, lens: AbstractLens) -> Layers:
-    layers = peel(scene, camera, lens, supersampling=2)
-    jax.block_until_ready(eqx.filter(layers, eqx.is_array))
-    return layers
+    return peel(scene, camera, lens, supersampling=2)
 
 
 def moved(camera: Camera, share: float) -> Camera:
@@ -193,12 +185,12 @@ def outlines(camera: Camera, still: Scene, options: argparse.Namespace) -> list[
         view = view_in_layers(layers, scene)
         shown = [truth]
         for way, run in (("gather", gathered), ("post", post_process)):
-            made, seconds, wall = timed(
+            made, spent = least(
                 lambda run=run, view=view, own=own, lens=lens: run(view, own, lens, taps=options.taps),
                 options.repeats,
             )
             shown += [np.asarray(made), 0.5 + 4.0 * (np.asarray(made) - truth)]
-            rows.append({"way": f"{name}, {way}", "cpu": seconds, "wall": wall, "db": decibels(made, truth)})
+            rows.append({"way": f"{name}, {way}", **spent, "db": decibels(made, truth)})
         print(f"{name}: {rows[-2]['db']:.1f} dB gathered, {rows[-1]['db']:.1f} dB", flush=True)
         save_png(options.out / f"outlines_{name.replace(' ', '_')}.png", np.concatenate(shown, axis=1))
     return rows
@@ -219,41 +211,34 @@ def main() -> None:
     def sharp() -> PinholeView:
         return view_in_layers(layers_of(scene, camera, closed), scene)
 
-    view, seconds, wall = timed(sharp, options.repeats)
-    results: dict[str, Any] = {"size": [camera.width, camera.height], "view": {"cpu": seconds, "wall": wall}}
-    print(f"view: {seconds:.2f} s of CPU", flush=True)
+    view, spent = least(sharp, options.repeats)
+    results: dict[str, Any] = {"size": [camera.width, camera.height], "view": spent}
+    print(f"view: {spent['cpu']:.2f} s of CPU", flush=True)
     for name in options.only:
         rows: list[dict[str, Any]] = []
         if name == "outlines":
             rows = outlines(camera, scene, options)
         elif name == "motion":
             truth, moving = motion(scene, camera)
-            still = dataclasses.replace(view, velocity=None)
-            found, seconds, wall = timed(
-                lambda moving=moving: post_process(moving, camera, closed), options.repeats
-            )
-            rows.append({"way": "post", "cpu": seconds, "wall": wall, "db": decibels(found, truth)})
-            rows.append({"way": "sharp view", "db": decibels(still.image, truth)})
+            found, spent = least(lambda moving=moving: post_process(moving, camera, closed), options.repeats)
+            rows.append({"way": "post", **spent, "db": decibels(found, truth)})
+            rows.append({"way": "sharp view", "db": decibels(view.image, truth)})
         else:
             lens = EFFECTS[name](camera)
-            layers, peeling, peeling_wall = timed(
-                lambda lens=lens: layers_of(scene, camera, lens), options.repeats
-            )
+            layers, peeling = least(lambda lens=lens: layers_of(scene, camera, lens), options.repeats)
             truth = np.asarray(render(layers, lens, rays=options.truth, smooth=False, seed=7))
-            found, seconds, wall = timed(
+            found, spent = least(
                 lambda lens=lens: post_process(view, camera, lens, taps=options.taps), options.repeats
             )
-            rows.append({"way": "post", "cpu": seconds, "wall": wall, "db": decibels(found, truth)})
+            rows.append({"way": "post", **spent, "db": decibels(found, truth)})
             rows.append({"way": "sharp view", "db": decibels(view.image, truth)})
-            rows.append({"way": "peel", "cpu": peeling, "wall": peeling_wall})
+            rows.append({"way": "peel", **peeling})
             for rays in options.rays:
-                traced, seconds, wall = timed(
+                traced, spent = least(
                     lambda rays=rays, layers=layers, lens=lens: render(layers, lens, rays=rays),
                     options.repeats,
                 )
-                rows.append(
-                    {"way": f"{rays} rays", "cpu": seconds, "wall": wall, "db": decibels(traced, truth)}
-                )
+                rows.append({"way": f"{rays} rays", **spent, "db": decibels(traced, truth)})
         results[name] = rows
         for row in rows:
             said = [f"{row['cpu']:.3f} s of CPU"] if "cpu" in row else []

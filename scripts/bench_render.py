@@ -10,22 +10,18 @@ the calls after it what the work costs. Run it on a quiet machine.
 import argparse
 import json
 import math
-import os
-import platform
-import resource
-import statistics
-import sys
-import time
 from pathlib import Path
 
-import jax
 import numpy as np
 from _command_line import make_parser, make_table
 from _procedural import timed_scene
+from _timing import timed
 from _truth import truth
 from rich.console import Console
 from rich.table import Table
 
+from focusjax.bench._measure import peak_memory
+from focusjax.bench._run import machine
 from focusjax.geometry import Camera, make_camera
 from focusjax.layers import peel
 from focusjax.lens import ThinLens, thin_lens
@@ -53,39 +49,6 @@ def arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def timed(run, repeats: int):
-    """The result, seconds of the first call, and the median of `repeats` more."""
-    seconds = []
-    for _ in range(repeats + 1):
-        start = time.perf_counter()
-        result = jax.block_until_ready(run())
-        seconds.append(time.perf_counter() - start)
-    return result, seconds[0], statistics.median(seconds[1:])
-
-
-def peak_memory() -> float:
-    """Largest resident size of this process so far, in MiB."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
-
-
-def machine() -> dict[str, object]:
-    name = platform.processor() or platform.machine()
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        name = next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        pass
-    return {
-        "processor": name,
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
-        "load before": os.getloadavg()[0],
-        "device": jax.devices()[0].device_kind,
-        "jax": jax.__version__,
-        "python": platform.python_version(),
-    }
-
-
 def view(options: argparse.Namespace) -> tuple[Camera, ThinLens]:
     """A camera at the origin, 30 degrees high, and the lens before it."""
     field_of_view = 2 * math.atan(math.tan(math.radians(15)) * options.width / options.height)
@@ -98,15 +61,11 @@ def measure(options: argparse.Namespace) -> dict[str, object]:
     about = machine()
     scene, load = timed_scene(options.mesh, options.objects, options.subdivisions)
     camera, lens = view(options)
-    layers, cold, warm = timed(
-        lambda: peel(scene, camera, lens, supersampling=options.supersampling), options.repeats
-    )
-    compiling, pictures, traces = cold - warm, {}, {}
-    for rays in options.rays:
-        pictures[rays], cold, traces[rays] = timed(
-            lambda n=rays: render(layers, lens, rays=n), options.repeats
-        )
-        compiling += cold - traces[rays]
+    peeled = timed(lambda: peel(scene, camera, lens, supersampling=options.supersampling), options.repeats)
+    layers = peeled.result
+    traced = {
+        rays: timed(lambda n=rays: render(layers, lens, rays=n), options.repeats) for rays in options.rays
+    }
     results: dict[str, object] = {
         "machine": about,
         "triangles": len(scene.faces),
@@ -117,16 +76,16 @@ def measure(options: argparse.Namespace) -> dict[str, object]:
         "layers complete": layers.complete,
         "margin": layers.grid.margin / options.supersampling,
         "load": load,
-        "peel": warm,
-        "compile": compiling,
-        "trace": traces,
+        "peel": peeled.median,
+        "compile": sum(each.first - each.median for each in (peeled, *traced.values())),
+        "trace": {rays: each.median for rays, each in traced.items()},
         "peak memory MiB": peak_memory(),
     }
     if options.reference_samples > 0:
         reference, maker = truth(options.reference, scene, camera, lens, options.reference_samples)
         results["reference"] = maker
-        results["psnr"] = {rays: psnr(picture, reference) for rays, picture in pictures.items()}
-        results["ssim"] = {rays: ssim(picture, reference) for rays, picture in pictures.items()}
+        results["psnr"] = {rays: psnr(each.result, reference) for rays, each in traced.items()}
+        results["ssim"] = {rays: ssim(each.result, reference) for rays, each in traced.items()}
     return results
 
 

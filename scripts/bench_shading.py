@@ -7,14 +7,14 @@ every ray, are scored against a ray cast that shades every ray where it starts.
 """
 
 import argparse
-import statistics
-import time
+import functools
 
 import equinox as eqx
 import jax
 import numpy as np
 import trimesh
 from _command_line import make_parser
+from _timing import timed
 from rich.console import Console
 from rich.table import Table
 
@@ -81,17 +81,6 @@ def polished_scene() -> Scene:
     )
 
 
-def timed(run, repeats: int):
-    """The result, seconds of the first call, and the median of `repeats` more."""
-    seconds = []
-    for _ in range(repeats + 1):
-        start = time.perf_counter()
-        result = run()
-        jax.block_until_ready(eqx.filter(result, eqx.is_array))
-        seconds.append(time.perf_counter() - start)
-    return result, seconds[0], statistics.median(seconds[1:])
-
-
 def megabytes(layers: Layers) -> float:
     return sum(array.nbytes for array in jax.tree.leaves(eqx.filter(layers, eqx.is_array))) / 1e6
 
@@ -109,22 +98,20 @@ def main() -> None:
         lens = thin_lens(focus_distance=distance, aperture_radius=options.radius)
         reference = lens_picture(scene, camera, lens, rays=options.reference_rays)
         for view_dependent in (False, True):
-
-            def peeled(lens=lens, view_dependent=view_dependent) -> Layers:
-                return peel(scene, camera, lens, view_dependent=view_dependent)
-
-            layers, _, peel_seconds = timed(peeled, options.repeats)
-            picture, first, seconds = timed(
-                lambda layers=layers, lens=lens: render(layers, lens, rays=options.rays), options.repeats
+            peeling = timed(
+                functools.partial(peel, scene, camera, lens, view_dependent=view_dependent), options.repeats
             )
+            layers = peeling.result
+            tracing = timed(functools.partial(render, layers, lens, rays=options.rays), options.repeats)
+            picture = tracing.result
             table.add_row(
                 f"{distance:g} m",
                 "view-dependent" if view_dependent else "baked",
                 f"{psnr(picture, reference):.1f} dB",
                 f"{ssim(picture, reference):.4f}",
-                f"{peel_seconds:.2f}",
-                f"{seconds:.2f}",
-                f"{first:.2f}",
+                f"{peeling.median:.2f}",
+                f"{tracing.median:.2f}",
+                f"{tracing.first:.2f}",
                 f"{megabytes(layers):.0f}",
             )
     console = Console()

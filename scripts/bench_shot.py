@@ -5,13 +5,13 @@ the other half; with one, the config's own shot, finding the wishes in all frame
 """
 
 import argparse
-import statistics
 import time
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from _timing import timed
 
 from focusjax.config import load_config
 from focusjax.focus import AtPoint, Blur, FocusPoint, Sharp, locate, solve, solve_frames
@@ -47,30 +47,18 @@ def random_rack_focus(frames: int, wishes: int):
 
 
 def report(name, free, run, repeats):
-    first = time.perf_counter()
-    solution = run()
-    first = time.perf_counter() - first
-    seconds = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        jax.block_until_ready(run().cost)
-        seconds.append(time.perf_counter() - start)
+    found = timed(run, repeats)
+    solution = found.result
     print(
-        f"{name}, free {', '.join(free)}: {solution.count} frames, first {first:.2f} s, warm"
-        f" {statistics.median(seconds):.4f} s (median of {repeats}), {int(solution.steps)} steps"
+        f"{name}, free {', '.join(free)}: {solution.count} frames, first {found.first:.2f} s, warm"
+        f" {found.median:.4f} s (median of {repeats}), {int(solution.steps)} steps"
     )
     for setting, change in solution.largest_changes().items():
-        pixels = (
-            ""
-            if change.pixels_per_frame is None
-            else (
-                f"; {change.pixels_per_frame:.3g} px per frame, {change.pixels_per_frame2:.3g} px per frame^2"
-            )
-        )
-        print(
-            f"  {setting}: at most {change.per_frame:.4g} per frame,"
-            f" {change.per_frame2:.4g} per frame^2{pixels}"
-        )
+        said = f"at most {change.per_frame:.4g} per frame, {change.per_frame2:.4g} per frame^2"
+        if change.pixels_per_frame is not None:
+            said += f"; {change.pixels_per_frame:.3g} px per frame"
+            said += f", {change.pixels_per_frame2:.3g} px per frame^2"
+        print(f"  {setting}: {said}")
 
 
 def main():

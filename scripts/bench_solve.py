@@ -7,13 +7,13 @@ machine; it prints medians.
 """
 
 import argparse
-import statistics
 import time
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.optimize
+from _timing import timed
 
 from focusjax.focus import (
     AtLeast,
@@ -41,16 +41,6 @@ def wishes(count, camera):
     wish = [Sharp(), Blur(12.0), Blur(-4.0, signed=True), Sharp()]
     points = [FocusPoint(AtPoint((0, 0, -(1 + 8 * i / count))), wish[i % 4]) for i in range(count)]
     return locate(points, camera)
-
-
-def timed(run, repeats):
-    """Seconds of the first call, and the median and the best of those after it."""
-    seconds = []
-    for _ in range(repeats + 1):
-        start = time.perf_counter()
-        jax.block_until_ready(run())
-        seconds.append(time.perf_counter() - start)
-    return seconds[0], statistics.median(seconds[1:]), min(seconds[1:])
 
 
 def scipy_solver(points, camera, start, method):
@@ -89,10 +79,10 @@ def scipy_solver(points, camera, start, method):
 
 def report(count, free, method, run, repeats):
     """Prints one line of the table."""
-    first, median, best = timed(run, repeats)
+    found = timed(run, repeats)
     name = " + ".join(free)
-    seconds = f"{first:8.2f} {1e3 * median:8.2f} {1e3 * best:8.2f}"
-    print(f"{count:6} {name:>30} {method:>12} {seconds} {float(run()):11.4g}")
+    seconds = f"{found.first:8.2f} {1e3 * found.median:8.2f} {1e3 * min(found.wall[1:]):8.2f}"
+    print(f"{count:6} {name:>30} {method:>12} {seconds} {float(found.result):11.4g}")
 
 
 def random_problems(count, wishes=8):
@@ -116,22 +106,18 @@ def random_problems(count, wishes=8):
 def report_many(count, camera, lens):
     """One call for all problems against scipy, one after the other from one start each."""
     problems = random_problems(count)
-
-    def run():
-        return solve_many(problems, camera, lens, free=FREE, throw=False).cost
-
-    first, median, _ = timed(run, 3)
+    found = timed(lambda: solve_many(problems, camera, lens, free=FREE, throw=False).cost, 3)
     sample = min(count, 300)
     each = [jax.tree.map(lambda leaf, i=i: leaf[i], problems) for i in range(sample)]
-    print(f"{count} problems of 8 wishes: {median:.2f} s in one call (first {first:.2f} s)")
-    ours = np.asarray(run())[:sample]
+    print(f"{count} problems of 8 wishes: {found.median:.2f} s in one call (first {found.first:.2f} s)")
+    ours = np.asarray(found.result)[:sample]
     for method in SCIPY_METHODS:
         solvers = [scipy_solver(points, camera, lens, method) for points in each]
         start = time.perf_counter()
         costs = np.array([solver() for solver in solvers])
         looped = (time.perf_counter() - start) / sample * count
         worse = [np.mean(a > b * (1 + 1e-3) + 1e-6) for a, b in ((costs, ours), (ours, costs))]
-        print(f"a loop over scipy's {method}: {looped:.1f} s ({sample} timed), {looped / median:.0f} x")
+        print(f"a loop over scipy's {method}: {looped:.1f} s ({sample} timed), {looped / found.median:.0f} x")
         print(f"its answer is worse in {worse[0]:.0%}, ours in {worse[1]:.0%}")
 
 

@@ -11,12 +11,12 @@ import json
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import jax
 from _command_line import make_parser
+from _timing import timed
 from rich.console import Console
 from rich.table import Table
 
@@ -29,13 +29,7 @@ STAGES = ("solve", "peel", "render")
 
 def best(work: Callable[[], object], repeats: int) -> float:
     """Least process time of `work`, after a first that compiles."""
-    jax.block_until_ready(work())
-    seconds = []
-    for _ in range(repeats):
-        began = time.process_time()
-        jax.block_until_ready(work())
-        seconds.append(time.process_time() - began)
-    return min(seconds)
+    return min(timed(work, repeats).cpu[1:])
 
 
 def measured(path: Path, rays: int) -> dict[str, float]:

@@ -28,27 +28,22 @@ import argparse
 import inspect
 import json
 import math
-import statistics
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
-import jax
 import numpy as np
 from _command_line import make_parser, make_table
 from _compared_scenes import SCENES, Compared
-from bench_render import machine
+from _timing import timed_in_turns
 from rich.console import Console
 from rich.table import Table
 
 from focusjax.baselines import UnlitScene, denoised, load_unlit, mitsuba_picture, unlit_scene
 from focusjax.bench import Case, Reach, reference_picture, time_to_reach
-from focusjax.geometry import Camera
+from focusjax.bench._run import machine
 from focusjax.io import for_json
 from focusjax.layers import Layers, peel
-from focusjax.lens import ThinLens
 from focusjax.metrics import psnr
 from focusjax.scene import Scene, make_object, make_scene
 from focusjax.trace import render
@@ -84,34 +79,10 @@ def arguments() -> argparse.Namespace:
     return options
 
 
-def peeled(scene: Scene, camera: Camera, lens: ThinLens, supersampling: int, most: int) -> Layers:
-    layers = peel(scene, camera, lens, supersampling=supersampling, max_layers=most)
-    jax.block_until_ready(eqx.filter(layers, eqx.is_array))
-    return layers
-
-
 def from_arrays(scene: Scene) -> Scene:
     """The scene, made again from its vertices, triangles and colours."""
     surface = make_object("all", scene.vertices, scene.faces, vertex_colours=scene.colours)
     return make_scene([surface], background=scene.background, unlit=True)
-
-
-def in_turns(runs: dict[Any, Callable[[], Any]], repeats: int) -> dict[Any, tuple[Any, float, list[float]]]:
-    """For each the result, the seconds of the first call, and those after it."""
-    results, first = {}, {}
-    for name, run in runs.items():
-        results[name], first[name] = timed(run)
-    seconds: dict[Any, list[float]] = {name: [] for name in runs}
-    for _ in range(repeats):
-        for name, run in runs.items():
-            seconds[name].append(timed(run)[1])
-    return {name: (results[name], first[name], seconds[name]) for name in runs}
-
-
-def timed(run: Callable[[], Any]) -> tuple[Any, float]:
-    start = time.perf_counter()
-    result = jax.block_until_ready(run())
-    return result, time.perf_counter() - start
 
 
 def pictures(
@@ -144,7 +115,7 @@ def set_ups(
     scene, camera, lens = compared
 
     def peels(supersampling: int) -> Callable[[], Any]:
-        return lambda: peeled(scene, camera, lens, supersampling, options.max_layers)
+        return lambda: peel(scene, camera, lens, supersampling=supersampling, max_layers=options.max_layers)
 
     # Past the cache that keeps loaded scenes.
     load = load_unlit.__wrapped__
@@ -164,20 +135,20 @@ def compare(name: str, options: argparse.Namespace) -> dict[str, Any]:
         case, maker="mitsuba", samples=options.reference_samples, cache=options.cache
     )
     unlit = unlit_scene(scene)
-    prepared = in_turns(set_ups(compared, unlit, options), options.repeats)
-    set_up = {key: statistics.median(seconds) for key, (_, _, seconds) in prepared.items()}
-    layers = {number: prepared["peel", number][0] for number in options.supersampling}
-    made = in_turns(pictures(compared, unlit, layers, options), options.repeats)
+    prepared = timed_in_turns(set_ups(compared, unlit, options), options.repeats)
+    set_up = {key: found.median for key, found in prepared.items()}
+    layers = {number: prepared["peel", number].result for number in options.supersampling}
+    made = timed_in_turns(pictures(compared, unlit, layers, options), options.repeats)
     rows = [
         {
             "method": method,
             "setting": setting,
-            "seconds": statistics.median(seconds),
-            "best seconds": min(seconds),
-            "compile seconds": max(0.0, first - statistics.median(seconds)),
-            "psnr": psnr(np.asarray(picture), reference.picture),
+            "seconds": found.median,
+            "best seconds": min(found.wall[1:]),
+            "compile seconds": max(0.0, found.first - found.median),
+            "psnr": psnr(np.asarray(found.result), reference.picture),
         }
-        for (method, setting), (picture, first, seconds) in made.items()
+        for (method, setting), found in made.items()
     ]
     floor = psnr(np.asarray(render(layers[1], lens, rays=FLOOR_RAYS)), reference.picture)
     return {

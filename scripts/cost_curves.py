@@ -13,10 +13,8 @@ picture of 1920 x 1080 with 100 rays, from triangles to radiance.
 import argparse
 import dataclasses
 import json
-import statistics
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -25,11 +23,14 @@ import jax.numpy as jnp
 import numpy as np
 from _command_line import make_parser
 from _special_scenes import chequers, in_world, lens_with, view
-from bench_layers import balls, machine, peak_memory
+from _timing import timed, timed_in_turns
+from bench_layers import balls
 from bench_layers import view as balls_view
 
+from focusjax.bench._measure import peak_memory
+from focusjax.bench._run import machine
 from focusjax.geometry import Camera
-from focusjax.layers import Layers, peel
+from focusjax.layers import peel
 from focusjax.lens import ThinLens
 from focusjax.metrics import psnr
 from focusjax.scene import Scene, make_object, make_scene
@@ -54,17 +55,6 @@ def arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def seconds_of(run: Callable[[], object], repeats: int) -> float:
-    """Median of the calls after the first."""
-    jax.block_until_ready(run())
-    seconds = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        jax.block_until_ready(run())
-        seconds.append(time.perf_counter() - start)
-    return statistics.median(seconds)
-
-
 def bars(camera: Camera, count: int) -> Scene:
     """Rows of upright and level bars, one behind the other, each at another disparity."""
     objects, random = [], np.random.default_rng(0)
@@ -85,8 +75,8 @@ def point(scene: Scene, camera: Camera, lens: ThinLens, repeats: int, rays: int 
     layers = peel(scene, camera, lens, supersampling=1)
     picture = np.asarray(render(layers, lens, rays=rays))
     return {
-        "peel s": seconds_of(lambda: peel(scene, camera, lens, supersampling=1), repeats),
-        "render s": seconds_of(lambda: render(layers, lens, rays=rays), repeats),
+        "peel s": timed(lambda: peel(scene, camera, lens, supersampling=1), repeats).median,
+        "render s": timed(lambda: render(layers, lens, rays=rays), repeats).median,
         "PSNR": estimate_quality(layers, lens, picture, rays=rays).decibels,
         "layers": layers.filled,
     }
@@ -130,24 +120,11 @@ def by_layers(
     layers = peel(scene, camera, lens, supersampling=1, max_layers=count)
     picture = np.asarray(render(layers, lens, rays=64, smooth=False))
     return {
-        "peel s": seconds_of(lambda: peel(scene, camera, lens, supersampling=1, max_layers=count), repeats),
-        "render s": seconds_of(lambda: render(layers, lens, rays=64), repeats),
+        "peel s": timed(lambda: peel(scene, camera, lens, supersampling=1, max_layers=count), repeats).median,
+        "render s": timed(lambda: render(layers, lens, rays=64), repeats).median,
         "PSNR": min(psnr(picture, most), 99.0),
         "layers": layers.filled,
     }
-
-
-def in_turns(runs: dict[str, Callable[[], object]], repeats: int) -> dict[str, float]:
-    """Least seconds of each, called one after the other, again and again."""
-    for run in runs.values():
-        jax.block_until_ready(run())
-    seconds: dict[str, list[float]] = {name: [] for name in runs}
-    for _ in range(repeats):
-        for name, run in runs.items():
-            start = time.perf_counter()
-            jax.block_until_ready(run())
-            seconds[name].append(time.perf_counter() - start)
-    return {name: min(several) for name, several in seconds.items()}
 
 
 def ratios(width: int, height: int, repeats: int) -> list[dict]:
@@ -174,7 +151,7 @@ def ratios(width: int, height: int, repeats: int) -> list[dict]:
     runs["view-dependent, nothing glossy"] = lambda: render(glossy, view_lens, rays=16)
     clear = peel(_with_panes(scene), view_camera, view_lens, supersampling=1)
     runs["a small pane"] = lambda: render(clear, view_lens, rays=16)
-    seconds = in_turns(runs, repeats)
+    seconds = {name: min(found.wall[1:]) for name, found in timed_in_turns(runs, repeats).items()}
     pairs = [
         ("in focus", "pinhole"),
         ("in focus", "no rays"),
@@ -186,14 +163,11 @@ def ratios(width: int, height: int, repeats: int) -> list[dict]:
         {"first": a, "second": b, "seconds": [seconds[a], seconds[b]], "ratio": seconds[a] / seconds[b]}
         for a, b in pairs
     ]
-    planned = {name: plan_rays(*these, "38 dB").rays for name, these in _planned(sharp, lens, box, view_lens)}
+    planned = {
+        "in focus": plan_rays(sharp, lens, "38 dB").rays,
+        "balls": plan_rays(box, view_lens, "38 dB").rays,
+    }
     return [*rows, {"planned rays": planned}]
-
-
-def _planned(
-    sharp: Layers, lens: ThinLens, box: Layers, view_lens: ThinLens
-) -> list[tuple[str, tuple[Layers, ThinLens]]]:
-    return [("in focus", (sharp, lens)), ("balls", (box, view_lens))]
 
 
 def _with_panes(scene: Scene) -> Scene:

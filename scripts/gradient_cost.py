@@ -8,8 +8,7 @@ reverse of a sum of squares, with the default of half as many rays per border an
     python scripts/gradient_cost.py configs/town.toml --memory --size 800x600 --rays 32 --layers 4
 """
 
-import resource
-import time
+import functools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,10 +17,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from _command_line import make_parser, make_table
+from _timing import timed_in_turns
 from gradient_study import moved, wide_case
 from jaxtyping import Array, Float
 from rich.console import Console
 
+from focusjax.bench._measure import peak_memory
 from focusjax.layers import Layers, peel
 from focusjax.lens import TiltShiftLens
 from focusjax.trace import render
@@ -53,20 +54,8 @@ WAYS: dict[str, Callable[..., Array]] = {"picture": picture, "jvp": along, "vjp"
 
 def seconds(layers: Layers, lens: TiltShiftLens, rays: int, turns: int) -> dict[str, float]:
     """Median processor seconds of each way after the first call."""
-    spent: dict[str, list[float]] = {name: [] for name in WAYS}
-    for way in WAYS.values():
-        way(layers, lens, rays).block_until_ready()
-    for _ in range(turns):
-        for name, way in WAYS.items():
-            start = time.process_time()
-            way(layers, lens, rays).block_until_ready()
-            spent[name].append(time.process_time() - start)
-    return {name: float(np.median(times)) for name, times in spent.items()}
-
-
-def peak_gib() -> float:
-    """The most memory that this process has held so far."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    runs = {name: functools.partial(way, layers, lens, rays) for name, way in WAYS.items()}
+    return {name: found.cpu_median for name, found in timed_in_turns(runs, turns).items()}
 
 
 def main() -> None:
@@ -87,11 +76,12 @@ def main() -> None:
         case.scene, case.camera, widest, supersampling=options.supersampling, max_layers=options.layers
     )
     if options.memory:
-        before = peak_gib()
+        before = peak_memory()
         gradient = back(layers, lens, options.rays[0]).block_until_ready()
         print(
             f"{case.name}, {options.size}, {options.rays[0]} rays, {layers.filled} layers: peak"
-            f" {before:.2f} GiB with the layers, {peak_gib():.2f} GiB after a gradient {np.asarray(gradient)}"
+            f" {before / 1024:.2f} GiB with the layers, {peak_memory() / 1024:.2f} GiB after a gradient"
+            f" {np.asarray(gradient)}"
         )
         return
     title = f"{case.name}, {options.size}, {layers.filled} layers: processor time in pictures"

@@ -18,15 +18,14 @@ has none by focus distance and aperture radius.
 import argparse
 import dataclasses
 import hashlib
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _command_line import make_parser, make_table
+from _command_line import kept, make_parser, make_table
+from _timing import timed
 from jaxtyping import Array, Float
 from rich.console import Console
 
@@ -77,33 +76,23 @@ def steps(case: Case, lens: TiltShiftLens) -> np.ndarray:
 
 def truth(case: Case, lens: TiltShiftLens, rays: int, cache: Path | None) -> np.ndarray:
     """Two independent derivatives [2, h, w, 3, 3] by central differences of ray-cast pictures."""
-    key = hashlib.sha256(f"{case.digest()} {lens.plane} {lens.aperture_radius} {rays}".encode()).hexdigest()[
-        :16
-    ]
-    file = None if cache is None else cache / f"gradient_{case.name}_{key}.npy"
-    if file is not None and file.exists():
-        return np.load(file)
-    ready, out = RayScene(case.scene), []
-    for seed in (0, 1):
-        columns = []
-        for number, step in enumerate(steps(case, lens)):
-            ends = [
-                lens_picture(
-                    ready,
-                    case.camera,
-                    moved(lens, jnp.zeros(3).at[number].set(side * step)),
-                    rays=rays,
-                    seed=seed,
-                )
-                for side in (1.0, -1.0)
-            ]
-            columns.append((ends[0] - ends[1]) / (2 * step))
-        out.append(np.stack(columns, axis=-1))
-    answer = np.stack(out)
-    if file is not None:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        np.save(file, answer)
-    return answer
+    key = hashlib.sha256(f"{case.digest()} {lens.plane} {lens.aperture_radius} {rays}".encode())
+    file = None if cache is None else cache / f"gradient_{case.name}_{key.hexdigest()[:16]}.npy"
+
+    def differences() -> np.ndarray:
+        ready = RayScene(case.scene)
+
+        def picture(number: int, step: float, seed: int) -> np.ndarray:
+            there = moved(lens, jnp.zeros(3).at[number].set(step))
+            return lens_picture(ready, case.camera, there, rays=rays, seed=seed)
+
+        def column(number: int, step: float, seed: int) -> np.ndarray:
+            return (picture(number, step, seed) - picture(number, -step, seed)) / (2 * step)
+
+        lengths = list(enumerate(steps(case, lens)))
+        return np.stack([np.stack([column(*one, seed) for one in lengths], axis=-1) for seed in (0, 1)])
+
+    return kept(file, differences)
 
 
 def in_blocks(picture: np.ndarray) -> np.ndarray:
@@ -126,13 +115,6 @@ def loss_error(found: np.ndarray, truths: np.ndarray, difference: np.ndarray) ->
     """Relative error of the derivative of half the squared difference from another picture."""
     expected = (difference * truths.mean(axis=0)).sum()
     return float(abs((difference * found).sum() - expected) / abs(expected))
-
-
-def timed(function: Callable[[], Array]) -> tuple[np.ndarray, float]:
-    function().block_until_ready()
-    start = time.perf_counter()
-    value = function().block_until_ready()
-    return np.asarray(value), time.perf_counter() - start
 
 
 @eqx.filter_jit
@@ -167,21 +149,18 @@ def study(path: Path, options: argparse.Namespace) -> list[list[str]]:
     other = moved(lens, jnp.array([by_focus, -0.2, by_tilt]))
     pictures = [np.asarray(render(layers, one, rays=256, smooth=False)) for one in (lens, other)]
     difference = pictures[0] - pictures[1]
-    rows: list[tuple[str, np.ndarray, float]] = []
-    for rays in options.rays:
-        found, seconds = timed(lambda rays=rays: jacobian(layers, lens, rays))
-        rows.append((str(rays), found, seconds))
-    found, seconds = timed(lambda: plain(layers, lens, options.rays[-1]))
-    rows.append((f"plain, {options.rays[-1]}", found, seconds))
+    rows = {str(rays): timed(lambda rays=rays: jacobian(layers, lens, rays), 1) for rays in options.rays}
+    most = options.rays[-1]
+    rows[f"plain, {most}"] = timed(lambda: plain(layers, lens, most), 1)
     table = []
     for number, parameter in enumerate(PARAMETERS):
-        for label, found, seconds in rows:
-            one, true = found[..., number], truths[..., number]
+        for label, found in rows.items():
+            one, true = np.asarray(found.result)[..., number], truths[..., number]
             whole = score(one, true)
             means = score(in_blocks(one), np.stack([in_blocks(t) for t in true]))
             scores = [f"{whole[0]:.3f}", f"{whole[1]:.2f}", f"{means[0]:.3f}", f"{means[1]:.3f}"]
             loss = f"{loss_error(one, true, difference):.3f}"
-            table.append([case.name, parameter, label, *scores, loss, f"{seconds:.2f}"])
+            table.append([case.name, parameter, label, *scores, loss, f"{found.median:.2f}"])
     return table
 
 

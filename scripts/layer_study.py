@@ -15,21 +15,21 @@ import argparse
 import csv
 import dataclasses
 import json
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import jax
 from _command_line import make_parser, make_table
 from _procedural import timed_scene
+from _timing import timed
 from _truth import truth
-from bench_render import machine, view
+from bench_render import view
 from rich.console import Console
 from rich.table import Table
 
 from focusjax import job
 from focusjax.baselines import nearest_in_scene
 from focusjax.bench import baked, resized
+from focusjax.bench._run import machine
 from focusjax.config import build_scene, load_config
 from focusjax.geometry import Camera
 from focusjax.layers import Layers, decompose, missed_light, peel, umbra_saving
@@ -102,13 +102,6 @@ def ways(
     }
 
 
-def second_call(run):
-    """The result and the seconds of a call that follows another."""
-    jax.block_until_ready(run())
-    start = time.perf_counter()
-    return jax.block_until_ready(run()), time.perf_counter() - start
-
-
 def study(name: str, scene: Scene, camera: Camera, lens: ThinLens, aperture: float, options) -> dict:
     """All numbers of one scene at one aperture, times in seconds."""
     lens = dataclasses.replace(lens, aperture_radius=aperture * lens.aperture_radius)
@@ -117,10 +110,9 @@ def study(name: str, scene: Scene, camera: Camera, lens: ThinLens, aperture: flo
     nearest = nearest_in_scene(scene, camera)
     rows = []
     for way, build in ways(scene, camera, lens, options).items():
-        layers, build_seconds = second_call(build)
-        picture, trace_seconds = second_call(
-            lambda these=layers: render(these, lens, rays=options.rays, smooth=False)
-        )
+        built = timed(build, 1)
+        layers = built.result
+        traced = timed(lambda these=layers: render(these, lens, rays=options.rays, smooth=False), 1)
         missed = missed_light(layers, nearest, rays=options.examined)
         rows.append(
             {
@@ -128,11 +120,11 @@ def study(name: str, scene: Scene, camera: Camera, lens: ThinLens, aperture: flo
                 "layers": layers.filled,
                 "complete": layers.complete,
                 "samples": layers.samples_kept,
-                "psnr": psnr(picture, reference),
+                "psnr": psnr(traced.result, reference),
                 "missed": missed.share,
                 "missed error": missed.standard_error,
-                "build": build_seconds,
-                "trace": trace_seconds,
+                "build": built.median,
+                "trace": traced.median,
             }
         )
     saving = umbra_saving(scene, camera, lens, supersampling=options.supersampling)

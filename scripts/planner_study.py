@@ -9,11 +9,11 @@ relative to itself.
 
 import argparse
 import json
-import time
 from pathlib import Path
 
 import numpy as np
 from _command_line import make_parser
+from _timing import timed
 
 from focusjax import job
 from focusjax.bench import baked, resized
@@ -51,10 +51,8 @@ def study(path: Path, options: argparse.Namespace) -> list[dict]:
     rows = []
     for quality in options.qualities:
         plan = plan_rays(layers, lens, quality)
-        render(layers, lens, rays=plan.rays, seed=1)
-        start = time.perf_counter()
-        picture = np.asarray(render(layers, lens, rays=plan.rays))
-        seconds = time.perf_counter() - start
+        made = timed(lambda rays=plan.rays: render(layers, lens, rays=rays), 1)
+        picture = np.asarray(made.result)
         rows.append(
             {
                 "scene": path.stem,
@@ -64,7 +62,7 @@ def study(path: Path, options: argparse.Namespace) -> list[dict]:
                 "reached dB": decibels(picture, truth),
                 "estimated dB": estimate_quality(layers, lens, picture, rays=plan.rays).decibels,
                 "expected s": plan.seconds,
-                "took s": seconds,
+                "took s": made.median,
             }
         )
         print(rows[-1], flush=True)

@@ -13,13 +13,13 @@ estimated of 4 rays over post-processing is the median of ratios of wall-clock t
 
 import argparse
 import json
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from _command_line import make_parser
+from _timing import timed_in_turns
 from planner_study import decibels, markdown
 
 from focusjax import job
@@ -45,14 +45,7 @@ def arguments() -> argparse.Namespace:
 
 def least_seconds(runs: dict[str, Callable[[], Any]], turns: int) -> dict[str, float]:
     """Of each, called in turns, after once for programs to be compiled."""
-    best = dict.fromkeys(runs, float("inf"))
-    for turn in range(turns + 1):
-        for name, run in runs.items():
-            start = time.process_time()
-            run()
-            if turn:
-                best[name] = min(best[name], time.process_time() - start)
-    return best
+    return {name: min(found.cpu[1:]) for name, found in timed_in_turns(runs, turns).items()}
 
 
 def study(path: Path, size: str, options: argparse.Namespace) -> tuple[dict, list[dict]]:

@@ -177,7 +177,7 @@ def speed_error(
     if repeats < 1:
         raise ChoiceError(f"repeats is {repeats}; expected at least 1 timed call after the first")
     report: Progress = progress if progress is not None else lambda stage, share: None
-    machine = _machine()
+    about = machine()
     chosen = maker or best_maker()
     results, failures = [], {}
     for number, case in enumerate(cases):
@@ -202,7 +202,7 @@ def speed_error(
         results.append(found)
     if not results:
         raise ValueError("; ".join(failures.values()))
-    return Results(machine, repeats, tuple(methods), results, failures)
+    return Results(about, repeats, tuple(methods), results, failures)
 
 
 def _add(found: CaseResults, method: Method, band: np.ndarray, repeats: int) -> None:
@@ -243,7 +243,8 @@ def _add(found: CaseResults, method: Method, band: np.ndarray, repeats: int) -> 
         found.pictures[method.name] = (rows[best].setting, shown[best])
 
 
-def _machine() -> dict[str, str | int | float]:
+def machine() -> dict[str, str | int | float]:
+    """What this process runs on: processor, device, load and versions."""
     name = platform.processor() or platform.machine()
     for line in _lines(Path("/proc/cpuinfo")):
         if line.startswith("model name"):

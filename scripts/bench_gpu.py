@@ -26,7 +26,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _command_line import make_parser
+from _command_line import make_parser, write_json
 from _compared_scenes import SCENES, Compared
 from _timing import timed
 
@@ -223,9 +223,7 @@ def main() -> None:
     for row in measure(options):
         rows.append(row)
         print(json.dumps(row), flush=True)
-        if options.json is not None:
-            options.json.parent.mkdir(parents=True, exist_ok=True)
-            options.json.write_text(json.dumps(rows, indent=1) + "\n")
+        write_json(options.json, rows)
 
 
 if __name__ == "__main__":

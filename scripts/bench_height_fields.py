@@ -12,13 +12,12 @@ against it; of the cylindrical lens, against its own glass.
 
 import argparse
 import functools
-import json
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _command_line import make_table
+from _command_line import make_table, write_json
 from _timing import timed_in_turns
 from bench_lenses import NEAREST, errors_of, parser_of, scene_of, shown
 from jaxtyping import Array, Float
@@ -142,8 +141,7 @@ def main() -> None:
     options = arguments()
     results = measure(options)
     Console(width=180).print(table(results))
-    if options.json is not None:
-        options.json.write_text(json.dumps(results, indent=1) + "\n")
+    write_json(options.json, results)
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ from typing import Any
 import jax
 import numpy as np
 import trimesh
-from _command_line import make_parser, make_table
+from _command_line import make_parser, make_table, write_json
 from _procedural import placements, wall
 from rich.console import Console
 from rich.table import Table
@@ -213,11 +213,9 @@ def table(results: list[dict]) -> Table:
 
 def plot(results: list[dict], path: Path) -> None:
     """Seconds against triangles for each size, and against pixels for each number of triangles."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 4.5), layout="constrained")
-    FigureCanvasAgg(figure)
     against_triangles, against_pixels = figure.subplots(1, 2)
     for size in sorted({(row["width"], row["height"]) for row in results}):
         rows = [row for row in results if (row["width"], row["height"]) == size]
@@ -267,8 +265,7 @@ def main() -> None:
             )
     Console(width=max(170, Console().width)).print(table(results))
     print(json.dumps(about))
-    if options.json is not None:
-        options.json.write_text(json.dumps({"machine": about, "cases": results}, indent=1) + "\n")
+    write_json(options.json, {"machine": about, "cases": results})
     if options.csv is not None:
         with options.csv.open("w", newline="") as file:
             names = list(dict.fromkeys(name for row in results for name in row))

@@ -15,13 +15,12 @@ With `--fits` it only reports how far polynomials for lenses that come along are
 import argparse
 import dataclasses
 import functools
-import json
 import time
 from pathlib import Path
 
 import jax
 import numpy as np
-from _command_line import make_parser, make_table
+from _command_line import make_parser, make_table, write_json
 from _procedural import boulders, wall
 from _timing import timed_in_turns
 from rich.console import Console
@@ -202,8 +201,7 @@ def main() -> None:
     options = arguments()
     results = fits(options) if options.fits else measure(options)
     Console().print(table(results))
-    if options.json is not None:
-        options.json.write_text(json.dumps(results, indent=1) + "\n")
+    write_json(options.json, results)
 
 
 if __name__ == "__main__":

@@ -15,14 +15,13 @@ printed goes to post.json, the pictures beside it.
 
 import argparse
 import dataclasses
-import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from _command_line import make_parser
+from _command_line import make_parser, write_json
 from _timing import timed
 
 from focusjax import job
@@ -248,7 +247,7 @@ def main() -> None:
             continue
         pictures = [np.asarray(found), truth, 0.5 + 4.0 * (np.asarray(found) - truth)]
         save_png(options.out / f"{name.replace(' ', '_')}.png", np.concatenate(pictures, axis=1))
-    (options.out / "post.json").write_text(json.dumps(results, indent=2) + "\n")
+    write_json(options.out / "post.json", results)
 
 
 if __name__ == "__main__":

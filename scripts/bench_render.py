@@ -8,12 +8,11 @@ the calls after it what the work costs. Run it on a quiet machine.
 """
 
 import argparse
-import json
 import math
 from pathlib import Path
 
 import numpy as np
-from _command_line import make_parser, make_table
+from _command_line import make_parser, make_table, write_json
 from _procedural import timed_scene
 from _timing import timed
 from _truth import truth
@@ -114,8 +113,7 @@ def main() -> None:
     options = arguments()
     results = measure(options)
     Console().print(table(results))
-    if options.json is not None:
-        options.json.write_text(json.dumps(results, indent=1) + "\n")
+    write_json(options.json, results)
 
 
 if __name__ == "__main__":

@@ -11,14 +11,13 @@ the three lights of each lens with its name.
 """
 
 import argparse
-import json
 from collections.abc import Callable
 from pathlib import Path
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
-from _command_line import make_parser
+from _command_line import make_parser, write_json
 from scipy.ndimage import zoom
 
 from focusjax.film import to_bytes
@@ -182,7 +181,7 @@ def main() -> None:
         save_png(options.out / f"{name.replace(' ', '_')}.png", rows[-1])
         print(name, {key: round(value, 3) for key, value in numbers[name].items()}, flush=True)
     save_png(options.out / "gallery.png", np.concatenate(rows, axis=0))
-    (options.out / "gallery.json").write_text(json.dumps(numbers, indent=2) + "\n")
+    write_json(options.out / "gallery.json", numbers)
     save_sheet(options.out / "sheet.jpg", sheet)
 
 

@@ -33,7 +33,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _command_line import make_parser, make_table
+from _command_line import make_parser, make_table, write_json
 from _compared_scenes import SCENES, Compared
 from _timing import timed_in_turns
 from rich.console import Console
@@ -291,11 +291,8 @@ def main() -> None:
     for name in options.scenes:
         results.append(compare(name, options))
         console.print(measured_table(results[-1]))
-        if options.json is not None:
-            # After every scene, so that what is measured is kept whatever comes.
-            options.json.parent.mkdir(parents=True, exist_ok=True)
-            facts = for_json({"machine": about, "scenes": results})
-            options.json.write_text(json.dumps(facts, indent=1, allow_nan=False) + "\n")
+        # After every scene, so that what is measured is kept whatever comes.
+        write_json(options.json, for_json({"machine": about, "scenes": results}))
     console.print(derived_table(results))
     print(json.dumps(about))
 

@@ -9,12 +9,11 @@ matter. Exponents are those of straight lines through all points, log against lo
 """
 
 import argparse
-import json
 from pathlib import Path
 
 import numpy as np
 import scipy.ndimage
-from _command_line import make_parser
+from _command_line import make_parser, write_json
 from _special_scenes import SpecialCase, smooth_things
 
 from focusjax.baselines import RayScene, lens_picture
@@ -101,11 +100,9 @@ def rms(error: np.ndarray) -> float:
 
 
 def plot(rays: dict, layers: list[dict], file: Path) -> None:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 4.5), layout="constrained")
-    FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2)
     numbers = [row["rays"] for row in rays["rows"]]
     for colour, (name, wanted) in zip(("C0", "C3"), WANTED.items(), strict=True):
@@ -147,9 +144,7 @@ def main() -> None:
     rays, layers = against_rays(case, truth, options), against_layers(case, truth, options)
     print(markdown(rays, layers))
     (options.out / "convergence.md").write_text(markdown(rays, layers))
-    (options.out / "convergence.json").write_text(
-        json.dumps({"rays": rays, "layers": layers}, indent=1) + "\n"
-    )
+    write_json(options.out / "convergence.json", {"rays": rays, "layers": layers})
     plot(rays, layers, options.out / "convergence.png")
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _command_line import make_parser
+from _command_line import make_parser, write_json
 from _special_scenes import chequers, in_world, lens_with, view
 from _timing import timed, timed_in_turns
 from bench_layers import balls
@@ -197,11 +197,9 @@ def measured_memory() -> dict[str, float]:
 
 
 def plot(curves: dict[str, list[dict]], file: Path) -> None:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(4 * len(curves), 4), layout="constrained")
-    FigureCanvasAgg(figure)
     for axes, (name, rows) in zip(figure.subplots(1, len(curves)), curves.items(), strict=True):
         places = [row[name] for row in rows]
         for stage, style in (("peel s", "x--"), ("render s", "o-")):
@@ -257,7 +255,7 @@ def main() -> None:
     print(text)
     (options.out / "cost.md").write_text(text)
     result = {"machine": about, "curves": curves, "ratios": lines, "peak memory MiB": mib}
-    (options.out / "cost.json").write_text(json.dumps(result, indent=1) + "\n")
+    write_json(options.out / "cost.json", result)
     plot(curves, options.out / "cost.png")
 
 

@@ -12,14 +12,13 @@ from seed to seed.
 """
 
 import argparse
-import json
 import math
 from collections.abc import Callable
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
-from _command_line import make_parser
+from _command_line import make_parser, write_json
 from rich.console import Console
 from rich.table import Table
 
@@ -168,7 +167,7 @@ def main() -> None:
             if options.out is not None:
                 save_png(options.out / f"{path.stem}_{rays}.png", picture)
     if options.out is not None:
-        (options.out / "grain.json").write_text(json.dumps(found, indent=1) + "\n")
+        write_json(options.out / "grain.json", found)
     console.print(table)
 
 

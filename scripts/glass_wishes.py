@@ -12,7 +12,6 @@ with the blur reported. Derivatives of the focus by the depths wished at are com
 import argparse
 import dataclasses
 import functools
-import json
 import statistics
 from pathlib import Path
 
@@ -20,7 +19,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _command_line import make_parser
+from _command_line import make_parser, write_json
 from _timing import timed
 from rich.console import Console
 from rich.progress import track
@@ -149,9 +148,7 @@ def main() -> None:
     if gradients:
         apart = max(abs(a - b) / max(abs(b), 1e-3) for a, b in gradients)
         console.print(f"derivatives and differences differ by {100 * apart:.3g} % at most")
-    if options.json:
-        found = {"rows": rows, "gradients": gradients, "seconds": seconds}
-        options.json.write_text(json.dumps(found, indent=1))
+    write_json(options.json, {"rows": rows, "gradients": gradients, "seconds": seconds})
 
 
 if __name__ == "__main__":

@@ -9,13 +9,12 @@ over an even disc, and the spherical aberration W040 of the lens in micrometres.
 """
 
 import argparse
-import json
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from _command_line import make_parser, make_table
+from _command_line import make_parser, make_table, write_json
 from rich.console import Console
 
 from focusjax.geometry import look_at
@@ -94,8 +93,7 @@ def main() -> None:
         numbers = (aberration, front[0], front[-1], behind[0], behind[-1])
         table.add_row(name, *(f"{number:.2f}" for number in numbers))
     Console().print(table)
-    if options.json is not None:
-        options.json.write_text(json.dumps(results, indent=1) + "\n")
+    write_json(options.json, results)
 
 
 if __name__ == "__main__":

@@ -14,11 +14,10 @@ bench_render.py. Apertures are multiples of the radius that the config's wishes 
 import argparse
 import csv
 import dataclasses
-import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from _command_line import make_parser, make_table
+from _command_line import make_parser, make_table, write_json
 from _procedural import timed_scene
 from _timing import timed
 from _truth import truth
@@ -190,8 +189,7 @@ def main() -> None:
             results.append(study(name, scene, camera, lens, aperture, options))
             console.print(comparison(results[-1], options))
     console.print(savings(results))
-    if options.json is not None:
-        options.json.write_text(json.dumps({"machine": about, "results": results}, indent=1) + "\n")
+    write_json(options.json, {"machine": about, "results": results})
     if options.csv is not None:
         with options.csv.open("w", newline="") as file:
             places = ("scene", "aperture", "f-number", "widest blur px")

@@ -6,12 +6,11 @@ Needs the `bench` extra and a recent LLVM (DRJIT_LIBLLVM_PATH where the loader d
     python scripts/make_references.py --meshes configs/meshes --out tests/data
 """
 
-import argparse
-import json
 from pathlib import Path
 
 import numpy as np
 import trimesh
+from _command_line import make_parser, write_json
 
 from focusjax.baselines import UnlitScene, render_thin_lens
 
@@ -118,7 +117,7 @@ def compact(picture: np.ndarray) -> np.ndarray:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = make_parser(__doc__)
     parser.add_argument("--meshes", type=Path, default=Path("configs/meshes"))
     parser.add_argument("--out", type=Path, default=Path("tests/data"))
     parser.add_argument("--samples", type=int, default=4096)
@@ -157,7 +156,7 @@ def main() -> None:
         "triangles": len(faces),
         "renderer": "Mitsuba 3 llvm_ad_rgb, thinlens sensor, aov integrator (albedo)",
     }
-    (options.out / "cow_bars.json").write_text(json.dumps(description, indent=1) + "\n")
+    write_json(options.out / "cow_bars.json", description)
 
 
 if __name__ == "__main__":

@@ -8,11 +8,10 @@ relative to itself.
 """
 
 import argparse
-import json
 from pathlib import Path
 
 import numpy as np
-from _command_line import make_parser
+from _command_line import make_parser, write_json
 from _timing import timed
 
 from focusjax import job
@@ -83,7 +82,7 @@ def main() -> None:
     rows = [row for path in options.configs for row in study(path, options)]
     print(markdown(rows))
     (options.out / "plans.md").write_text(markdown(rows))
-    (options.out / "plans.json").write_text(json.dumps(rows, indent=1) + "\n")
+    write_json(options.out / "plans.json", rows)
 
 
 if __name__ == "__main__":

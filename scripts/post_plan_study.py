@@ -12,13 +12,12 @@ estimated of 4 rays over post-processing is the median of ratios of wall-clock t
 """
 
 import argparse
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from _command_line import make_parser
+from _command_line import make_parser, write_json
 from _timing import timed_in_turns
 from planner_study import decibels, markdown
 
@@ -123,7 +122,7 @@ def main() -> None:
     print(tables)
     (options.out / "post_plans.md").write_text(tables)
     saved = {"estimated": estimate, "chosen": rows}
-    (options.out / "post_plans.json").write_text(json.dumps(saved, indent=1) + "\n")
+    write_json(options.out / "post_plans.json", saved)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
-from _command_line import make_parser, make_table
+from _command_line import make_parser, make_table, write_json
 from rich.console import Console
 from scipy.stats import qmc
 
@@ -202,8 +202,7 @@ def main() -> None:
         )
     Console(width=max(120, Console().width)).print(table)
     print("Errors and seconds are medians; the first fit of each size compiles its programs.")
-    if options.json is not None:
-        options.json.write_text(json.dumps(results, indent=1) + "\n")
+    write_json(options.json, results)
 
 
 if __name__ == "__main__":

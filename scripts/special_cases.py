@@ -13,15 +13,13 @@ shape of highlights.
 """
 
 import argparse
-import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 import scipy.signal
-from _command_line import make_parser
+from _command_line import kept, make_parser, write_json
 from _special_scenes import (
     BLADES,
     CASES,
@@ -219,14 +217,6 @@ def markdown(results: list[dict]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def kept(file: Path, make: Callable[[], np.ndarray]) -> np.ndarray:
-    """What `make` returns, from `file` if it is there."""
-    if not file.exists():
-        file.parent.mkdir(parents=True, exist_ok=True)
-        np.save(file, make())
-    return np.load(file)
-
-
 def main() -> None:
     options = arguments()
     options.out.mkdir(parents=True, exist_ok=True)
@@ -241,7 +231,7 @@ def main() -> None:
         print(f"{name}: {result['psnr']}", flush=True)
     print(markdown(results))
     (options.out / "results.md").write_text(markdown(results))
-    (options.out / "results.json").write_text(json.dumps(results, indent=1) + "\n")
+    write_json(options.out / "results.json", results)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from _shapes import squares
 
 from focusjax.bench import baked
 from focusjax.geometry import Camera, look_at
@@ -208,16 +209,13 @@ def _checkered_wall(
     The pattern is turned in its plane by `turn` degrees; the wall leans back by `lean` degrees.
     """
     count = 2 * round(1.6 * depth / edge / 2)
-    row, column = (index.ravel() for index in np.mgrid[:count, :count])
-    corner = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
-    x = (column[:, None] + corner[:, 0] - count / 2) * edge
-    y = (row[:, None] + corner[:, 1] - count / 2) * edge
+    column, row, faces = squares(count, count)
+    x, y = (column - count / 2) * edge, (row - count / 2) * edge
     across, back = np.radians(turn), np.radians(lean)
     x, y = x * np.cos(across) - y * np.sin(across), x * np.sin(across) + y * np.cos(across)
     vertices = np.stack([x, y * np.cos(back), -depth - y * np.sin(back)], axis=-1).reshape(-1, 3)
-    faces = 4 * np.arange(row.size)[:, None, None] + np.array([(0, 1, 2), (0, 2, 3)])
-    paint = np.where(((row + column) % 2 == 0)[:, None], dark, light)
-    return make_object("wall", vertices, faces.reshape(-1, 3), vertex_colours=np.repeat(paint, 4, axis=0))
+    paint = np.where((row + column)[:, :1] % 2 == 0, dark, light)
+    return make_object("wall", vertices, faces, vertex_colours=np.repeat(paint, 4, axis=0))
 
 
 def _facing(camera: Camera, wall: SceneObject) -> SceneObject:

@@ -7,6 +7,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import trimesh
+from _shapes import squares
 
 from focusjax.scene import Scene, SceneObject, load_mesh, make_object, make_scene
 
@@ -39,14 +40,11 @@ def placements(count: int, random: np.random.Generator) -> np.ndarray:
 def wall(columns: int = 64, rows: int = 48, seed: int = 1) -> SceneObject:
     """Squares of random colours 14 m away, larger than the view."""
     random = np.random.default_rng(seed)
-    row, column = (index.ravel() for index in np.mgrid[:rows, :columns])
-    corner = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
-    x = ((column[:, None] + corner[:, 0]) / columns - 0.5) * 16.0
-    y = ((row[:, None] + corner[:, 1]) / rows - 0.5) * 12.0
+    column, row, faces = squares(columns, rows)
+    x, y = (column / columns - 0.5) * 16.0, (row / rows - 0.5) * 12.0
     vertices = np.stack([x, y, np.full_like(x, -14.0)], axis=-1).reshape(-1, 3)
-    faces = 4 * np.arange(row.size)[:, None, None] + np.array([(0, 1, 2), (0, 2, 3)])
-    colours = np.repeat(random.uniform(0.05, 0.95, (row.size, 3)), 4, axis=0)
-    return make_object("wall", vertices, faces.reshape(-1, 3), vertex_colours=colours)
+    colours = np.repeat(random.uniform(0.05, 0.95, (rows * columns, 3)), 4, axis=0)
+    return make_object("wall", vertices, faces, vertex_colours=colours)
 
 
 def timed_scene(meshes: list[Path], count: int | None, subdivisions: int) -> tuple[Scene, float]:

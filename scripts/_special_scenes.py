@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from _shapes import QUAD, in_world, quad_faces, shining
 
 from focusjax.geometry import Camera, look_at
 from focusjax.lens import AbstractAperture, ThinLens, polygon, thin_lens
@@ -38,7 +39,6 @@ WALL = (0.02, 0.025, 0.04)
 """Radiance behind the highlights."""
 BLADES, TURN = 6, 0.26
 _MESHES = Path(__file__).parent.parent / "configs" / "meshes"
-_SQUARE = np.array([(0, 1, 2), (0, 2, 3)])
 _SQUARES, _TEXELS = 44, 32
 """Squares of a chequered wall along each side, and texels along a square."""
 
@@ -69,13 +69,6 @@ class SpecialCase:
 def view(width: int, height: int) -> Camera:
     """At the origin, looking along -z, as wide as a 40 mm lens on full frame."""
     return look_at((0, 0, 0), (0, 0, -1), width=width, height=height, focal_length=0.04)
-
-
-def in_world(xy: np.ndarray, disparity: np.ndarray | float, camera: Camera) -> np.ndarray:
-    """World points [n, 3] that show at pixels `xy` [n, 2] and `disparity` (1/m)."""
-    centre = np.array([camera.width / 2, camera.height / 2])
-    x, y = ((np.asarray(xy, dtype=float) - centre) / float(camera.focal_px)).T
-    return np.stack([x, -y, -np.ones_like(x)], axis=1) / np.broadcast_to(disparity, x.shape)[:, None]
 
 
 def lens_with(
@@ -133,11 +126,10 @@ def leaves(name: str, count: int, layers: int) -> SpecialCase:
     # Leaves lean: their corners lie at slightly different depths.
     depth = np.repeat(disparity, 4).reshape(-1, 4) * (1 + 0.02 * np.array([1.0, -1.0, -1.0, 1.0]))
     vertices = in_world(corners.reshape(-1, 2), depth.reshape(-1), camera)
-    faces = (4 * np.arange(count)[:, None, None] + _SQUARE).reshape(-1, 3)
     tone = random.uniform(0.3, 1.0, (count, 1)) * np.where(random.random((count, 1)) < 0.15, 1.5, 1.0)
     hue = np.array([0.25, 0.5, 0.08]) + random.normal(size=(count, 3)) * (0.12, 0.08, 0.03)
     colours = np.repeat(np.clip(tone * hue, 0.01, 1.0), 4, axis=0)
-    cloud = make_object("leaves", vertices, faces, vertex_colours=colours)
+    cloud = make_object("leaves", vertices, quad_faces(count), vertex_colours=colours)
     sky = gradient_background((0.5, 0.55, 0.5), (0.6, 0.7, 0.75), (0.8, 0.9, 1.0))
     scene = make_scene([cloud], background=sky, unlit=True)
     what = f"{count} leaves, about {layers} behind one another in the middle"
@@ -212,7 +204,7 @@ def patch(
     """A flat rectangle, `box` = left, top, right, bottom in pixels."""
     left, top, right, bottom = box
     corners = np.array([(left, top), (right, top), (right, bottom), (left, bottom)])
-    return make_object(name, in_world(corners, disparity, camera), _SQUARE, colour=(0, 0, 0), emission=colour)
+    return shining(name, in_world(corners, disparity, camera), colour)
 
 
 def lamp(name, camera: Camera, place, disparity: float, size: float, colour) -> SceneObject:
@@ -243,7 +235,7 @@ def chequers(camera: Camera, disparity: float, step: float, seed: int = 0) -> Sc
     middle = np.array([camera.width / 2, camera.height / 2])
     corners = middle + half * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
     uv = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], dtype=float)
-    return make_object("wall", in_world(corners, disparity, camera), _SQUARE, uv=uv, texture=texture)
+    return make_object("wall", in_world(corners, disparity, camera), QUAD, uv=uv, texture=texture)
 
 
 def smooth_things() -> SpecialCase:
@@ -267,7 +259,7 @@ def smooth_things() -> SpecialCase:
     corners = np.array([(-400, -300), (560, -300), (560, 420), (-400, 420)])
     points = in_world(corners, 0.25, camera)
     colours = np.array([(0.9, 0.6, 0.3), (0.2, 0.5, 0.9), (0.3, 0.8, 0.5), (0.7, 0.3, 0.6)])
-    wall = make_object("wall", points, _SQUARE, vertex_colours=colours)
+    wall = make_object("wall", points, QUAD, vertex_colours=colours)
     scene = make_scene([*balls, *bars, wall], unlit=True)
     what = "balls and bars before a plain wall"
     return SpecialCase("smooth things", what, scene, camera, lens_with(camera, 0.7, 1.2, 12.0))

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 from _command_line import make_parser
+from _shapes import shining
 
 from focusjax.film import to_bytes
 from focusjax.geometry import Camera, look_at
@@ -36,14 +37,13 @@ from focusjax.lens import (
     thin_lens,
 )
 from focusjax.optics import lens_preset
-from focusjax.scene import Scene, constant_background, make_object, make_scene
+from focusjax.scene import Scene, constant_background, make_scene
 from focusjax.trace import render
 
 WIDTH, HEIGHT, FOCAL = 300, 200, 0.0514
 FOCUS = 2.57
 """Metres: the plane of the chart, where the profile was made."""
 CORNER = 0.0217
-SQUARE = np.array([(0, 1, 2), (0, 2, 3)])
 
 
 def arguments() -> argparse.Namespace:
@@ -100,7 +100,7 @@ def chart() -> Scene:
     def box(name: str, x0: float, y0: float, x1: float, y1: float, light: float) -> None:
         corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
         points = np.column_stack([corners, np.full(4, -FOCUS)])
-        objects.append(make_object(name, points, SQUARE, colour=(0, 0, 0), emission=light))
+        objects.append(shining(name, points, light))
 
     xs, ys = np.linspace(-half_width, half_width, 15), np.linspace(-half_height, half_height, 11)
     for number, x in enumerate(xs):

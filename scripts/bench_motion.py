@@ -21,6 +21,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from _command_line import kept, make_parser
+from _shapes import shining, squares
 from _timing import Timed, timed
 from rich.console import Console
 from rich.table import Table
@@ -61,23 +62,13 @@ def arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def wall(squares: int = 24) -> SceneObject:
+def wall(count: int = 24) -> SceneObject:
     """Squares of all colours."""
-    colours = np.random.default_rng(0).uniform(0.05, 0.9, (squares, squares, 3))
-    row, column = (part.ravel() for part in np.mgrid[:squares, :squares])
-    corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
-    xy = np.stack([column, row], axis=-1)[:, None] + corners
-    points = np.concatenate(
-        [xy / squares * (1.6, 1.2) - (0.8, 0.6), np.full((*xy.shape[:2], 1), -0.6)], axis=-1
-    )
-    first = 4 * np.arange(squares**2)[:, None]
-    faces = np.concatenate([first + np.array(corner) for corner in ((0, 1, 2), (0, 2, 3))])
-    return make_object(
-        "wall",
-        points.reshape(-1, 3),
-        faces,
-        vertex_colours=np.repeat(colours.reshape(-1, 3), 4, axis=0),
-    )
+    colours = np.random.default_rng(0).uniform(0.05, 0.9, (count**2, 3))
+    column, row, faces = squares(count, count)
+    x, y = column / count * 1.6 - 0.8, row / count * 1.2 - 0.6
+    points = np.stack([x, y, np.full_like(x, -0.6)], axis=-1).reshape(-1, 3)
+    return make_object("wall", points, faces, vertex_colours=np.repeat(colours, 4, axis=0))
 
 
 def passing_spot(options: argparse.Namespace) -> tuple[MovingScene, Camera, ThinLens]:
@@ -150,7 +141,7 @@ def derivative(world: MovingScene, camera: Camera, lens: ThinLens, console: Cons
 def quad(name: str, middle: np.ndarray, size: float, radiance: np.ndarray) -> SceneObject:
     """A square that looks along z and shines."""
     corners = middle + 0.5 * size * np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
-    return make_object(name, corners, [(0, 1, 2), (0, 2, 3)], colour=(0, 0, 0), emission=radiance)
+    return shining(name, corners, radiance)
 
 
 def lamps(options: argparse.Namespace, console: Console) -> None:

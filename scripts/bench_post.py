@@ -22,6 +22,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 from _command_line import make_parser, write_json
+from _shapes import shining, squares
 from _timing import timed
 
 from focusjax import job
@@ -137,13 +138,11 @@ def motion(scene: Scene, camera: Camera) -> tuple[np.ndarray, PinholeView]:
 
 def before_a_wall(camera: Camera, lens_at: float) -> tuple[Scene, Camera, AbstractLens]:
     """A card and a bar close to the lens before a checkered wall 4 m away, focused at a distance."""
-    rows, columns = np.mgrid[-30:30, -40:40].reshape(2, -1)
-    corners = np.stack([columns, rows, columns + 1, rows, columns + 1, rows + 1, columns, rows + 1], axis=1)
-    wall = np.concatenate([0.1 * corners.reshape(-1, 2), np.full((4 * len(rows), 1), -4.0)], axis=1)
-    faces = 4 * np.arange(len(rows))[:, None, None] + np.array([(0, 1, 2), (0, 2, 3)])
-    checks = np.where((rows + columns)[:, None] % 2, (0.25, 0.3, 0.45), (0.8, 0.75, 0.6))
+    columns, rows, faces = squares(80, 60)
+    wall = np.stack([0.1 * (columns - 40), 0.1 * (rows - 30), np.full(rows.shape, -4.0)], axis=-1)
+    checks = np.where((rows + columns)[:, :1] % 2, (0.25, 0.3, 0.45), (0.8, 0.75, 0.6))
     things = [
-        make_object("wall", wall, faces.reshape(-1, 3), vertex_colours=np.repeat(checks, 4, axis=0)),
+        make_object("wall", wall.reshape(-1, 3), faces, vertex_colours=np.repeat(checks, 4, axis=0)),
         _card("card", (-0.25, -0.12, 0.02, 0.14), 1.0, (0.9, 0.3, 0.1)),
         _card("bar", (0.16, -2.0, 0.2, 2.0), 0.8, (0.1, 0.1, 0.2)),
         _card("sign", (0.1, 0.1, 0.6, 0.4), 2.0, (0.2, 0.6, 0.3)),
@@ -158,7 +157,7 @@ def _card(name: str, box: tuple[float, ...], away: float, colour: tuple[float, f
     corners = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
     turned = corners @ np.array([(np.cos(0.1), np.sin(0.1)), (-np.sin(0.1), np.cos(0.1))])
     points = np.concatenate([turned, np.full((4, 1), -away)], axis=1)
-    return make_object(name, points, np.array([(0, 1, 2), (0, 2, 3)]), colour=(0, 0, 0), emission=colour)
+    return shining(name, points, colour)
 
 
 def foregrounds(camera: Camera, still: Scene) -> Iterator[tuple[str, Scene, Camera, AbstractLens]]:

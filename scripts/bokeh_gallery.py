@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 from _command_line import make_parser, write_json
+from _shapes import in_world, shining
 from scipy.ndimage import zoom
 
 from focusjax.film import to_bytes
@@ -40,13 +41,12 @@ from focusjax.lens import (
     thin_lens,
     vignetted_lens,
 )
-from focusjax.scene import Scene, SceneObject, constant_background, make_object, make_scene
+from focusjax.scene import Scene, SceneObject, constant_background, make_scene
 from focusjax.trace import render
 
 WIDTH, HEIGHT = 360, 240
 FOCUS, FAR, NEAR = 2.0, 40.0, 1.03
 """Metres. Lights behind and before the focus are blurred over the same number of pixels."""
-SQUARE = np.array([(0, 1, 2), (0, 2, 3)])
 PLACES = {"behind": (210.0, 84.0), "before": (165.0, 205.0), "corner": (330.0, 24.0)}
 """Lights to look at closely."""
 WINDOW = 56
@@ -116,33 +116,24 @@ def tint(number: int) -> np.ndarray:
     return TINTS[number % 4]
 
 
-def light(name: str, xy: tuple[float, float], depth: float, size: float, radiance: np.ndarray) -> SceneObject:
-    """A square light of `size` pixels at a place in the picture."""
-    view = camera()
-    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * size / 2 + xy
-    x, y = ((corners - [WIDTH / 2, HEIGHT / 2]) / float(view.focal_px)).T
-    points = depth * np.stack([x, -y, -np.ones(4)], axis=1)
-    return make_object(name, points, SQUARE, colour=(0, 0, 0), emission=radiance)
+def light(
+    name: str, xy: tuple[float, float], depth: float, size: tuple[float, float], radiance: np.ndarray
+) -> SceneObject:
+    """A rectangle of light, `size` pixels wide and high, at a place in the picture."""
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * np.array(size) / 2 + xy
+    return shining(name, in_world(corners, 1 / depth, camera()), radiance)
 
 
 def night() -> Scene:
     """Lights behind and before the focus, and a chart in it."""
     objects = []
     for number, (x, y) in enumerate([(x, y) for y in (24, 84) for x in (30, 90, 150, 210, 270, 330)]):
-        objects.append(light(f"far {number}", (x, y), FAR, 3.0, BRIGHT * tint(number)))
+        objects.append(light(f"far {number}", (x, y), FAR, (3.0, 3.0), BRIGHT * tint(number)))
     for number, x in enumerate((45, 105, 165, 225, 285, 345)):
-        objects.append(light(f"near {number}", (x, 205), NEAR, 3.0, BRIGHT * tint(number)))
+        objects.append(light(f"near {number}", (x, 205), NEAR, (3.0, 3.0), BRIGHT * tint(number)))
     for number in range(30):
-        x, y = 20 + 11 * number, 150
-        tall = 24 if number % 5 == 0 else 14
-        left = light(f"bar {number}", (x, y), FOCUS, 3.0, np.full(3, 0.5))
-        stretched = left.vertices * np.array([1.0, tall / 3.0, 1.0])
-        shift = left.vertices[:, 1].mean() - stretched[:, 1].mean()
-        objects.append(
-            make_object(
-                left.name, stretched + np.array([0, shift, 0]), SQUARE, colour=(0, 0, 0), emission=0.5
-            )
-        )
+        size = 3.0, 24.0 if number % 5 == 0 else 14.0
+        objects.append(light(f"bar {number}", (20 + 11 * number, 150), FOCUS, size, np.full(3, 0.5)))
     return make_scene(objects, background=constant_background(DARK), unlit=True)
 
 

@@ -22,7 +22,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from _command_line import make_parser, write_json
-from _special_scenes import chequers, in_world, lens_with, view
+from _shapes import in_world, quad_faces
+from _special_scenes import chequers, lens_with, view
 from _timing import timed, timed_in_turns
 from bench_layers import balls
 from bench_layers import view as balls_view
@@ -64,9 +65,8 @@ def bars(camera: Camera, count: int) -> Scene:
         ends = np.array([(0.0, -80.0), (9.0, -80.0), (9.0, along + 80.0), (0.0, along + 80.0)])
         xy = (start[:, None, None] * np.array([1.0, 0.0]) + ends).reshape(-1, 2)
         points = in_world(xy[:, ::-1] if layer % 2 else xy, disparity, camera)
-        faces = (4 * np.arange(len(start))[:, None, None] + np.array([(0, 1, 2), (0, 2, 3)])).reshape(-1, 3)
         colours = random.uniform(0.1, 0.9, (len(points) // 4, 3)).repeat(4, axis=0)
-        objects.append(make_object(f"bars {layer}", points, faces, vertex_colours=colours))
+        objects.append(make_object(f"bars {layer}", points, quad_faces(len(start)), vertex_colours=colours))
     return make_scene(objects, unlit=True)
 
 

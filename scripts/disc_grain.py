@@ -19,6 +19,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 from _command_line import make_parser, write_json
+from _shapes import shining
 from rich.console import Console
 from rich.table import Table
 
@@ -30,7 +31,7 @@ from focusjax.job import run
 from focusjax.layers import peel
 from focusjax.lens import AbstractLens, ThinLens, polygon, prescription_lens, tilt_shift_lens
 from focusjax.optics import lens_preset
-from focusjax.scene import Scene, constant_background, make_object, make_scene
+from focusjax.scene import Scene, constant_background, make_scene
 from focusjax.trace import render
 from focusjax.trace._emitters import split_emitters
 
@@ -39,7 +40,6 @@ LENGTH, SENSOR, FOCUS, FAR = 0.05, 0.005, 1.0, 4.0
 """Metres: focal length, width of the sensor, focus distance, and distance of the lamp."""
 RADIUS = 20.0
 """Pixels, of the disc."""
-SQUARE = np.array([(0, 1, 2), (0, 2, 3)])
 SIZE, LIGHT, DARK = 3.0, 100.0, 0.02
 LEAST_LIGHT = 0.2
 """Radiance from which pixels of a config are looked at."""
@@ -97,7 +97,7 @@ def lamp() -> Scene:
     def card(name: str, half: float, distance: float, radiance: float):
         x = half * distance / float(camera().focal_px)
         corners = np.array([(-x, x, -distance), (x, x, -distance), (x, -x, -distance), (-x, -x, -distance)])
-        return make_object(name, corners, SQUARE, colour=(0, 0, 0), emission=radiance)
+        return shining(name, corners, radiance)
 
     return make_scene(
         [card("lamp", SIZE / 2, FAR, LIGHT), card("wall", 4 * WIDTH, 1.01 * FAR, DARK)],

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 from _command_line import make_parser
+from _shapes import shining
 
 from focusjax.film import to_bytes
 from focusjax.geometry import Camera, look_at
@@ -32,7 +33,6 @@ from focusjax.trace import render
 
 FOCUS, F_NUMBER, FOCAL_LENGTH = 1.0, 2.0, 0.05
 NEAREST = 0.6
-SQUARE = np.array([(0, 1, 2), (0, 2, 3)])
 MESHES = Path(__file__).parents[1] / "configs" / "meshes"
 LIGHT = 14.0
 
@@ -56,9 +56,7 @@ def scene() -> Scene:
         place = np.array([x, y, -5.0])
         corners = place + 0.012 * np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
         tint = np.array([(1.0, 0.75, 0.5), (1.0, 1.0, 1.0), (0.6, 0.8, 1.0)])[number % 3]
-        objects.append(
-            make_object(f"light {number}", corners, SQUARE, colour=(0, 0, 0), emission=LIGHT * tint)
-        )
+        objects.append(shining(f"light {number}", corners, LIGHT * tint))
     return make_scene(objects, ambient=0.9, background=constant_background((0.02, 0.022, 0.03)))
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
+from _shapes import quad_faces
 from scipy.ndimage import map_coordinates
 
 mi.set_variant("llvm_ad_rgb")
@@ -60,7 +61,7 @@ def surface(vertices: np.ndarray, colour: tuple[float, ...], opacity: float | np
     properties["bsdf"] = mi.load_dict(nested)
     properties["emitter"] = mi.load_dict({"type": "area", "radiance": radiance})
     count = len(vertices) // 4
-    faces = np.concatenate([4 * k + np.array([(0, 1, 2), (0, 2, 3)]) for k in range(count)])
+    faces = quad_faces(count)
     mesh = mi.Mesh("mesh", len(vertices), len(faces), has_vertex_texcoords=True, props=properties)
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = vertices.astype(np.float32).ravel()

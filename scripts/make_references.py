@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from _command_line import make_parser, write_json
+from _shapes import squares
 
 from focusjax.baselines import UnlitScene, render_thin_lens
 
@@ -101,13 +102,9 @@ def _floor_point(u: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 def _checker(point, *, columns, rows, dark, light) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Squares of one colour each over the surface point(u, v); squares share no vertices."""
-    row, column = (index.ravel() for index in np.mgrid[:rows, :columns])
-    corner = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
-    u = (column[:, None] + corner[:, 0]) / columns
-    v = (row[:, None] + corner[:, 1]) / rows
-    faces = 4 * np.arange(row.size)[:, None, None] + np.array([(0, 1, 2), (0, 2, 3)])
-    colours = np.where(((row + column) % 2 == 0)[:, None], dark, light)
-    return point(u, v).reshape(-1, 3), faces.reshape(-1, 3), np.repeat(colours, 4, axis=0)
+    column, row, faces = squares(columns, rows)
+    colours = np.where((row + column)[:, :1] % 2 == 0, dark, light)
+    return point(column / columns, row / rows).reshape(-1, 3), faces, np.repeat(colours, 4, axis=0)
 
 
 def compact(picture: np.ndarray) -> np.ndarray:

@@ -18,14 +18,13 @@ def truth(
     camera: Camera,
     lens: ThinLens,
     samples: int,
-    pixel_filter: str = "box",
 ) -> tuple[np.ndarray, str]:
     """A converged picture [h, w, 3] and who made it, from `file` if it is there, else made and kept there.
 
-    Made by Mitsuba where it is installed, by our own ray cast otherwise, which knows the box filter only.
+    Made by Mitsuba where it is installed, by our own ray cast otherwise.
 
     Raises:
-        ValueError: the file holds the picture of something else, or another filter without Mitsuba.
+        ValueError: the file holds the picture of something else.
     """
     parts = [scene.vertices, scene.faces, scene.colours, camera.world_from_camera, camera.focal_px]
     parts += [lens.focus_disparity, lens.aperture_radius]
@@ -33,8 +32,6 @@ def truth(
     for part in parts:
         digest.update(np.asarray(part, dtype=np.float32).tobytes())
     key = f"{digest.hexdigest()[:16]} {camera.width} x {camera.height}"
-    if pixel_filter != "box":
-        key = f"{key} {pixel_filter}"
     if file is not None and file.exists():
         with np.load(file) as kept:
             if str(kept["key"]) != key:
@@ -43,12 +40,8 @@ def truth(
                 )
             return kept["picture"].astype(np.float64), str(kept["maker"])
     if importlib.util.find_spec("mitsuba") is not None:
-        picture = mitsuba_picture(
-            unlit_scene(scene), camera, lens, samples=samples, seed=1000, pixel_filter=pixel_filter
-        )
+        picture = mitsuba_picture(unlit_scene(scene), camera, lens, samples=samples, seed=1000)
         maker = f"Mitsuba, {samples} samples per pixel"
-    elif pixel_filter != "box":
-        raise ValueError(f"a picture with the {pixel_filter} filter to compare with needs Mitsuba")
     else:
         picture = lens_picture(scene, camera, lens, rays=samples)
         maker = f"ray cast, {samples} rays per pixel"

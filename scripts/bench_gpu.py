@@ -154,7 +154,7 @@ def path_traced(
     import mitsuba
 
     mitsuba.set_variant("cuda_ad_rgb")
-    from focusjax.baselines import load_unlit, thin_lens_sensor, thin_lens_view, unlit_scene
+    from focusjax.baselines import load_unlit, thin_lens_sensor, unlit_scene
 
     scene, camera, lens = compared
     unlit = unlit_scene(scene)
@@ -162,7 +162,7 @@ def path_traced(
     loaded = load_unlit(unlit, "cuda_ad_rgb")
     drjit.sync_thread()
     yield {"what": "mitsuba's mesh and tree", "s": time.perf_counter() - begun}
-    sensor = thin_lens_sensor(**thin_lens_view(camera, lens), variant="cuda_ad_rgb")
+    sensor = thin_lens_sensor(camera, lens, variant="cuda_ad_rgb")
     for samples in options.samples:
 
         def run(samples: int = samples) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 from _command_line import make_parser
 
-from focusjax.baselines import mitsuba
+from focusjax.baselines import mitsuba, thin_lens_sensor
 from focusjax.geometry import Camera, look_at
 from focusjax.layers import peel
 from focusjax.lens import ThinLens
@@ -64,26 +64,10 @@ def by_mitsuba(scene: Scene, camera: Camera, lens: ThinLens, pixels: np.ndarray,
             "integrator": {"type": "path", "max_depth": 2},
             "surroundings": {"type": "envmap", "bitmap": mi.Bitmap(turned)},
             "ball": mesh,
-            "camera": {
-                "type": "thinlens",
-                "fov": float(np.degrees(FIELD)),
-                "fov_axis": "x",
-                "aperture_radius": float(lens.aperture_radius),
-                "focus_distance": float(lens.focus_distance()),
-                "to_world": mi.ScalarTransform4f().look_at(origin=[0, 0, 0], target=[0, 0, -1], up=[0, 1, 0]),
-                "film": {
-                    "type": "hdrfilm",
-                    "width": camera.width,
-                    "height": camera.height,
-                    "pixel_format": "rgb",
-                    "component_format": "float32",
-                    "rfilter": {"type": "box"},
-                },
-                "sampler": {"type": "multijitter"},
-            },
         }
     )
-    return np.array(mi.render(loaded, spp=samples)).astype(np.float64)
+    sensor = thin_lens_sensor(camera, lens)
+    return np.array(mi.render(loaded, sensor=sensor, spp=samples)).astype(np.float64)
 
 
 def main() -> None:

@@ -6,14 +6,18 @@ Needs the `bench` extra and a recent LLVM (DRJIT_LIBLLVM_PATH where the loader d
     python scripts/make_references.py --meshes configs/meshes --out tests/data
 """
 
+import math
 from pathlib import Path
 
+import jax
 import numpy as np
 import trimesh
 from _command_line import make_parser, write_json
 from _shapes import squares
 
-from focusjax.baselines import UnlitScene, render_thin_lens
+from focusjax.baselines import UnlitScene, mitsuba_picture
+from focusjax.geometry import make_camera
+from focusjax.lens import thin_lens
 
 WIDTH, HEIGHT, FIELD_OF_VIEW = 256, 192, 40.0
 EYE, TARGET = (0.25, 0.55, 3.0), (0.0, 0.0, 0.0)
@@ -119,23 +123,14 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("tests/data"))
     parser.add_argument("--samples", type=int, default=4096)
     options = parser.parse_args()
+    jax.config.update("jax_enable_x64", True)
     vertices, faces, colours = build(options.meshes)
     scene = UnlitScene(vertices, faces, colours / 255.0, SKY)
-    pictures = {
-        view["array"]: compact(
-            render_thin_lens(
-                scene,
-                camera_pose(),
-                WIDTH,
-                HEIGHT,
-                FIELD_OF_VIEW,
-                view["aperture_radius_m"],
-                view["focus_distance_m"],
-                options.samples,
-            )[0]
-        )
-        for view in VIEWS
-    }
+    camera = make_camera(camera_pose(), width=WIDTH, height=HEIGHT, field_of_view=math.radians(FIELD_OF_VIEW))
+    pictures = {}
+    for view in VIEWS:
+        lens = thin_lens(focus_distance=view["focus_distance_m"], aperture_radius=view["aperture_radius_m"])
+        pictures[view["array"]] = compact(mitsuba_picture(scene, camera, lens, samples=options.samples))
     options.out.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(
         options.out / "cow_bars.npz", vertices=vertices, faces=faces, colors=colours, **pictures

@@ -8,9 +8,7 @@ from focusjax.baselines._mitsuba import counted_mitsuba_picture as counted_mitsu
 from focusjax.baselines._mitsuba import load_unlit as load_unlit
 from focusjax.baselines._mitsuba import mitsuba as mitsuba
 from focusjax.baselines._mitsuba import mitsuba_picture as mitsuba_picture
-from focusjax.baselines._mitsuba import render_thin_lens as render_thin_lens
 from focusjax.baselines._mitsuba import thin_lens_sensor as thin_lens_sensor
-from focusjax.baselines._mitsuba import thin_lens_view as thin_lens_view
 from focusjax.baselines._mitsuba import unlit_scene as unlit_scene
 from focusjax.baselines._mitsuba import without_gaps as without_gaps
 from focusjax.baselines._multilayer import multilayer as multilayer

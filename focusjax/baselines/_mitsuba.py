@@ -93,7 +93,6 @@ def mitsuba_picture(
     samples: int,
     seed: int = 0,
     variant: str = FASTEST,
-    pixel_filter: str = "box",
     sampler: str = SAMPLER,
 ) -> Float[np.ndarray, "h w 3"]:
     """What Mitsuba sees through `lens`, whose opening it takes for a disk: linear radiance.
@@ -104,13 +103,11 @@ def mitsuba_picture(
     Args:
         scene: what to see.
         camera: frame and pose; its view axis passes the middle of the frame.
-        lens: where rays go.
-        samples: rays per pixel.
+        lens: where rays go; beyond 1e5 m it is focused at 1e5 m, whose blur differs by less than 0.001 px
+            here.
+        samples: rays per pixel, traced in passes of at most 256.
         seed: of the first pass.
         variant: of Mitsuba.
-        pixel_filter: "box", "tent" or "gaussian", by Mitsuba's name and with its defaults: the Gaussian has a
-            sigma of 1/2 like ours, but ends at 2 pixels. Samples count for all pixels near them, weighted,
-            and each pixel is divided by its weights' sum.
         sampler: by Mitsuba's name. "multijitter" takes as long as "independent", Mitsuba's own default, and
             comes 6 to 9 dB nearer, of 64 samples.
 
@@ -118,14 +115,7 @@ def mitsuba_picture(
         ValueError: fewer than one sample, a camera with rise or shift, or Mitsuba cannot be used.
     """
     picture, _ = counted_mitsuba_picture(
-        scene,
-        camera,
-        lens,
-        samples=samples,
-        seed=seed,
-        variant=variant,
-        pixel_filter=pixel_filter,
-        sampler=sampler,
+        scene, camera, lens, samples=samples, seed=seed, variant=variant, sampler=sampler
     )
     return without_gaps(picture)
 
@@ -138,23 +128,12 @@ def counted_mitsuba_picture(
     samples: int,
     seed: int = 0,
     variant: str = FASTEST,
-    pixel_filter: str = "box",
     sampler: str = SAMPLER,
 ) -> tuple[Float[np.ndarray, "h w 3"], int]:
-    """As `mitsuba_picture`, with gaps, and how many samples were not finite: see `render_thin_lens`.
+    """As `mitsuba_picture`, with gaps, and how many samples were left out because they are not finite.
 
-    Args:
-        scene: what to see.
-        camera: frame and pose; its view axis passes the middle of the frame.
-        lens: where rays go.
-        samples: rays per pixel.
-        seed: of the first pass.
-        variant: of Mitsuba.
-        pixel_filter: see `mitsuba_picture`.
-        sampler: likewise.
-
-    Raises:
-        ValueError: fewer than one sample, a camera with rise or shift, or Mitsuba cannot be used.
+    A pixel of a pass that is not finite counts as one such sample: that pass is left out of the pixel's mean.
+    A pixel without a finite pass is not a number. Arguments and errors are those of `mitsuba_picture`.
     """
     require_counts(samples=samples)
     x, y = (float(value) for value in camera.principal_point)
@@ -163,27 +142,28 @@ def counted_mitsuba_picture(
             f"the view axis passes the picture at ({x:g}, {y:g}) pixels but the Mitsuba baseline has no rise"
             " or shift; use a camera without them"
         )
-    return render_thin_lens(
-        scene,
-        **thin_lens_view(camera, lens),
-        samples=samples,
-        seed=seed,
-        variant=variant,
-        pixel_filter=pixel_filter,
-        sampler=sampler,
-    )
-
-
-def thin_lens_view(camera: Camera, lens: ThinLens) -> dict[str, Any]:
-    """What `render_thin_lens` and `thin_lens_sensor` take of a camera without shift, and of its lens."""
-    return {
-        "world_from_camera": np.asarray(camera.world_from_camera),
-        "width": camera.width,
-        "height": camera.height,
-        "field_of_view": 2 * math.degrees(math.atan(camera.width / 2 / float(camera.focal_px))),
-        "aperture_radius": float(lens.aperture_radius),
-        "focus_distance": float(lens.focus_distance()),
-    }
+    mi = mitsuba(variant)
+    loaded = load_unlit(scene, variant)
+    sensor = thin_lens_sensor(camera, lens, variant=variant, sampler=sampler)
+    total = np.zeros((camera.height, camera.width, 3))
+    weight = np.zeros((camera.height, camera.width, 1))
+    dropped = done = 0
+    while done < samples:
+        count = min(256, samples - done)
+        albedo = np.array(
+            mi.render(loaded, sensor=sensor, integrator=loaded.integrator(), spp=count, seed=seed + done)
+        )[..., -3:]
+        if _all_finite(albedo):
+            total += count * albedo
+            weight += count
+        else:
+            finite = np.isfinite(albedo).all(axis=-1, keepdims=True)
+            total += count * np.where(finite, albedo, 0.0)
+            weight += count * finite
+            dropped += int(np.count_nonzero(~finite))
+        done += count
+    mean = np.divide(total, weight, out=np.full_like(total, np.nan), where=weight > 0)
+    return mean + np.asarray(scene.background), dropped
 
 
 @functools.lru_cache(maxsize=2)
@@ -215,92 +195,12 @@ def load_unlit(scene: UnlitScene, variant: str = FASTEST) -> Any:
     return mi.load_dict({"type": "scene", "integrator": albedo, "mesh": mesh})
 
 
-def render_thin_lens(
-    scene: UnlitScene,
-    world_from_camera: np.ndarray,
-    width: int,
-    height: int,
-    field_of_view: float,
-    aperture_radius: float,
-    focus_distance: float,
-    samples: int,
-    seed: int = 0,
-    *,
-    variant: str = FASTEST,
-    pixel_filter: str = "box",
-    sampler: str = SAMPLER,
-) -> tuple[Float[np.ndarray, "h w 3"], int]:
-    """Linear picture [height, width, 3], and how many samples were left out because they are not finite.
-
-    A pixel of a pass that is not finite counts as one such sample: that pass is left out of the pixel's mean.
-    A pixel without a finite pass is not a number.
-
-    Args:
-        scene: what to see.
-        world_from_camera: pose [4, 4], looking along -z with +y up.
-        width: pixels.
-        height: pixels.
-        field_of_view: horizontal, degrees.
-        aperture_radius: metres.
-        focus_distance: metres; infinity becomes 1e5 m, whose blur differs by less than 0.001 px here.
-        samples: rays per pixel, traced in passes of at most 256.
-        seed: first pass's seed.
-        variant: of Mitsuba.
-        pixel_filter: see `mitsuba_picture`.
-        sampler: likewise.
-
-    Raises:
-        ValueError: Mitsuba cannot be used.
-    """
-    mi = mitsuba(variant)
-    loaded = load_unlit(scene, variant)
-    sensor = thin_lens_sensor(
-        world_from_camera,
-        width,
-        height,
-        field_of_view,
-        aperture_radius,
-        focus_distance,
-        variant=variant,
-        pixel_filter=pixel_filter,
-        sampler=sampler,
-    )
-    total = np.zeros((height, width, 3))
-    weight = np.zeros((height, width, 1))
-    dropped = done = 0
-    while done < samples:
-        count = min(256, samples - done)
-        albedo = np.array(
-            mi.render(loaded, sensor=sensor, integrator=loaded.integrator(), spp=count, seed=seed + done)
-        )[..., -3:]
-        if _all_finite(albedo):
-            total += count * albedo
-            weight += count
-        else:
-            finite = np.isfinite(albedo).all(axis=-1, keepdims=True)
-            total += count * np.where(finite, albedo, 0.0)
-            weight += count * finite
-            dropped += int(np.count_nonzero(~finite))
-        done += count
-    mean = np.divide(total, weight, out=np.full_like(total, np.nan), where=weight > 0)
-    return mean + np.asarray(scene.background), dropped
-
-
 def thin_lens_sensor(
-    world_from_camera: np.ndarray,
-    width: int,
-    height: int,
-    field_of_view: float,
-    aperture_radius: float,
-    focus_distance: float,
-    *,
-    variant: str = FASTEST,
-    pixel_filter: str = "box",
-    sampler: str = SAMPLER,
+    camera: Camera, lens: ThinLens, *, variant: str = FASTEST, sampler: str = SAMPLER
 ) -> Any:
-    """Mitsuba's thin-lens camera; arguments and errors are those of `render_thin_lens`."""
+    """Mitsuba's thin-lens camera with a box filter; arguments and errors are those of `mitsuba_picture`."""
     mi = mitsuba(variant)
-    pose = np.asarray(world_from_camera, dtype=np.float64)
+    pose = np.asarray(camera.world_from_camera, dtype=np.float64)
     eye, backward, up = pose[:3, 3], pose[:3, 2], pose[:3, 1]
     return mi.load_dict(
         {
@@ -308,21 +208,19 @@ def thin_lens_sensor(
             "fov_axis": "x",
             "near_clip": 1e-3,
             "far_clip": 1e7,
-            "fov": field_of_view,
-            "aperture_radius": aperture_radius,
-            "focus_distance": min(focus_distance, _FARTHEST),
+            "fov": 2 * math.degrees(math.atan(camera.width / 2 / float(camera.focal_px))),
+            "aperture_radius": float(lens.aperture_radius),
+            "focus_distance": min(float(lens.focus_distance()), _FARTHEST),
             "to_world": mi.ScalarTransform4f().look_at(
                 origin=eye.tolist(), target=(eye - backward).tolist(), up=up.tolist()
             ),
             "film": {
                 "type": "hdrfilm",
-                "width": width,
-                "height": height,
+                "width": camera.width,
+                "height": camera.height,
                 "pixel_format": "rgb",
                 "component_format": "float32",
-                "rfilter": {"type": pixel_filter},
-                # Wider filters need samples beyond the frame, as pixels at the border have neighbours there.
-                "sample_border": pixel_filter != "box",
+                "rfilter": {"type": "box"},
             },
             "sampler": {"type": sampler},
         }

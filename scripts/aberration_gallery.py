@@ -13,13 +13,11 @@ import itertools
 from collections.abc import Callable
 from pathlib import Path
 
-import jax.numpy as jnp
-import matplotlib.pyplot as plt
 import numpy as np
 from _command_line import make_parser
 from _shapes import shining
+from _sheets import save_sheet
 
-from focusjax.film import to_bytes
 from focusjax.geometry import Camera, look_at
 from focusjax.io import save_png
 from focusjax.layers import peel
@@ -117,22 +115,13 @@ def chart() -> Scene:
 def main() -> None:
     options = arguments()
     options.out.mkdir(parents=True, exist_ok=True)
-    scene, pictures = chart(), []
+    scene, pictures = chart(), {}
     for name in options.only:
         lens = LENSES[name]()
-        picture = np.asarray(render(peel(scene, camera(), lens), lens, rays=options.rays))
-        pictures.append((name, picture))
-        print(name, f"mean {picture.mean():.4f}", flush=True)
-    save_png(options.out / "gallery.png", np.concatenate([each for _, each in pictures], axis=0))
-    rows = -(-len(pictures) // 2)
-    figure, axes = plt.subplots(rows, 2, figsize=(8.4, 2.95 * rows), facecolor="black", squeeze=False)
-    for axis in axes.flat:
-        axis.axis("off")
-    for axis, (name, picture) in zip(axes.flat, pictures, strict=False):
-        axis.imshow(to_bytes(jnp.asarray(picture)), interpolation="bilinear")
-        axis.set_title(name, color="white", fontsize=10, pad=3)
-    figure.tight_layout(pad=0.4)
-    figure.savefig(options.out / "sheet.jpg", dpi=80, facecolor="black", pil_kwargs={"quality": 85})
+        pictures[name] = np.asarray(render(peel(scene, camera(), lens), lens, rays=options.rays))
+        print(name, f"mean {pictures[name].mean():.4f}", flush=True)
+    save_png(options.out / "gallery.png", np.concatenate(list(pictures.values()), axis=0))
+    save_sheet(options.out / "sheet.jpg", pictures, row=(8.4, 2.95), dpi=80, quality=85)
 
 
 if __name__ == "__main__":

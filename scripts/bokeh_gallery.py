@@ -14,14 +14,12 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-import jax.numpy as jnp
-import matplotlib.pyplot as plt
 import numpy as np
 from _command_line import make_parser, write_json
 from _shapes import in_world, shining
+from _sheets import save_sheet
 from scipy.ndimage import zoom
 
-from focusjax.film import to_bytes
 from focusjax.geometry import Camera, look_at
 from focusjax.io import save_png
 from focusjax.layers import peel
@@ -54,6 +52,7 @@ DARK = np.array([0.012, 0.013, 0.02])
 BRIGHT = 28.0
 """So that a disc is about half as bright as white."""
 TINTS = np.array([(1.0, 0.72, 0.4), (0.9, 0.9, 0.9), (0.9, 0.9, 0.9), (0.5, 0.75, 1.0)])
+"""Of lights in turn; those that are looked at closely are white."""
 
 
 def arguments() -> argparse.Namespace:
@@ -111,11 +110,6 @@ LENSES: dict[str, Callable[[], AbstractLens]] = {
 }
 
 
-def tint(number: int) -> np.ndarray:
-    """White for the lights that are looked at closely."""
-    return TINTS[number % 4]
-
-
 def light(
     name: str, xy: tuple[float, float], depth: float, size: tuple[float, float], radiance: np.ndarray
 ) -> SceneObject:
@@ -128,9 +122,9 @@ def night() -> Scene:
     """Lights behind and before the focus, and a chart in it."""
     objects = []
     for number, (x, y) in enumerate([(x, y) for y in (24, 84) for x in (30, 90, 150, 210, 270, 330)]):
-        objects.append(light(f"far {number}", (x, y), FAR, (3.0, 3.0), BRIGHT * tint(number)))
+        objects.append(light(f"far {number}", (x, y), FAR, (3.0, 3.0), BRIGHT * TINTS[number % 4]))
     for number, x in enumerate((45, 105, 165, 225, 285, 345)):
-        objects.append(light(f"near {number}", (x, 205), NEAR, (3.0, 3.0), BRIGHT * tint(number)))
+        objects.append(light(f"near {number}", (x, 205), NEAR, (3.0, 3.0), BRIGHT * TINTS[number % 4]))
     for number in range(30):
         size = 3.0, 24.0 if number % 5 == 0 else 14.0
         objects.append(light(f"bar {number}", (20 + 11 * number, 150), FOCUS, size, np.full(3, 0.5)))
@@ -158,7 +152,7 @@ def core_to_rim(disc: np.ndarray) -> float:
 def main() -> None:
     options = arguments()
     options.out.mkdir(parents=True, exist_ok=True)
-    rows, sheet, numbers = [], [], {}
+    rows, sheet, numbers = [], {}, {}
     for name in options.only:
         lens = LENSES[name]()
         picture = np.asarray(render(peel(night(), camera(), lens), lens, rays=options.rays))
@@ -168,25 +162,12 @@ def main() -> None:
         numbers[name]["light in the corner"] = light_of["corner"] / light_of["behind"]
         large = [zoom(disc, (HEIGHT / WINDOW, HEIGHT / WINDOW, 1), order=1) for disc in discs.values()]
         rows.append(np.concatenate([picture, *large], axis=1))
-        sheet.append((name, np.concatenate(list(discs.values()), axis=1)))
+        sheet[name] = np.concatenate(list(discs.values()), axis=1)
         save_png(options.out / f"{name.replace(' ', '_')}.png", rows[-1])
         print(name, {key: round(value, 3) for key, value in numbers[name].items()}, flush=True)
     save_png(options.out / "gallery.png", np.concatenate(rows, axis=0))
     write_json(options.out / "gallery.json", numbers)
-    save_sheet(options.out / "sheet.jpg", sheet)
-
-
-def save_sheet(path: Path, discs: list[tuple[str, np.ndarray]]) -> None:
-    """Discs of all lenses in two columns, with their names."""
-    rows = -(-len(discs) // 2)
-    figure, axes = plt.subplots(rows, 2, figsize=(8.4, 1.45 * rows), facecolor="black", squeeze=False)
-    for axis in axes.flat:
-        axis.axis("off")
-    for axis, (name, disc) in zip(axes.T.flat, discs, strict=False):
-        axis.imshow(to_bytes(jnp.asarray(disc)), interpolation="bilinear")
-        axis.set_title(name, color="white", fontsize=10, pad=3)
-    figure.tight_layout(pad=0.4)
-    figure.savefig(path, dpi=75, facecolor="black", pil_kwargs={"quality": 88})
+    save_sheet(options.out / "sheet.jpg", sheet, row=(8.4, 1.45), dpi=75, quality=88, by_columns=True)
 
 
 if __name__ == "__main__":

@@ -10,13 +10,11 @@ fisheye of a file may join them, in a picture of its own: rays up to 80 degrees 
 import argparse
 from pathlib import Path
 
-import jax.numpy as jnp
-import matplotlib.pyplot as plt
 import numpy as np
 from _command_line import make_parser
 from _shapes import shining
+from _sheets import save_sheet
 
-from focusjax.film import to_bytes
 from focusjax.geometry import Camera, look_at
 from focusjax.layers import peel
 from focusjax.lens import (
@@ -106,17 +104,13 @@ def main() -> None:
     if options.fisheye is not None:
         wide = camera(options.width, 0.010)
         lenses[f"{options.fisheye.stem}, 10 mm"] = (real(load_lens(options.fisheye), wide, None), wide)
-    rows = -(-len(lenses) // 2)
-    figure, axes = plt.subplots(rows, 2, figsize=(9.6, 3.45 * rows), facecolor="black", squeeze=False)
-    for axis in axes.flat:
-        axis.axis("off")
-    for axis, (name, (lens, seen_by)) in zip(axes.flat, lenses.items(), strict=False):
-        picture = render(peel(world, seen_by, lens, supersampling=1), lens, rays=options.rays)
-        axis.imshow(to_bytes(jnp.asarray(picture)))
-        axis.set_title(name, color="white", fontsize=11, pad=3)
+    pictures = {}
+    for name, (lens, seen_by) in lenses.items():
+        layers = peel(world, seen_by, lens, supersampling=1)
+        pictures[name] = np.asarray(render(layers, lens, rays=options.rays))
         print(name, flush=True)
-    figure.tight_layout(pad=0.4)
-    figure.savefig(options.out / "lenses.jpg", dpi=90, facecolor="black", pil_kwargs={"quality": 85})
+    style = {"dpi": 90, "quality": 85, "fontsize": 11, "interpolation": None}
+    save_sheet(options.out / "lenses.jpg", pictures, row=(9.6, 3.45), **style)
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import imageio.v3 as iio
 import jax.numpy as jnp
 import numpy as np
 from _command_line import make_parser
+from _sheets import beside
 
 import focusjax as fj
 from focusjax.config import load_config
@@ -65,9 +66,8 @@ def main() -> None:
     for number, frame in enumerate(frames(options), start=1):
         exposure = exposure.add(jnp.asarray(frame, dtype=float))
         if number in FRAMES:
-            shown = fj.develop(exposure.picture, fj.film_preset("filmic"))
-            pictures += [to_bytes(shown), np.full((options.size[1], 4, 3), 255, np.uint8)]
-    iio.imwrite(options.out, np.concatenate(pictures[:-1], axis=1), quality=90)
+            pictures.append(to_bytes(fj.develop(exposure.picture, fj.film_preset("filmic"))))
+    iio.imwrite(options.out, beside(*pictures), quality=90)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from _command_line import make_parser
+from _sheets import beside
 from PIL import Image
 from typer.testing import CliRunner
 
@@ -32,7 +33,6 @@ from focusjax.config import (
 
 ROOT = Path(__file__).parents[1]
 CONFIGS = ROOT / "configs"
-GAP = 4
 
 
 def arguments() -> argparse.Namespace:
@@ -63,13 +63,6 @@ def sized(options: argparse.Namespace) -> list[str]:
 
 def set_all(keys: list[str]) -> list[str]:
     return [word for key in keys for word in ("--set", key)]
-
-
-def beside(*pictures: np.ndarray) -> np.ndarray:
-    """Pictures in a row, with white between them."""
-    white = np.full((len(pictures[0]), GAP, 3), 255, np.uint8)
-    row = [part for picture in pictures for part in (picture[..., :3], white)]
-    return np.concatenate(row[:-1], axis=1)
 
 
 def save(path: Path, picture: np.ndarray) -> None:

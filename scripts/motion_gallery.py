@@ -10,6 +10,7 @@ from pathlib import Path
 import imageio.v3 as iio
 import numpy as np
 from _command_line import make_parser
+from _sheets import beside
 
 from focusjax.config import load_config
 from focusjax.shot import film
@@ -44,13 +45,7 @@ def picture(overrides: list[str], options: argparse.Namespace) -> np.ndarray:
 def main() -> None:
     options = arguments()
     first, second, third, fourth = (picture(overrides, options) for overrides in SHUTTERS)
-    gap = 4
-
-    def beside(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-        return np.concatenate([left, np.full((len(left), gap, 3), 255, np.uint8), right], axis=1)
-
-    top, bottom = beside(first, second), beside(third, fourth)
-    sheet = np.concatenate([top, np.full((gap, top.shape[1], 3), 255, np.uint8), bottom])
+    sheet = beside(beside(first, second), beside(third, fourth), axis=0)
     iio.imwrite(options.out, sheet, quality=90)
 
 

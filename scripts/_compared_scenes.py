@@ -28,32 +28,21 @@ from focusjax.scene import (
 
 Compared = tuple[Scene, Camera, ThinLens]
 Colour = tuple[float, float, float]
-SIZE = (800, 600)
+SIZE = {"width": 800, "height": 600}
 _MESHES = Path(__file__).parent.parent / "configs" / "meshes"
 _SKY = (0.45, 0.56, 0.72)
 _ROOM = (0.12, 0.13, 0.15)
 
 
-def scan(variant: int = 1, size: tuple[int, int] = SIZE) -> Compared:
-    """A scanned object before a checkered wall.
-
-    Args:
-        variant: 1, a lumpy head for tuning, or 2, a knotted rope for reporting only.
-        size: width and height of the picture in pixels.
-
-    Raises:
-        ValueError: there is no such variant.
-    """
-    width, height = size
-    if _checked(variant) == 1:
-        camera = look_at((0, 0, 0), (0, 0, -1), width=width, height=height, field_of_view=np.radians(34))
+def scan(variant: int) -> Compared:
+    """A scanned object before a checkered wall: 1, a lumpy head for tuning, or 2, a knotted rope."""
+    if variant == 1:
+        camera = look_at((0, 0, 0), (0, 0, -1), **SIZE, field_of_view=np.radians(34))
         thing = _painted("head", _lumpy_head(seed=11), seed=12, hue=(0.62, 0.46, 0.34))
         wall = _checkered_wall(2.6, 0.11, (0.08, 0.1, 0.16), (0.86, 0.8, 0.62), turn=4.0)
         lens = _blurring(camera, focus=0.78, depth=2.6, pixels=30.0)
     else:
-        camera = look_at(
-            (0.5, 0.62, 1.1), (0, 0, 0), width=width, height=height, field_of_view=np.radians(40)
-        )
+        camera = look_at((0.5, 0.62, 1.1), (0, 0, 0), **SIZE, field_of_view=np.radians(40))
         thing = _painted("rope", _knotted_rope(seed=21), seed=22, hue=(0.3, 0.5, 0.58))
         wall = _facing(
             camera, _checkered_wall(3.4, 0.17, (0.7, 0.16, 0.1), (0.92, 0.9, 0.84), turn=-11.0, lean=14.0)
@@ -62,18 +51,9 @@ def scan(variant: int = 1, size: tuple[int, int] = SIZE) -> Compared:
     return make_scene([thing, wall], background=constant_background(_ROOM), unlit=True), camera, lens
 
 
-def leaves(variant: int = 1, size: tuple[int, int] = SIZE) -> Compared:
-    """Leafy trees before a town, in focus on one of them.
-
-    Args:
-        variant: 1 for tuning, or 2, other trees from another place, for reporting only.
-        size: width and height of the picture in pixels.
-
-    Raises:
-        ValueError: there is no such variant.
-    """
-    width, height = size
-    if _checked(variant) == 1:
+def leaves(variant: int) -> Compared:
+    """Leafy trees before a town, in focus on one of them: 1 for tuning, or 2, others from another place."""
+    if variant == 1:
         eye, target, field = (46.0, 16.0, 34.0), (-32.9, 3.0, -27.5), 38.0
         trees = (
             ((32.5, 6.2, 22.6), 20.0, 1.15),
@@ -92,7 +72,7 @@ def leaves(variant: int = 1, size: tuple[int, int] = SIZE) -> Compared:
             ((-2.0, 2.3, -6.0), 5.0, 1.7),
         )
         in_focus, pixels = 1, 22.0
-    camera = look_at(eye, target, width=width, height=height, field_of_view=np.radians(field))
+    camera = look_at(eye, target, **SIZE, field_of_view=np.radians(field))
     ashes = [
         load_mesh(
             _MESHES / "tree_ash.ply", name=f"ash {k}", translate=place, rotate=(0, turn, 0), scale=scale
@@ -118,12 +98,6 @@ SCENES: dict[str, Callable[[], Compared]] = {
     "leaves-2": lambda: leaves(2),
 }
 """All of them by name at 800 x 600."""
-
-
-def _checked(variant: int) -> int:
-    if variant not in (1, 2):
-        raise ValueError(f"there is no variant {variant}; expected 1 (for tuning) or 2 (for reporting only)")
-    return variant
 
 
 def _blurring(camera: Camera, *, focus: float, depth: float, pixels: float) -> ThinLens:

@@ -1,6 +1,7 @@
 """Benchmark scenes: many lumpy balls, or given meshes, spread through a view before a painted wall."""
 
 import dataclasses
+import math
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -9,6 +10,8 @@ import numpy as np
 import trimesh
 from _shapes import squares
 
+from focusjax.geometry import Camera, make_camera
+from focusjax.lens import ThinLens, thin_lens
 from focusjax.scene import Scene, SceneObject, load_mesh, make_object, make_scene
 
 HALF_WIDTH, HALF_HEIGHT = 0.38, 0.29  # of the view, per metre of depth
@@ -45,6 +48,13 @@ def wall(columns: int = 64, rows: int = 48, seed: int = 1) -> SceneObject:
     vertices = np.stack([x, y, np.full_like(x, -14.0)], axis=-1).reshape(-1, 3)
     colours = np.repeat(random.uniform(0.05, 0.95, (rows * columns, 3)), 4, axis=0)
     return make_object("wall", vertices, faces, vertex_colours=colours)
+
+
+def view(width: int, height: int, *, focus: float = 5.0, radius: float = 0.05) -> tuple[Camera, ThinLens]:
+    """A camera at the origin, 30 degrees high, and the lens before it; metres."""
+    field = 2 * math.atan(math.tan(math.radians(15)) * width / height)
+    camera = make_camera(np.eye(4), width=width, height=height, field_of_view=field)
+    return camera, thin_lens(focus_distance=focus, aperture_radius=radius)
 
 
 def timed_scene(meshes: list[Path], count: int | None, subdivisions: int) -> tuple[Scene, float]:

@@ -54,7 +54,6 @@ class SpecialCase:
         camera: frame and pose.
         lens: how it is seen.
         max_layers: most layers that are worth peeling.
-        exposure: stops for display.
     """
 
     name: str
@@ -63,7 +62,6 @@ class SpecialCase:
     camera: Camera
     lens: ThinLens
     max_layers: int = 16
-    exposure: float = 0.0
 
 
 def view(width: int, height: int) -> Camera:

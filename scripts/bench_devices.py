@@ -36,8 +36,9 @@ def one_process(options: argparse.Namespace) -> None:
         address = f"localhost:{options.port}"
         jax.distributed.initialize(address, num_processes=options.processes, process_id=options.rank)
 
+    from _procedural import view
     from _timing import timed
-    from bench_layers import balls, view
+    from bench_layers import balls
 
     from focusjax.layers import peel
     from focusjax.trace import render

@@ -18,7 +18,6 @@ as is the first cast, which compiles. Without Mitsuba `--mitsuba-up-to 0` leaves
 import argparse
 import csv
 import json
-import math
 import statistics
 import subprocess
 import sys
@@ -30,20 +29,20 @@ import jax
 import numpy as np
 import trimesh
 from _command_line import make_parser, make_table, write_json
-from _procedural import placements, wall
+from _procedural import placements, view, wall
 from rich.console import Console
 from rich.table import Table
 
 from focusjax.baselines import UnlitScene, load_unlit, mitsuba
 from focusjax.bench._measure import peak_memory
 from focusjax.bench._run import machine
-from focusjax.geometry import Camera, make_camera
+from focusjax.geometry import Camera
 from focusjax.layers import Layers
 from focusjax.layers._assemble import assemble
 from focusjax.layers._frame import frame
 from focusjax.layers._peel import peel_fragments
 from focusjax.layers._picture import rasterised
-from focusjax.lens import ThinLens, thin_lens
+from focusjax.lens import ThinLens
 from focusjax.scene import Scene, make_object, make_scene
 
 TRIANGLES = (10_000, 100_000, 600_000, 1_000_000, 5_000_000, 10_000_000)
@@ -73,13 +72,6 @@ def balls(triangles: int, seed: int = 0) -> Scene:
         smooth_angle=180.0,
     )
     return make_scene([surface, wall()], unlit=True)
-
-
-def view(width: int, height: int) -> tuple[Camera, ThinLens]:
-    """A camera at the origin, 30 degrees high, and the lens before it."""
-    field = 2 * math.atan(math.tan(math.radians(15)) * width / height)
-    camera = make_camera(np.eye(4), width=width, height=height, field_of_view=field)
-    return camera, thin_lens(focus_distance=5.0, aperture_radius=0.05)
 
 
 def staged_peel(

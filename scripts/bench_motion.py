@@ -23,6 +23,7 @@ import numpy as np
 from _command_line import kept, make_parser
 from _shapes import shining, squares
 from _timing import Timed, timed
+from gradient_study import in_blocks
 from rich.console import Console
 from rich.table import Table
 
@@ -128,12 +129,7 @@ def derivative(world: MovingScene, camera: Camera, lens: ThinLens, console: Cons
     focus, step = lens.focus_disparity * 0.9, 0.02
     change = jax.jvp(picture, (focus,), (jnp.ones_like(focus),))[1]
     difference = (picture(focus + step) - picture(focus - step)) / (2 * step)
-    blocks = [
-        np.asarray(each)[: camera.height // 8 * 8, : camera.width // 8 * 8]
-        .reshape(camera.height // 8, 8, camera.width // 8, 8, 3)
-        .mean(axis=(1, 3))
-        for each in (change, difference)
-    ]
+    blocks = [in_blocks(np.asarray(each)) for each in (change, difference)]
     projection = float((blocks[0] * blocks[1]).sum() / (blocks[1] ** 2).sum())
     console.print(f"derivative by the focus, over 8 x 8 pixels: projection {projection:.3f}")
 

@@ -24,6 +24,7 @@ import numpy as np
 from _command_line import make_parser, write_json
 from _shapes import shining, squares
 from _timing import timed
+from planner_study import decibels
 
 from focusjax import job
 from focusjax.bench import baked, resized
@@ -98,12 +99,6 @@ EFFECTS: dict[str, Callable[[Camera], AbstractLens]] = {
     ),
     "all": lambda camera: profiled_lens(large(camera), lens_profile("gauss_f1.8"), camera),
 }
-
-
-def decibels(picture: Any, truth: np.ndarray) -> float:
-    """PSNR for a peak of 1; what is brighter counts relative to itself, as in `estimate_quality`."""
-    error = (np.asarray(picture) - truth) / np.maximum(truth, 1.0)
-    return float(-10.0 * np.log10(np.mean(error**2)))
 
 
 def least(run: Callable[[], Any], repeats: int) -> tuple[Any, dict[str, float]]:

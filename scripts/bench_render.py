@@ -8,12 +8,10 @@ the calls after it what the work costs. Run it on a quiet machine.
 """
 
 import argparse
-import math
 from pathlib import Path
 
-import numpy as np
 from _command_line import make_parser, make_table, write_json
-from _procedural import timed_scene
+from _procedural import timed_scene, view
 from _timing import timed
 from _truth import truth
 from rich.console import Console
@@ -21,9 +19,7 @@ from rich.table import Table
 
 from focusjax.bench._measure import peak_memory
 from focusjax.bench._run import machine
-from focusjax.geometry import Camera, make_camera
 from focusjax.layers import peel
-from focusjax.lens import ThinLens, thin_lens
 from focusjax.metrics import psnr, ssim
 from focusjax.trace import render
 
@@ -48,18 +44,11 @@ def arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def view(options: argparse.Namespace) -> tuple[Camera, ThinLens]:
-    """A camera at the origin, 30 degrees high, and the lens before it."""
-    field_of_view = 2 * math.atan(math.tan(math.radians(15)) * options.width / options.height)
-    camera = make_camera(np.eye(4), width=options.width, height=options.height, field_of_view=field_of_view)
-    return camera, thin_lens(focus_distance=options.focus, aperture_radius=options.radius)
-
-
 def measure(options: argparse.Namespace) -> dict[str, object]:
     """All results by name, times in seconds."""
     about = machine()
     scene, load = timed_scene(options.mesh, options.objects, options.subdivisions)
-    camera, lens = view(options)
+    camera, lens = view(options.width, options.height, focus=options.focus, radius=options.radius)
     peeled = timed(lambda: peel(scene, camera, lens, supersampling=options.supersampling), options.repeats)
     layers = peeled.result
     traced = {

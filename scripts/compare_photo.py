@@ -110,23 +110,20 @@ def main() -> None:
             raw = np.asarray(render(layers, lens, rays=options.rays))
             share = guessed_picture(guess, camera, lens, 16) / np.maximum(raw.sum(axis=2), 1e-9)
             ours = np.clip(raw, 0.0, 1.0)
-            others = [multilayer(sharp, disparity, camera, lens, layers=32)]
-            others += [np.asarray(gather(sharp, disparity, camera, lens, taps=128))]
+            filtered = (
+                multilayer(sharp, disparity, camera, lens, layers=32),
+                np.asarray(gather(sharp, disparity, camera, lens, taps=128)),
+            )
+            shown = [ours, *(np.clip(each, 0.0, 1.0) for each in filtered)]
             seen = share < SEEN
             masks = (seen, ~seen, inner)
             table.add_row(
                 path.stem,
                 f"{distance:.3g} m",
                 f"{100 * (share * raw.sum(axis=2)).sum() / raw.sum():.1f} %",
+                *(f"{psnr(each, real):.2f} {ssim(each, real):.4f}" for each in shown),
                 *(
-                    f"{psnr(image, real):.2f} {ssim(image, real):.4f}"
-                    for image in (ours, *(np.clip(other, 0.0, 1.0) for other in others))
-                ),
-                *(
-                    " / ".join(
-                        f"{psnr(image, real, mask=mask):.1f}" if mask.any() else "-"
-                        for image in (ours, *(np.clip(other, 0.0, 1.0) for other in others))
-                    )
+                    " / ".join(f"{psnr(each, real, mask=mask):.1f}" if mask.any() else "-" for each in shown)
                     for mask in masks
                 ),
             )

@@ -22,11 +22,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from _command_line import make_parser, write_json
+from _procedural import view as balls_view
 from _shapes import in_world, quad_faces
 from _special_scenes import chequers, lens_with, view
 from _timing import timed, timed_in_turns
 from bench_layers import balls
-from bench_layers import view as balls_view
 
 from focusjax.bench._measure import peak_memory
 from focusjax.bench._run import machine

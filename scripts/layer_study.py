@@ -18,10 +18,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from _command_line import make_parser, make_table, write_json
-from _procedural import timed_scene
+from _procedural import timed_scene, view
 from _timing import timed
 from _truth import truth
-from bench_render import view
 from rich.console import Console
 from rich.table import Table
 
@@ -78,7 +77,8 @@ def views(options: argparse.Namespace) -> Iterator[View]:
         )
     if options.mesh:
         scene, _ = timed_scene(options.mesh, None, 0)
-        yield " ".join(path.stem for path in options.mesh), scene, *view(options)
+        seen = view(options.width, options.height, focus=options.focus, radius=options.radius)
+        yield " ".join(path.stem for path in options.mesh), scene, *seen
 
 
 def ways(

@@ -10,6 +10,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import brentq
 
 FOLDER = Path(__file__).parents[1] / "focusjax" / "film" / "data"
 GREY = 0.18
@@ -38,14 +39,6 @@ def emulsion(x: np.ndarray, base: float, slope: float, toe: tuple, shoulder: tup
 def hable(c: np.ndarray | float) -> np.ndarray | float:
     a, b, c_, d, e, f = 0.15, 0.50, 0.10, 0.20, 0.02, 0.30
     return (c * (a * c + c_ * b) + d * e) / (c * (a * c + b) + d * f) - e / f
-
-
-def solved(function, low: float, high: float) -> float:
-    """Where a rising function is 0."""
-    for _ in range(100):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if function(middle) > 0 else (middle, high)
-    return 0.5 * (low + high)
 
 
 def write(name: str, header: str, x: np.ndarray, density: np.ndarray) -> None:
@@ -87,14 +80,14 @@ def main() -> None:
         return emulsion(x, 0.15, -1.7, (-1.35, 0.15), (shoulder, 0.12)) + 1.7 * (shoulder + 1.35)
 
     grey = -math.log10(GREY)
-    place = round(solved(lambda s: np.interp(0.0, x, slide(s)) - 0.15 - grey, 0.0, 1.0), 4)
+    place = round(brentq(lambda s: np.interp(0.0, x, slide(s)) - 0.15 - grey, 0.0, 1.0), 4)
     base = 0.15 + 1.7 * (place + 1.35)
     header = EMULSION.format(
         title="Generic colour reversal (slide) film.", base=f"{base:g}", slope=-1.7, axis=exposed,
         toe="-1.35", toe_width=0.15, shoulder=f"{place:g}", shoulder_width=0.12,
     )  # fmt: skip
     write("reversal.csv", header, x, slide(place))
-    gain = solved(lambda k: hable(k * GREY) / hable(11.2) - GREY, 0.1, 20.0)
+    gain = brentq(lambda k: hable(k * GREY) / hable(11.2) - GREY, 0.1, 20.0)
     white = math.log10(11.2 / gain / GREY)
     x = np.append(np.arange(-400, math.floor(white * 10) * 10 + 1, 10) / 100, math.ceil(white * 100) / 100)
     light = np.minimum(hable(gain * GREY * 10.0**x) / hable(11.2), 1.0)

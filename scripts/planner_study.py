@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from _command_line import make_parser, write_json
 from _timing import timed
+from numpy.typing import ArrayLike
 
 from focusjax import job
 from focusjax.bench import baked, resized
@@ -32,9 +33,9 @@ def arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def decibels(picture: np.ndarray, truth: np.ndarray) -> float:
-    """PSNR, with what is brighter than 1 relative to itself."""
-    error = (picture - truth) / np.maximum(truth, 1.0)
+def decibels(picture: ArrayLike, truth: np.ndarray) -> float:
+    """PSNR, with what is brighter than 1 relative to itself, as in `estimate_quality`."""
+    error = (np.asarray(picture) - truth) / np.maximum(truth, 1.0)
     return -10.0 * float(np.log10(np.mean(error**2)))
 
 

@@ -9,8 +9,6 @@ every ray, are scored against a ray cast that shades every ray where it starts.
 import argparse
 import functools
 
-import equinox as eqx
-import jax
 import numpy as np
 import trimesh
 from _command_line import make_parser
@@ -20,7 +18,7 @@ from rich.table import Table
 
 from focusjax.baselines import lens_picture
 from focusjax.geometry import Camera, look_at
-from focusjax.layers import Layers, peel
+from focusjax.layers import peel
 from focusjax.lens import thin_lens
 from focusjax.metrics import psnr, ssim
 from focusjax.scene import Scene, directional_light, gradient_background, make_object, make_scene
@@ -81,10 +79,6 @@ def polished_scene() -> Scene:
     )
 
 
-def megabytes(layers: Layers) -> float:
-    return sum(array.nbytes for array in jax.tree.leaves(eqx.filter(layers, eqx.is_array))) / 1e6
-
-
 def camera_of(options: argparse.Namespace) -> Camera:
     width, height = options.size
     return look_at((0.0, 0.1, 0.0), (0.0, -0.05, -1.0), width=width, height=height, field_of_view=0.75)
@@ -112,7 +106,7 @@ def main() -> None:
                 f"{peeling.median:.2f}",
                 f"{tracing.median:.2f}",
                 f"{tracing.first:.2f}",
-                f"{megabytes(layers):.0f}",
+                f"{layers.nbytes / 1e6:.0f}",
             )
     console = Console()
     console.print(f"{options.size[0]} x {options.size[1]}, {options.rays} rays per pixel")

@@ -85,20 +85,21 @@ def main() -> None:
     alpha = leaf()
     place = (np.arange(FINE) + 0.5) / FINE * TEXELS - 0.5
     finely = map_coordinates(alpha, np.meshgrid(place, place, indexing="ij"), order=1, mode="grid-wrap")
+    first, second = checker()
     shapes = {
-        "wall_0": (walls := checker())[0],
-        "wall_1": walls[1],
+        "wall_0": first,
+        "wall_1": second,
         "leaf": quad(-0.45, -0.45, 0.35, 0.35, 1.5, slope=0.6),
         "pane": quad(0.0, -0.8, 0.9, 0.5, 2.5),
         "front": quad(-0.30, -0.1, 0.02, 0.3, 0.8),
     }
-    colours = dict(
-        zip(
-            shapes,
-            [(0.9, 0.8, 0.2), (0.05, 0.1, 0.4), (0.1, 0.7, 0.15), (0.8, 0.1, 0.1), (1.2,) * 3],
-            strict=True,
-        )
-    )
+    colours = {
+        "wall_0": (0.9, 0.8, 0.2),
+        "wall_1": (0.05, 0.1, 0.4),
+        "leaf": (0.1, 0.7, 0.15),
+        "pane": (0.8, 0.1, 0.1),
+        "front": (1.2, 1.2, 1.2),
+    }
     opacity = {"leaf": (finely >= 0.5).astype(np.float32), "pane": 0.4, "front": 0.7 * alpha}
     scene = {
         "type": "scene",

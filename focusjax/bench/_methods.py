@@ -6,7 +6,6 @@ import importlib.util
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import equinox as eqx
 import jax
 
 from focusjax.baselines import (
@@ -66,11 +65,9 @@ class Method:
 
 def _peeled(supersampling: int) -> Callable[[Case], Any]:
     def prepare(case: Case) -> Any:
-        layers = peel(
-            case.scene, case.camera, case.lens, supersampling=supersampling, max_layers=case.max_layers
+        return jax.block_until_ready(
+            peel(case.scene, case.camera, case.lens, supersampling=supersampling, max_layers=case.max_layers)
         )
-        jax.block_until_ready(eqx.filter(layers, eqx.is_array))
-        return layers
 
     return prepare
 
@@ -90,18 +87,32 @@ def _post_processed(case: Case, view: PinholeView, taps: int) -> Any:
     return post_process(view, case.camera, case.lens, taps=taps)
 
 
-def _sharp_view(case: Case) -> Any:
-    return pinhole_view(case.scene, case.camera)
+def _cast(name: str, title: str, knob: str, settings: tuple[int, ...], method: Callable[..., Any]) -> Method:
+    """Rays cast at the triangles."""
+
+    def picture(case: Case, ready: Any, setting: int) -> Any:
+        return method(ready, case.camera, case.lens, **{knob: setting})
+
+    return Method(name, title, knob, settings, lambda case: RayScene(case.scene), picture, needs=("embreex",))
 
 
-def _filtered(method: Callable[..., Any], knob: str) -> Callable[[Case, Any, Any], Any]:
-    """The picture that a filter of one sharp view makes."""
+def _filter(
+    name: str,
+    title: str,
+    knob: str,
+    settings: tuple[Setting, ...],
+    method: Callable[..., Any],
+    keyword: str,
+) -> Method:
+    """A filter of one sharp view, whose argument `keyword` is the setting."""
 
-    def picture(case: Case, view: Any, setting: Any) -> Any:
-        image, disparity = view
-        return method(image, disparity, case.camera, case.lens, **{knob: setting})
+    def picture(case: Case, view: Any, setting: Setting) -> Any:
+        return method(*view, case.camera, case.lens, **{keyword: setting})
 
-    return picture
+    def sharp(case: Case) -> Any:
+        return pinhole_view(case.scene, case.camera)
+
+    return Method(name, title, knob, settings, sharp, picture, needs=("embreex",))
 
 
 def _mitsuba(
@@ -141,60 +152,19 @@ METHODS: tuple[Method, ...] = (
         (4, 16, 64, 256),
         sampler="independent",
     ),
-    Method(
-        "raycast",
-        "ray cast, Embree",
-        "rays",
-        (4, 16, 64),
-        lambda case: RayScene(case.scene),
-        lambda case, ready, rays: lens_picture(ready, case.camera, case.lens, rays=rays),
-        needs=("embreex",),
-    ),
-    Method(
-        "accumulation",
-        "accumulation buffer",
-        "views",
-        (4, 16, 64),
-        lambda case: RayScene(case.scene),
-        lambda case, ready, views: accumulate(ready, case.camera, case.lens, views=views),
-        needs=("embreex",),
-    ),
-    Method(
-        "gather",
-        "gather, one view",
-        "taps",
-        (16, 64, 256),
-        _sharp_view,
-        _filtered(gather, "taps"),
-        needs=("embreex",),
-    ),
-    Method(
-        "scatter",
-        "scatter, one view",
-        "px step",
-        (1.0, 0.25),
-        _sharp_view,
-        _filtered(scatter, "radius_step"),
-        needs=("embreex",),
-    ),
-    Method(
+    _cast("raycast", "ray cast, Embree", "rays", (4, 16, 64), lens_picture),
+    _cast("accumulation", "accumulation buffer", "views", (4, 16, 64), accumulate),
+    _filter("gather", "gather, one view", "taps", (16, 64, 256), gather, "taps"),
+    _filter("scatter", "scatter, one view", "px step", (1.0, 0.25), scatter, "radius_step"),
+    _filter(
         "scatter-normalised",
         "scatter, normalised",
         "px step",
         (1.0, 0.25),
-        _sharp_view,
-        _filtered(functools.partial(scatter, normalised=True), "radius_step"),
-        needs=("embreex",),
+        functools.partial(scatter, normalised=True),
+        "radius_step",
     ),
-    Method(
-        "multilayer",
-        "multilayer, one view",
-        "layers",
-        (4, 8, 16, 32),
-        _sharp_view,
-        _filtered(multilayer, "layers"),
-        needs=("embreex",),
-    ),
+    _filter("multilayer", "multilayer, one view", "layers", (4, 8, 16, 32), multilayer, "layers"),
     Method("post", "post-processing, one view", "taps", (8, 16, 32, 64), _own_view, _post_processed),
 )
 
@@ -229,7 +199,7 @@ def chosen_methods(words: Sequence[str]) -> tuple[Method, ...]:
     for word in words:
         name, equals, listed = word.partition("=")
         method = method_named(name)
-        if method in out or name in [other.name for other in out]:
+        if name in [other.name for other in out]:
             raise ChoiceError(f"the method {name} is asked for twice; name it once, with all its settings")
         if method.missing():
             verb = "is" if len(method.missing()) == 1 else "are"

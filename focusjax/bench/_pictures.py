@@ -10,7 +10,6 @@ import matplotlib
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from PIL import Image
@@ -31,7 +30,6 @@ def save_pareto(path: Path, results: Results) -> None:
     """
     count = len(results.cases)
     figure = Figure(figsize=(10.0, 0.9 + 3.5 * count), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = np.asarray(figure.subplots(count, 2, sharey="row", squeeze=False))
     for found, (left, right) in zip(results.cases, axes, strict=True):
         for panel, with_setup in ((left, False), (right, True)):

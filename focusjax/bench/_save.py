@@ -2,7 +2,6 @@
 
 import csv
 import dataclasses
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 from focusjax._templates import template
 from focusjax.bench._pictures import ERROR_PEAK, error_url, file_url, picture_url, save_pareto
 from focusjax.bench._run import CaseResults, EqualError, Results, Row
-from focusjax.io import for_json
+from focusjax.io import json_text
 
 FILES = ("report.html", "results.json", "results.csv", "pareto.png")
 """Every file that a comparison leaves in its folder."""
@@ -28,16 +27,13 @@ def save_results(folder: Path, results: Results) -> None:
         writer.writeheader()
         for found in results.cases:
             writer.writerows(dataclasses.asdict(row) for row in found.rows)
-    facts = for_json(
-        {
-            "machine": results.machine,
-            "repeats": results.repeats,
-            "scenes": _scenes(results),
-            "failures": results.failures,
-        }
-    )
-    text = json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False)
-    (folder / "results.json").write_text(text + "\n", encoding="utf-8")
+    facts = {
+        "machine": results.machine,
+        "repeats": results.repeats,
+        "scenes": [_scene(found) for found in results.cases],
+        "failures": results.failures,
+    }
+    (folder / "results.json").write_text(json_text(facts), encoding="utf-8")
     save_pareto(folder / "pareto.png", results)
     page = template("focusjax.bench", "speed_error.html.j2").render(
         results=results,
@@ -53,10 +49,6 @@ def save_results(folder: Path, results: Results) -> None:
         decibels=_decibels,
     )
     (folder / "report.html").write_text(page, encoding="utf-8")
-
-
-def _scenes(results: Results) -> list[dict[str, Any]]:
-    return [_scene(found) for found in results.cases]
 
 
 def _scene(found: CaseResults) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from focusjax._console import fail, say, warnings_printed
+from focusjax._console import BAD_INPUT, FAILED, fail, say, warnings_printed
 from focusjax.charts._beams import field_curves, film_at, largest_field
 from focusjax.charts._figures import cross_section, curves, highlights, spots
 from focusjax.io import staged_folder
@@ -29,7 +29,6 @@ from focusjax.optics import (
 
 FILES = ("section.png", "spots.png", "highlights.png", "curves.png", "lens.json")
 """Every file that the command leaves in its folder."""
-_FAILED, _BAD_INPUT = 1, 2
 
 
 def command(
@@ -56,15 +55,15 @@ def command(
         with jax.enable_x64(True), warnings_printed(errors):
             chosen = _chosen(lens, glass or [], focal_length, f_number)
     except ValueError as error:
-        fail(errors, error, _BAD_INPUT)
+        fail(errors, error, BAD_INPUT)
     folder = out if out is not None else Path("out") / Path(lens).stem
     try:
         with warnings_printed(errors):
             facts = draw_lens(chosen, folder)
     except (ValueError, RuntimeError, OSError, MemoryError) as error:
-        fail(errors, error, _FAILED, folder)
+        fail(errors, error, FAILED, folder)
     except Exception as error:
-        fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), _FAILED)
+        fail(errors, RuntimeError(f"internal error, please report it: {error!r}"), FAILED)
     table = Table(title=Text(chosen.name), show_header=False)
     for name, value in {**facts["first_order"], **facts["wavefront_mm"]}.items():
         table.add_row(name.replace("_", " "), f"{value:.5g}")

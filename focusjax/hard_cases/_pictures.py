@@ -27,7 +27,6 @@ from jaxtyping import Array, Float
 
 from focusjax._programs import jit
 from focusjax.baselines import RayScene, lens_picture
-from focusjax.geometry import Camera
 from focusjax.hard_cases import _stages as stages
 from focusjax.hard_cases._check import Check
 from focusjax.hard_cases._stages import PARALLAX, Stage, layers_of, lens_of
@@ -266,7 +265,7 @@ def _truth(case: PictureCase) -> tuple[np.ndarray, np.ndarray | None]:
         ready = RayScene(case.stage.scene())
 
         def seen(settings: Sequence[float]) -> np.ndarray:
-            return _cast(ready, camera, settings)
+            return lens_picture(ready, camera, lens_of(jnp.array(settings), camera), rays=_TRUTH_RAYS)
 
         radius, slopes = case.settings[1], []
         for number in range(3):
@@ -277,10 +276,6 @@ def _truth(case: PictureCase) -> tuple[np.ndarray, np.ndarray | None]:
             ahead, behind = (seen(settings) for settings in sides)
             slopes.append((ahead - behind) / (2.0 * max(step, 1e-12)))
         return seen(case.settings), np.stack(slopes, axis=-1)
-
-
-def _cast(ready: RayScene, camera: Camera, settings: Sequence[float]) -> np.ndarray:
-    return lens_picture(ready, camera, lens_of(jnp.array(settings), camera), rays=_TRUTH_RAYS)
 
 
 def _shape(stage: Stage) -> tuple[int, int, int]:

@@ -10,19 +10,15 @@ from focusjax.hard_cases._check import Check
 Progress = Callable[[str, float | None], None]
 """Called with the name of the case that runs, and the share of all that is done."""
 
-_SLOPES = "slopes of contradictory wishes"
 
+_CASES: dict[str, Callable[[], Iterator[Check]]] = {
+    **{case.name: functools.partial(_wishes.wish_checks, case) for case in _wishes.CASES},
+    "slopes of contradictory wishes": _wishes.slope_checks,
+    **{f"glass, {name}": functools.partial(_glass.glass_checks, name) for name in _glass.HEIGHTS},
+    **{case.name: functools.partial(_pictures.picture_checks, case) for case in _pictures.CASES},
+}
 
-def _cases() -> dict[str, Callable[[], Iterator[Check]]]:
-    return {
-        **{case.name: functools.partial(_wishes.wish_checks, case) for case in _wishes.CASES},
-        _SLOPES: _wishes.slope_checks,
-        **{f"glass, {name}": functools.partial(_glass.glass_checks, name) for name in _glass.HEIGHTS},
-        **{case.name: functools.partial(_pictures.picture_checks, case) for case in _pictures.CASES},
-    }
-
-
-NAMES = tuple(_cases())
+NAMES = tuple(_CASES)
 """Of all cases, in the order in which they run."""
 
 
@@ -33,13 +29,12 @@ def hard_cases(names: Sequence[str] = NAMES, progress: Progress = lambda name, s
         ValueError: there is no such case.
         RuntimeError: Embree, by which pictures are judged, is not installed.
     """
-    cases = _cases()
     for name in names:
-        if name not in cases:
-            raise ValueError(f"there is no case {name!r}; the cases are {', '.join(cases)}")
+        if name not in _CASES:
+            raise ValueError(f"there is no case {name!r}; the cases are {', '.join(NAMES)}")
     checks = []
     for number, name in enumerate(names):
         progress(name, number / len(names))
-        checks += cases[name]()
+        checks += _CASES[name]()
         return_programs()
     return checks

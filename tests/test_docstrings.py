@@ -52,7 +52,8 @@ def test_examples_print_what_they_say(path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "configs").symlink_to(ROOT.parent / "configs")
     names = {**vars(importlib.import_module(name)), "fj": fj, "np": np, "jnp": jnp}
-    runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS)
+    # Told to be quiet, as it would otherwise look for -v among pytest's own options.
+    runner = doctest.DocTestRunner(verbose=False, optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS)
     found = list(docstrings(ast.parse(path.read_text(encoding="utf-8")), name))
     assert found
     said: list[str] = []

@@ -130,6 +130,7 @@ def test_two_tabs_show_one_session(studio):
     async def story():
         async with opened(studio) as user:
             studio.apply(lambda session: session.rename(0, "front of the box"))
+            await settled(studio)
             await user.should_see("front of the box")
             await user.open("/")
             await user.should_see("front of the box")

@@ -68,8 +68,9 @@ def search(objective: Objective, first: Float[Array, "k"], box: Box, *, many: bo
     """The best solution over all starts.
 
     Of several that are equally good to within rounding the one is taken that changes the picture least, and
-    of two that change it as much the one of nearest focus. `first` is the lens as given; where some wishes
-    leave their side open there are `many` starts (static).
+    of two that change it as much the one of nearest focus. `first` is the lens as given; `many` (static)
+    says whether some wishes leave their side open, so that one start may not do. No walk takes more than
+    `max_steps`.
     """
     values, sides = starts(objective, first, box, many=many)
     found, natural, cost, slack = walks(objective, sides, values, first, box, max_steps)

@@ -32,7 +32,7 @@ class AbstractAperture(eqx.Module):
         """The point of the outline at `turn`, 0 to 1 once around. Equal turns sweep equal areas."""
 
     def hole(self) -> Float[Array, ""] | None:
-        """The size of the hole, a share of the outline around it; None where there is none."""
+        """The size of the hole, a share of the outline around it; None, as here, where there is none."""
         return None
 
     @abc.abstractmethod
@@ -40,7 +40,7 @@ class AbstractAperture(eqx.Module):
         """Whether a point lies between hole and outline."""
 
     def density(self, point: Float[Array, "2"]) -> Float[Array, ""]:
-        """Light per area at a point between hole and outline, relative to its mean there."""
+        """Light per area at a point between hole and outline, relative to its mean there; here 1."""
         return jnp.ones_like(point[0])
 
     @abc.abstractmethod

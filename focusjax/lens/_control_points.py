@@ -19,6 +19,8 @@ from focusjax.lens._kernels import AbstractKernel, InverseDistance
 from focusjax.lens._moving_least_squares import Basis, moving_least_squares
 
 Numbers: TypeAlias = ArrayLike | Sequence
+_TILE = (16, 32)
+"""Rows and columns of places that are worked out together: what they need fits into a core's cache."""
 
 
 class FocalSurface(eqx.Module):
@@ -134,10 +136,6 @@ def _worst(values: np.ndarray) -> float:
     """The first value that is not finite, or the least."""
     wrong = values[~np.isfinite(values)]
     return float(wrong[0] if wrong.size else values.min())
-
-
-_TILE = (16, 32)
-"""Rows and columns of places that are worked out together: what they need fits into a core's cache."""
 
 
 def corner_weights(

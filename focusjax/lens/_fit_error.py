@@ -22,6 +22,15 @@ _BESIDE = 0.03
 """Clearance beyond a rim up to which rays count fully."""
 _LITTLE = 0.03
 """How much rays farther out count."""
+_RAYS = 1 << 14
+_WORST = 48
+"""Rays with the largest errors, of lines and of outlines each, near which worse ones are looked for."""
+_NEAR = 192
+"""Rays that are looked at near each of them."""
+_REACHES = (0.06, 0.015, 0.004)
+"""Shares of frame and opening within which they lie, one after the other."""
+_PLASTIC = 1.1673039782614187
+"""The root of x^5 = x + 1; multiples of its powers are spread evenly over a cube in four dimensions."""
 
 
 def _mirrored() -> tuple[Float[np.ndarray, "r 2"], Float[np.ndarray, "r 2"]]:
@@ -84,17 +93,6 @@ def limiting_rims(rays: TracedRays) -> tuple[int, ...]:
     largest = squares.max(axis=1, keepdims=True)
     first = (squares == largest) & (largest > (1.0 - 2.0 * SOFTNESS) ** 2) & counts[:, None]
     return tuple(int(number) for number in np.flatnonzero(first.any(axis=0)))
-
-
-_RAYS = 1 << 14
-_WORST = 48
-"""Rays with the largest errors, of lines and of outlines each, near which worse ones are looked for."""
-_NEAR = 192
-"""Rays that are looked at near each of them."""
-_REACHES = (0.06, 0.015, 0.004)
-"""Shares of frame and opening within which they lie, one after the other."""
-_PLASTIC = 1.1673039782614187
-"""The root of x^5 = x + 1; multiples of its powers are spread evenly over a cube in four dimensions."""
 
 
 class FitError(eqx.Module):

@@ -14,6 +14,9 @@ from focusjax.lens._density import Density
 from focusjax.lens._length import length
 from focusjax.lens._spline import RadialSpline, radial_spline
 
+_TURNS, _RADII = 120, 128
+"""Steps around and along the radius of the table that rays are drawn by; most blades divide the former."""
+
 
 class Obstructed(AbstractAperture):
     """An opening with a hole in its light of the same shape: blurred lights are rings.
@@ -114,10 +117,6 @@ def squeezed(squeeze: SupportsFloat, whole: AbstractAperture) -> Squeezed:
     if not 1.0 <= real_number(squeeze, "squeeze", "1 or more, such as 1.5") < float("inf"):
         raise ValueError(f"squeeze is {squeeze}; expected 1 or more, such as 1.5")
     return Squeezed(whole, jnp.asarray(float(squeeze), dtype=float))
-
-
-_TURNS, _RADII = 120, 128
-"""Steps around and along the radius of the table that rays are drawn by; most blades divide the former."""
 
 
 class Apodized(AbstractAperture):

@@ -27,6 +27,8 @@ STEEPEST = 6.0
 """Tangent to the axis beyond which no ray is taken: 80.5 degrees."""
 MARGIN = 1.08
 ROUNDING = 2e-6
+_RADII = 8
+"""Directions in which film points are examined, evenly around the axis."""
 
 
 class RayBounds(eqx.Module):
@@ -171,10 +173,6 @@ def _with_margins(fine: RayBounds) -> RayBounds:
         kept,
         (widened(kept.spot, spot) + ROUNDING, widened(kept.spread, spread)),
     )
-
-
-_RADII = 8
-"""Directions in which film points are examined, evenly around the axis."""
 
 
 def is_round(lens: Prescription) -> bool:

@@ -28,6 +28,9 @@ from focusjax.optics._surfaces import AbstractSurface, Conic, EvenAsphere
 
 _ROUNDING = 1e-5
 """By which a beam may seem wider than what it was made to pass, in single precision."""
+_LEAST_SHARE = 0.8
+"""Of both clear radii within which surfaces must not cross: farther in, a number of the file is wrong."""
+_HALVINGS = 40
 
 
 @dataclasses.dataclass
@@ -182,11 +185,6 @@ def _without_dummies(rows: list[Row]) -> list[Row]:
 
 def _is_air(glass: AbstractGlass | None) -> bool:
     return glass is None or (isinstance(glass, ConstantIndex) and float(glass.value) == 1.0)
-
-
-_LEAST_SHARE = 0.8
-"""Of both clear radii within which surfaces must not cross: farther in, a number of the file is wrong."""
-_HALVINGS = 40
 
 
 def narrowed_to_meet(

@@ -100,7 +100,7 @@ def in_chunks(
 ) -> Float[Array, "h w c"]:
     """`image` with the `wanted` pixels replaced, a fixed number at a time, so that one program does for all.
 
-    All are replaced at once if none are given; `seen` has colours of pixels by their numbers, row by row.
+    Without `wanted`, all are replaced at once. `seen` has colours of pixels by their numbers, row by row.
     """
     flat = image.reshape(-1, image.shape[2])
     if wanted is None:

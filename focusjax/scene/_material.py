@@ -50,11 +50,12 @@ class Material:
         return replace(self, opacity=1.0, cutoff=cutoff / self.opacity)
 
     def renumbered(self, textures: Mapping[int, int], opacities: Mapping[int, int]) -> "Material":
-        """This material with other numbers for its pictures, none for those that are not listed."""
+        """This material with other numbers for the pictures that it has."""
+        unpainted, solid = self.texture == UNTEXTURED, self.opacity_texture == UNTEXTURED
         return replace(
             self,
-            texture=textures.get(self.texture, UNTEXTURED),
-            opacity_texture=opacities.get(self.opacity_texture, UNTEXTURED),
+            texture=UNTEXTURED if unpainted else textures[self.texture],
+            opacity_texture=UNTEXTURED if solid else opacities[self.opacity_texture],
         )
 
 

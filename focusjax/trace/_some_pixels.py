@@ -100,17 +100,18 @@ def some_pixels(
 ) -> tuple[Float[Array, "k n 3"], Float[Array, "k m 3"], Int[Array, ""]]:
     """Plain means over the rays of chosen pixels, denoised ones in windows, and the rays traced per seed.
 
-    All are without the light of emitters. There is an independent picture for each of `seeds`.
+    All are without the light of emitters, which `light_at_once` gives. Each of `seeds` makes an
+    independent picture.
 
     Args:
         lens: as for `render`.
         ready: by `prepared`.
         pixels: row-major numbers [n], those of windows first; n is a multiple of 32.
-        rays: per pixel on the average over the whole picture, 4 to `most_rays` (static).
+        rays: per pixel on the average over the whole picture, 4 to `most_rays`.
         seeds: of the rays.
         most_rays: the largest number (static).
         pixel_filter: as for `render`.
-        windows: parts of the picture at the front of `pixels` (static).
+        windows: the parts of the picture that the first of `pixels` are (static).
     """
     layers = ready.layers
     least = None if ready.known is None else least_through(ready.known.share[:, 1], rays)

@@ -53,6 +53,8 @@ def timed_in_turns(runs: dict[Name, Callable[[], Any]], repeats: int) -> dict[Na
     cpu: dict[Name, list[float]] = {name: [] for name in runs}
     for _ in range(repeats + 1):
         for name, run in runs.items():
+            # So that what it returned last does not take memory beside what it returns now.
+            results.pop(name, None)
             start, busy = time.perf_counter(), time.process_time()
             results[name] = jax.block_until_ready(run())
             wall[name].append(time.perf_counter() - start)

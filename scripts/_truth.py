@@ -27,7 +27,7 @@ def truth(
         with np.load(file) as kept:
             if str(kept["key"]) != case.digest():
                 raise ValueError(
-                    f"{file} is of another scene, camera or lens; name another file or remove it"
+                    f"{file} is of another scene, camera, lens or version; name another file or remove it"
                 )
             return kept["picture"].astype(np.float64), str(kept["maker"])
     name = best_maker()

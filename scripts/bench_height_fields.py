@@ -123,7 +123,7 @@ def measure(options: argparse.Namespace) -> dict[str, dict[str, object]]:
         if name != like:
             row["dB from exact"] = psnr(found[name, "picture"].result, found[like, "picture"].result)
         if isinstance(lens, FittedLens):
-            row |= errors_of(lens) | {"polynomials": type(lens.transfer).__name__}
+            row |= errors_of(lens) | {"polynomials": "round" if lens.transfer.is_round else "uneven"}
         results[name] = row
     return results
 

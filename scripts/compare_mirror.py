@@ -90,6 +90,8 @@ def main() -> None:
     pixels = panorama()
     scene = make_scene([ball], background=ImageBackground(jnp.asarray(pixels, dtype=float), jnp.asarray(0.0)))
     camera = look_at((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), width=width, height=height, field_of_view=FIELD)
+    # Mitsuba is independent of how focusjax takes a field of view.
+    assert np.isclose(2 * np.arctan(width / 2 / float(camera.focal_px)), FIELD)
     for distance in options.focus:
         lens = ThinLens(jnp.asarray(1 / distance), jnp.asarray(0.08))
         reference = by_mitsuba(scene, camera, lens, pixels, options.samples)

@@ -127,6 +127,8 @@ def main() -> None:
     vertices, faces, colours = build(options.meshes)
     scene = UnlitScene(vertices, faces, colours / 255.0, SKY)
     camera = make_camera(camera_pose(), width=WIDTH, height=HEIGHT, field_of_view=math.radians(FIELD_OF_VIEW))
+    # References are independent of how focusjax takes a field of view.
+    assert math.isclose(2 * math.atan(WIDTH / 2 / float(camera.focal_px)), math.radians(FIELD_OF_VIEW))
     pictures = {}
     for view in VIEWS:
         lens = thin_lens(focus_distance=view["focus_distance_m"], aperture_radius=view["aperture_radius_m"])

@@ -41,10 +41,10 @@ class PlaceTable(Table):
 
     @model_validator(mode="after")
     def _one_place(self) -> "PlaceTable":
-        if len(self.places) != 1:
-            raise ValueError(f"needs exactly one of {listed(self.ways)} to say where")
         if (self.triangle is None) != (self.barycentric is None):
             raise ValueError("needs triangle and barycentric together")
+        if len(self.places) != 1:
+            raise ValueError(f"needs exactly one of {listed(self.ways)} to say where")
         return self
 
 

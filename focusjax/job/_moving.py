@@ -54,7 +54,7 @@ class MotionSettings:
 
     Attributes:
         shutter: when it is open.
-        fps: frames per second.
+        fps: frames per second; of a still, openings of its shutter per second.
         turn: radians.
         step_px: pixels.
         most_spans: a number.

@@ -62,8 +62,9 @@ class Latest:
 
     def close(self) -> None:
         """End the thread after what it has begun."""
-        self._closed = True
-        self._replace(None)
+        with self._condition:
+            self._closed = True
+            self._replace(None)
         self._thread.join()
 
     def _replace(self, work: Work | None) -> None:

@@ -135,11 +135,13 @@ class Studio:
     def refresh(self) -> None:
         """Work out the config as it is."""
         config = self.session.document.config
-        self._painting.cancel()
         if config is None:
+            # First what would paint its answer.
             self._numbers.cancel()
+            self._painting.cancel()
             self._set(state=State("problem", detail=self.session.document.problem))
             return
+        self._painting.cancel()
         shot = config.shot if config.focus else None
         self.frame = 0 if shot is None else min(max(self.frame, 1), shot.frames)
         self._set(state=State("solving" if self.answer else "starting"))

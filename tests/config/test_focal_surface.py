@@ -34,6 +34,10 @@ CONFIG = Path(__file__).parents[2] / "configs" / "focal_surface.toml"
             "lens.focal_surface.points.0.pixel=[1, 2]",
             "needs exactly one of pixel, point, direction,",
         ),
+        (
+            "lens.focal_surface.points=[{barycentric=[0.2, 0.3, 0.5]}]",
+            "lens.focal_surface.points.0 needs triangle and barycentric together",
+        ),
         ("lens.focal_surface.point=1", "unknown key lens.focal_surface.point; did you mean points?"),
         ("lens.focus_distance_m=2", "lens has focus_distance_m and a focal_surface; give one or the other"),
         ("focus.0={object='spot', in_frame_px=9}", "focus.0 wishes for neither sharp nor a blur"),

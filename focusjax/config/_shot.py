@@ -220,6 +220,7 @@ class TimedControlTable(Table):
 
     @model_validator(mode="after")
     def _in_order(self) -> "TimedControlTable":
+        ends_in_order(self.from_frame, self.to_frame)
         in_order(self.keys, repr(self.name))
         return self
 

@@ -120,6 +120,10 @@ def test_wishes_bend_a_surface_over_time_and_it_is_rendered_with_the_shutter_ope
             "surface: lens.focal_surface.points has no 'for'; did you mean",
         ),
         (
+            "shot.surface=[{name='far', from_frame=3, to_frame=2}]",
+            "shot.surface.0 has from_frame = 3 after to_frame = 2; swap the two",
+        ),
+        (
             "shot.lens=[{frame=1, focus_distance_m=2}]",
             "of focus_distance_m and a lens.focal_surface",
         ),

@@ -12,6 +12,6 @@ def length(vector: Float[Array, "2"]) -> Float[Array, ""]:
     return root(vector @ vector)
 
 
-def root(square: Float[Array, ""]) -> Float[Array, ""]:
-    """The square root of what is at least 0."""
+def root(square: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """The square roots of numbers that are at least 0."""
     return jnp.where(square > 0.0, jnp.sqrt(jnp.where(square > 0.0, square, 1.0)), 0.0)

@@ -41,7 +41,7 @@ class PlaceTable(Table):
 
     @model_validator(mode="after")
     def _one_place(self) -> "PlaceTable":
-        if (self.triangle is None) != (self.barycentric is None):
+        if len(self.places) < 2 and (self.triangle is None) != (self.barycentric is None):
             raise ValueError("needs triangle and barycentric together")
         if len(self.places) != 1:
             raise ValueError(f"needs exactly one of {listed(self.ways)} to say where")

@@ -1,5 +1,6 @@
 """The command line: `focusjax run`, `render`, `refocus`, `batch`, `shot`, `studio`, `export`, and more."""
 
+import atexit
 import gc
 import importlib.metadata
 import logging
@@ -330,6 +331,8 @@ def main() -> None:
     """Entry point of the `focusjax` command."""
     # Importing and tracing make millions of objects that stay, which Python would go through again and again.
     gc.set_threshold(50_000, 20, 50)
+    # Nor need it look for circles among them when it ends, which takes a second.
+    atexit.register(gc.freeze)
     _set_up_jax()
     _quieten()
     app()

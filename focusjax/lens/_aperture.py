@@ -17,6 +17,7 @@ from jaxtyping import Array, Bool, Float
 
 from focusjax._arguments import real_number
 from focusjax._device import device_array
+from focusjax._few import largest_of_few
 from focusjax.lens._length import root
 
 
@@ -61,7 +62,8 @@ class AbstractAperture(eqx.Module):
 
     def share(self, point: Float[Array, "2"]) -> Float[Array, ""]:
         """Light per area at any point, as a share of all of it; 0 beside the opening."""
-        turn = jnp.full_like(point[0], 0.1)
+        # One number, not one of each point.
+        turn = jnp.full((), 0.1, dtype=point.dtype)
         outline, along = jax.jvp(self.rim, (turn,), (jnp.ones_like(turn),))
         # Equal turns sweep equal areas, so that the rate at any turn is the area of the whole outline.
         area = 0.5 * (outline[0] * along[1] - outline[1] * along[0])
@@ -96,7 +98,7 @@ class Disk(AbstractAperture):
         return jnp.stack([jnp.cos(angle), jnp.sin(angle)])
 
     def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
-        return point @ point <= 1.0
+        return point[0] ** 2 + point[1] ** 2 <= 1.0
 
     def finest(self) -> Float[Array, ""]:
         return jnp.ones(())
@@ -145,10 +147,12 @@ class Polygon(AbstractAperture):
         return edge * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
 
     def holds(self, point: Float[Array, "2"]) -> Bool[Array, ""]:
-        half = jnp.pi / self.blades
-        straight = (1.0 - self.roundness) * jnp.cos(half) ** 2
-        t = jnp.mod(jnp.arctan2(point[1], point[0]) - self.rotation, 2.0 * half) - half
-        return point @ point <= straight / jnp.cos(t) ** 2 + self.roundness
+        # With h = |p| cos t, the largest of its coordinates across the sides, |p|^2 <= R(t)^2 needs no angle.
+        middles = self.rotation + jnp.pi / self.blades * (2.0 * jnp.arange(self.blades) + 1.0)
+        across = point[0] * jnp.cos(middles) + point[1] * jnp.sin(middles)
+        square, height = point[0] ** 2 + point[1] ** 2, largest_of_few(across) ** 2
+        straight = (1.0 - self.roundness) * jnp.cos(jnp.pi / self.blades) ** 2
+        return square * height <= straight * square + self.roundness * height
 
     def finest(self) -> Float[Array, ""]:
         straight = (1.0 - self.roundness) * jnp.cos(jnp.pi / self.blades) ** 2

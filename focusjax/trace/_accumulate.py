@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jax.sharding import Mesh
 from jaxtyping import Array, Float, Int
 
+from focusjax._few import sum_of_few
 from focusjax._zeros import zeros_after
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
@@ -18,7 +19,6 @@ from focusjax.trace._groups import RayGroups, SomeGroups
 from focusjax.trace._radiances import Seen, TracedScene, seen_along
 from focusjax.trace._ranges import DisparityRanges
 from focusjax.trace._samples import RaySamples, Starts
-from focusjax.trace._sums import sum_of_few
 
 
 class PixelSums(eqx.Module):

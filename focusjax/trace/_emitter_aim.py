@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from focusjax._few import largest_of_few
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens import AbstractLens
 
@@ -78,11 +79,11 @@ def aim_at(
         # Where a ray goes that glass stops says little: halfway back to one that passes.
         lit = ray.weight > 0
         after = jnp.where(lit, after, 0.5 * (pupil + passing))
-        square = after @ after
+        square = after[0] ** 2 + after[1] ** 2
         after = after * (_FARTHEST / jnp.sqrt(jnp.maximum(square, _FARTHEST**2)))
         most = jnp.maximum(most, jnp.where(lit, area, 0.0))
-        found = Aim(pupil, ray, jnp.maximum(area, _LEAST_RATIO * most), jnp.abs(off).max())
-        moves = jnp.abs(after - pupil).max() > _STAYS
+        found = Aim(pupil, ray, jnp.maximum(area, _LEAST_RATIO * most), largest_of_few(jnp.abs(off)))
+        moves = largest_of_few(jnp.abs(after - pupil)) > _STAYS
         return step + 1, after, jnp.where(lit, pupil, passing), most, found, moves
 
     # In a loop, so that the lens is compiled once.

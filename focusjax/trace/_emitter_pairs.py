@@ -24,6 +24,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt
 
+from focusjax._few import sum_of_few
 from focusjax._zeros import zeros_after
 from focusjax.geometry import Camera, LensRay, film_offsets
 from focusjax.layers import Grid, interval
@@ -120,7 +121,7 @@ def light_of_pairs(
 
             def of_lens(lens: AbstractLens) -> Float[Array, "g 3"]:
                 colours = brought(draw, lens, some)
-                return jnp.stack([colour.reshape(together, -1).sum(axis=0) for colour in colours], axis=1)
+                return jnp.stack([sum_of_few(colour.reshape(together, -1)) for colour in colours], axis=1)
 
             share = jnp.exp2(-log_each.astype(sums.dtype))
             pixel = jnp.where(group < used, row * camera.width + column, pixels)
@@ -202,9 +203,9 @@ class Drawing:
             [slots.column[cluster] + inside % TILE, slots.row[cluster] + inside // TILE], axis=1
         )
         place = (first.astype(off.dtype) + off + 0.5 - grid.margin) / grid.supersampling
-        slope = jnp.stack([look(plane) for plane in slots.slope], axis=1)
-        change = (slope * off).sum(axis=1) / grid.supersampling
-        return Drawn(slot, look(slots.share), place, look(slots.disparity) + change, slope)
+        slope = [look(plane) for plane in slots.slope]
+        change = sum_of_few(jnp.stack(slope) * off.T) / grid.supersampling
+        return Drawn(slot, look(slots.share), place, look(slots.disparity) + change, jnp.stack(slope, axis=1))
 
     def chances(self, some: Pairs) -> UInt[Array, " n"]:
         """32 bits, evenly spaced for the rays of each pair, as those of `pixel_chances`."""
@@ -235,7 +236,7 @@ def carried(
     aim = aim_at(camera, lens, film, place, disparity)
     ray, found = aim.ray, (aim.area > 0) & (aim.off < near)
     density = lens.opening().share(aim.pupil) / jnp.where(found, aim.area, 1.0)
-    return ray, jnp.where(found, density * jnp.abs(1.0 - slope @ ray.b) * ray.weight, 0.0)
+    return ray, jnp.where(found, density * jnp.abs(1.0 - sum_of_few(slope * ray.b)) * ray.weight, 0.0)
 
 
 def reached(

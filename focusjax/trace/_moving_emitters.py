@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, UInt
 
+from focusjax._few import sum_of_few
 from focusjax._programs import jit
 from focusjax.geometry import LensRay
 from focusjax.lens import AbstractLens
@@ -152,7 +153,7 @@ def _moved(
     """
 
     def at(along: Float[Array, "2"]) -> tuple[Array, tuple[Array, Array, Array]]:
-        there, now, ahead = motion.place(along, disparity + slope @ (along - place), matrix)
+        there, now, ahead = motion.place(along, disparity + sum_of_few(slope * (along - place)), matrix)
         return jnp.append(there, now), (there, now, ahead)
 
     ((x_x, x_y), (y_x, y_y), (w_x, w_y)), (there, now, ahead) = jax.jacfwd(at, has_aux=True)(place)

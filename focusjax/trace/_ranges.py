@@ -8,11 +8,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from focusjax._few import largest_of_few, least_of_few
 from focusjax.geometry import filter_radius
 from focusjax.layers import Layers, RangePyramid
 from focusjax.lens import AbstractLens
 from focusjax.trace._in_parts import in_parts
-from focusjax.trace._sums import largest_of_few, least_of_few
 
 _ROUNDS = 4
 _SLACK = 1.0

@@ -1,9 +1,7 @@
-"""Sums, extremes and stream compaction in the forms that XLA compiles well."""
-
-import functools
+"""Sums, running extremes and stream compaction in the forms that XLA compiles well."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Int
 
 _ROW, _FEW = 16, 256
 
@@ -54,22 +52,3 @@ def _earlier(values: Int[Array, "*m n"]) -> Bool[Array, "*#m n n"]:
     """Whether the place of the last axis comes before that of the one before it."""
     place = jnp.arange(values.shape[-1], dtype=jnp.int32)
     return jnp.expand_dims(place[:, None] > place[None], range(values.ndim - 1))
-
-
-def sum_of_few(terms: Float[Array, "n *m"]) -> Float[Array, "*m"]:
-    """Sum along the first axis, written out term by term.
-
-    XLA for CPU hands a reduction along an axis to a library, which for a handful of terms takes several times
-    as long as adding them where they are made.
-    """
-    return functools.reduce(jnp.add, jnp.unstack(terms))
-
-
-def least_of_few(terms: Float[Array, "n *m"]) -> Float[Array, "*m"]:
-    """Minimum along the first axis; see `sum_of_few`."""
-    return functools.reduce(jnp.minimum, jnp.unstack(terms))
-
-
-def largest_of_few(terms: Float[Array, "n *m"]) -> Float[Array, "*m"]:
-    """Maximum along the first axis; see `sum_of_few`."""
-    return functools.reduce(jnp.maximum, jnp.unstack(terms))

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from focusjax.trace._sums import largest_of_few, least_of_few, sum_of_few
+from focusjax._few import largest_of_few, least_of_few, sum_of_few
 
 
 def test_they_are_those_along_the_first_axis():

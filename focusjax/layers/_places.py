@@ -15,6 +15,8 @@ import numpy as np
 from jax.lax import population_count
 from jaxtyping import Array, Int, UInt
 
+from focusjax._whole import taken
+
 _ALIGNMENT = 64
 """Bytes; a device on the same processor takes arrays aligned like this as they are, without a copy."""
 _BITS = 32
@@ -61,8 +63,8 @@ class Places(eqx.Module):
         """Position in compact arrays of the samples at flat `index` [n]; of no meaning where none is."""
         word = index >> 5
         below = (jnp.uint32(1) << (index & (_BITS - 1)).astype(jnp.uint32)) - 1
-        held = self.held.at[word].get(mode="promise_in_bounds")
-        before = self.before.at[word].get(mode="promise_in_bounds")
+        held = taken(self.held, word)
+        before = taken(self.before, word)
         return before + population_count(held & below).astype(jnp.int32)
 
 

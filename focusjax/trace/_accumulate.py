@@ -10,6 +10,7 @@ from jax.sharding import Mesh
 from jaxtyping import Array, Float, Int
 
 from focusjax._few import sum_of_few
+from focusjax._whole import divided
 from focusjax._zeros import zeros_after
 from focusjax.geometry import Camera
 from focusjax.lens import AbstractLens
@@ -94,7 +95,7 @@ def starts_of(
     first, then all second ones, and so on: sums over groups are sums of columns.
     """
     pixel = jnp.minimum(some.pixel, camera.width * camera.height - 1)
-    column, row = pixel % camera.width, pixel // camera.width
+    row, column = divided(pixel, camera.width)
     number = jnp.arange(some.together, dtype=jnp.int32)[:, None] + some.first[None]
     of_column, of_row = (jnp.broadcast_to(a[None], number.shape) for a in (column, row))
     starts = samples.at(of_column, of_row, jnp.minimum(number, samples.per_pixel - 1))

@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from focusjax._whole import taken
 from focusjax.geometry import filter_radius
 from focusjax.layers import Layers, RowsOfLayers, by_rows
 from focusjax.lens import AbstractLens
@@ -140,7 +141,7 @@ def contrast(
         at_y = jnp.clip(row + around, 0, rows[level] - 1)
         places = starts[level] + at_y[:, None] * columns[level] + at_x[None]
         weights = _spline(y - jnp.floor(y))[:, None] * _spline(x - jnp.floor(x))[None]
-        return [(weights * plane.at[places].get(mode="promise_in_bounds")).sum() for plane in planes]
+        return [(weights * taken(plane, places)).sum() for plane in planes]
 
     def of_square(x: Array, y: Array, least: Array, largest: Array) -> Float[Array, ""]:
         low, high, blur = _box(layers, lens, pixel_filter, jnp.stack([x, y]), least, largest)

@@ -25,6 +25,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt
 
 from focusjax._few import sum_of_few
+from focusjax._whole import divided, taken
 from focusjax._zeros import zeros_after
 from focusjax.geometry import Camera, LensRay, film_offsets
 from focusjax.layers import Grid, interval
@@ -195,7 +196,7 @@ class Drawing:
         slot, u = slots.drawn(cluster, u)
 
         def look(plane: Array) -> Array:
-            return plane.at[slot].get(mode="promise_in_bounds")
+            return taken(plane, slot)
 
         inside = slot - cluster * SLOTS
         off = jnp.stack(within_outline(look(slots.word), u - 0.5, v - 0.5), axis=1)
@@ -243,14 +244,14 @@ def reached(
     slots: Slots, volume: Volume, hits: Int[Array, " n"], cluster: Int[Array, " n"], slot: Int[Array, " n"]
 ) -> Bool[Array, " n"]:
     """Whether rays that meet `hits` first reach the sample in `slot` of a cluster."""
-    layer, place = jnp.divmod(jnp.maximum(hits, 0), volume.columns * volume.rows)
-    row, column = jnp.divmod(place, volume.columns)
+    layer, place = divided(jnp.maximum(hits, 0), volume.columns * volume.rows)
+    row, column = divided(place, volume.columns)
     down, right = row - slots.row[cluster], column - slots.column[cluster]
     near = (down >= 0) & (down < TILE) & (right >= 0) & (right < TILE) & (layer == slots.layer[cluster])
     mine = cluster * SLOTS + jnp.where(near, down * TILE + right, 0)
-    same = near & (slots.share.at[mine].get(mode="promise_in_bounds") > 0)
-    met = volume.cells.at[place * volume.layers + layer].get(mode="promise_in_bounds")
-    least, most = interval(slots.word.at[slot].get(mode="promise_in_bounds"))
+    same = near & (taken(slots.share, mine) > 0)
+    met = taken(volume.cells, place * volume.layers + layer)
+    least, most = interval(taken(slots.word, slot))
     farther = interval(met)[0] <= most + (most - least) + _TOLERANCE
     return (hits < 0) | same | farther
 
@@ -282,7 +283,7 @@ def emitter_light(
         paths = jax.vmap(path_of)(on_grid(ray, scene.grid), least, jnp.where(value > 0, largest, 0.0))
         hits = first_hits(volume, paths, None if volume.opacity is None else chance)
         value = jnp.where(reached(slots, volume, hits, some.cluster, slot), value, 0.0)
-        return tuple(value * plane.at[slot].get(mode="promise_in_bounds") for plane in slots.power)
+        return tuple(value * taken(plane, slot) for plane in slots.power)
 
     return light_of_pairs(emitters, scene.camera, lens, brought, seed, rays=rays, pixel_filter=pixel_filter)
 

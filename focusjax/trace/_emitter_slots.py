@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt
 
 from focusjax._at_once import at_once
+from focusjax._whole import taken
 from focusjax.layers import Layers, interval
 from focusjax.trace._sums import compacted
 
@@ -173,11 +174,11 @@ class Slots(eqx.Module):
 
         def halve(step: Array, slot: Array) -> Array:
             width = jnp.int32(SLOTS // 2) >> step
-            end = self.upto.at[slot + (width - 1)].get(mode="promise_in_bounds")
+            end = taken(self.upto, slot + (width - 1))
             return slot + jnp.where(u >= end, width, 0)
 
         slot = jax.lax.fori_loop(jnp.int32(0), jnp.int32(SLOTS.bit_length() - 1), halve, cluster * SLOTS)
-        end, share = (plane.at[slot].get(mode="promise_in_bounds") for plane in (self.upto, self.share))
+        end, share = (taken(plane, slot) for plane in (self.upto, self.share))
         within = (u - (end - share)) / jnp.where(share > 0, share, 1.0)
         return slot, jnp.clip(within, 0.0, 1.0)
 

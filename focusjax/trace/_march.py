@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, UInt
 
+from focusjax._whole import taken
 from focusjax.trace._sums import compacted
 from focusjax.trace._walk import Passing, Path, Read, Volume, gathered, take_step
 
@@ -51,7 +52,7 @@ def _compacting(volume: Volume, paths: Path, passing: Passing | None) -> Int[Arr
 
     def part(number: Int[Array, ""], hits: Int[Array, " n"]) -> Int[Array, " n"]:
         mine = jax.lax.dynamic_slice(lanes, (number * _PART,), (_PART,))
-        path, known = jax.tree.map(lambda a: a.at[mine].get(mode="promise_in_bounds"), (paths, passing))
+        path, known = jax.tree.map(lambda a: taken(a, mine), (paths, passing))
         there = number * _PART + jnp.arange(_PART, dtype=jnp.int32) < going
         path = dataclasses.replace(path, steps=jnp.where(there, path.steps, 0))
         # To the end of the longest: to look after each step who has ended takes longer than it saves.

@@ -18,6 +18,7 @@ from jaxtyping import Array, Float, UInt
 
 from focusjax._few import sum_of_few
 from focusjax._programs import jit
+from focusjax._whole import taken
 from focusjax.geometry import LensRay
 from focusjax.lens import AbstractLens
 from focusjax.trace._body_motion import BodyMotion
@@ -96,7 +97,7 @@ def moving_light(
             _, hits, before = met_in_motion(other, ray, chance, time, together)
             seen &= (hits < 0) | (before <= now * _BEFORE)
         value = jnp.where(seen, value, 0.0)
-        return tuple(value * plane.at[slot].get(mode="promise_in_bounds") for plane in slots.power)
+        return tuple(value * taken(plane, slot) for plane in slots.power)
 
     return light_of_pairs(emitters, motion.camera, lens, brought, seed, rays=rays, pixel_filter=pixel_filter)
 

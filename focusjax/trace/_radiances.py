@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from focusjax._programs import jit
+from focusjax._whole import divided, taken
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers import Grid, Layers, Places, radiance_slopes
 from focusjax.lens import AbstractLens
@@ -70,7 +71,7 @@ def _colours(radiance: Float[Array, "*n 3"]) -> tuple[Float[Array, " m"], ...]:
 def disparity_of(surface: Surface, hit: Int[Array, ""]) -> Float[Array, ""]:
     """Disparity of sample `hit`, 0 if that is -1."""
     number = surface.places.number(jnp.maximum(hit, 0))
-    return jnp.where(hit >= 0, surface.disparity.at[number].get(mode="promise_in_bounds"), 0.0)
+    return jnp.where(hit >= 0, taken(surface.disparity, number), 0.0)
 
 
 def met_at(
@@ -84,9 +85,7 @@ def met_at(
     met, index = hit >= 0, jnp.maximum(hit, 0)
     number, disparity = surface.places.number(index), disparity_of(surface, hit)
     x, y = ray.a[0] + ray.b[0] * disparity, ray.a[1] + ray.b[1] * disparity
-    in_layer = index % (surface.columns * surface.rows)
-    row = in_layer // surface.columns
-    column = in_layer - row * surface.columns
+    row, column = divided(divided(index, surface.columns * surface.rows)[1], surface.columns)
     dx = jnp.clip(x - column.astype(x.dtype) - 0.5, -0.5, 0.5)
     dy = jnp.clip(y - row.astype(x.dtype) - 0.5, -0.5, 0.5)
     behind = jnp.int32(0)
@@ -96,8 +95,8 @@ def met_at(
         behind = far_row * surface.columns + far_column
 
     def look(mean: Array, across: Array, down: Array, far: Array) -> Float[Array, ""]:
-        own, by_x, by_y = (plane.at[number].get(mode="promise_in_bounds") for plane in (mean, across, down))
-        return jnp.where(met, own + dx * by_x + dy * by_y, far.at[behind].get(mode="promise_in_bounds"))
+        own, by_x, by_y = (taken(plane, number) for plane in (mean, across, down))
+        return jnp.where(met, own + dx * by_x + dy * by_y, taken(far, behind))
 
     planes = zip(surface.radiance, surface.across, surface.down, surface.background, strict=True)
     radiance = tuple(look(*colour) for colour in planes)

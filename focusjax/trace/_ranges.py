@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from focusjax._few import largest_of_few, least_of_few
+from focusjax._whole import taken
 from focusjax.geometry import filter_radius
 from focusjax.layers import Layers, RangePyramid
 from focusjax.lens import AbstractLens
@@ -41,9 +42,7 @@ class DisparityRanges(eqx.Module):
     ) -> tuple[Float[Array, "*n"], Float[Array, "*n"], Int[Array, "*n"]]:
         """Least and largest disparity and number of layers for pixels in a column and row."""
         square = self.square(column, row)
-        least, largest, depth = (
-            plane.at[square].get(mode="promise_in_bounds") for plane in (self.least, self.largest, self.depth)
-        )
+        least, largest, depth = (taken(plane, square) for plane in (self.least, self.largest, self.depth))
         return least, largest, depth
 
     def square(self, column: Int[Array, "*n"], row: Int[Array, "*n"]) -> Int[Array, "*n"]:

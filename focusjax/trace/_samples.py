@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt
 
+from focusjax._whole import taken
 from focusjax.geometry import film_offsets
 from focusjax.lens import AbstractLens
 from focusjax.trace._sobol import shuffled, sobol_points, stirred
@@ -53,10 +54,12 @@ class RaySamples(eqx.Module):
 
     def at(self, column: Int[Array, "*n"], row: Int[Array, "*n"], number: Int[Array, "*n"]) -> "Starts":
         """Ray `number` of the pixel in `column` and `row`, element by element."""
-        index = ((row % self.edge) * self.edge + column % self.edge) * self.per_pixel + number
+        # The edge is a power of two.
+        last = self.edge - 1
+        index = ((row & last) * self.edge + (column & last)) * self.per_pixel + number
 
         def look(plane: Array) -> Array:
-            return plane.at[index].get(mode="promise_in_bounds")
+            return taken(plane, index)
 
         x, y = (look(plane) for plane in self.place)
         u, v = (look(plane) for plane in self.pupil)

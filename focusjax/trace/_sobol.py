@@ -12,6 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt
 
+from focusjax._whole import taken
+
 _BITS = 32
 _POLYNOMIALS = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)), (3, 2, (1, 1, 1)))
 """Degree, inner coefficients and first numbers of dimensions 2 to 5 (Joe and Kuo 2008)."""
@@ -35,7 +37,7 @@ def sobol_points(
     for dimension in range(1, dimensions):
         # Of each half of its bits by a table: one exclusive or for each bit takes far longer to compile.
         tables = jnp.asarray(_words(dimension, 0, half)), jnp.asarray(_words(dimension, half, bits))
-        words.append(_looked_up(tables[0], low) ^ _looked_up(tables[1], high))
+        words.append(taken(tables[0], low) ^ taken(tables[1], high))
     seeds = jnp.stack([jnp.broadcast_to(stirred(seed, k), index.shape) for k in range(dimensions)])
     words = reversed_bits(_scrambled(jnp.stack(words), seeds))
     # In 24 bits, so that single precision stays below 1.
@@ -75,10 +77,6 @@ def _scrambled(word: UInt[Array, "..."], seed: UInt[Array, "..."]) -> UInt[Array
     word = (word + seed) * ((seed >> 16) | 1)
     word ^= word * jnp.uint32(0x05526C56)
     return word ^ (word * jnp.uint32(0x53A22864))
-
-
-def _looked_up(table: UInt[Array, " k"], index: Int[Array, "..."]) -> UInt[Array, "..."]:
-    return table.at[index].get(mode="promise_in_bounds")
 
 
 @functools.cache

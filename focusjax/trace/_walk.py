@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, UInt
 
 from focusjax._programs import jit
+from focusjax._whole import taken
 from focusjax.geometry import LensRay
 from focusjax.layers import BELOW_MOST, covered, interval
 
@@ -114,7 +115,7 @@ def path_of(ray: LensRay, least: Float[Array, ""], largest: Float[Array, ""]) ->
 
 def gathered(words: Array, at: Array) -> Array:
     """As `Read`, by XLA."""
-    return words.at[at].get(mode="promise_in_bounds")
+    return taken(words, at)
 
 
 def take_step(

@@ -166,13 +166,17 @@ def frames_asked(
     )
 
 
+def frames_with_padding(count: int) -> int:
+    """How many frames a shot has when it is filled up, so that few lengths compile: 1, 4, 6, 8, 12, ..."""
+    return 1 if count == 1 else room_for(count, least=4)
+
+
 def padded_frames(asked: FramesAsked) -> FramesAsked:
-    """The shot with its last frame repeated, so that few lengths compile anew: 1, 4, 6, 8, 12, 16, 24, ...
+    """The shot with its last frame repeated, up to `frames_with_padding`.
 
     In repeated frames no wish counts, nothing moves, and no smoothness ties them to the shot.
     """
-    count = asked.present.size
-    size = 1 if count == 1 else room_for(count, least=4)
+    size = frames_with_padding(asked.present.size)
     by_frame = ("camera", "lens", "limits", "glass")
     longer = {
         name: jax.tree.map(lambda leaf: repeated(leaf, size), getattr(asked, name)) for name in by_frame

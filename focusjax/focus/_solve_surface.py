@@ -11,14 +11,13 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from focusjax._arguments import ArgumentError, require_kind
-from focusjax._programs import jit
+from focusjax._programs import jit_in_haste
 from focusjax.focus._checks import require_weight
 from focusjax.focus._image_points import (
     EQUAL,
     ImagePoints,
     anonymous,
-    blurs,
-    errors,
+    errors_of,
     filled_up,
     padded,
     repeated,
@@ -28,7 +27,7 @@ from focusjax.focus._image_points import (
 from focusjax.focus._refuse import checked_points, opened, require_points
 from focusjax.focus._solution import AbstractPrinted, WishResult, first_rows, wish_table
 from focusjax.geometry import Camera
-from focusjax.lens import FocalSurface, FocalSurfaceLens, ThinLens, focal_surface_lens
+from focusjax.lens import FocalSurface, FocalSurfaceLens, ThinLens, focal_surface_lens, surface_blur
 
 _GRID = (16, 12)
 """Columns and rows of places in the picture at which roughness is taken."""
@@ -151,22 +150,17 @@ def solve_surface_asked(asked: SurfaceAsked) -> SurfaceSolution:
     """The solution of a checked problem; rows without weight fill it up, so that few sizes are compiled."""
     points, controls = asked.points, asked.surface
     wishes, count = points.weight.shape[0], controls.weight.shape[0]
-    solution = _solve(
+    focus, *errors, rough, cost = _solve(
         anonymous(padded(points, room_for(wishes))),
         asked.camera,
         _with_controls(controls, room_for(count)),
         asked.lens,
         asked.smoothness,
     )
-    values = first_rows(solution.surface.focus_disparity, count)
-    return dataclasses.replace(
-        solution,
-        surface=dataclasses.replace(controls, focus_disparity=values),
-        points=points,
-        blur=first_rows(solution.blur, wishes),
-        error=first_rows(solution.error, wishes),
-        asked=asked,
-    )
+    surface = dataclasses.replace(controls, focus_disparity=first_rows(focus, count))
+    blur, error = (first_rows(column, wishes) for column in errors)
+    made = focal_surface_lens(surface, asked.camera, asked.lens)
+    return SurfaceSolution(surface, made, points, blur, error, rough, cost, asked)
 
 
 def _with_controls(surface: FocalSurface, size: int) -> FocalSurface:
@@ -221,30 +215,31 @@ class LinearSurface(eqx.Module):
         return lx.linear_solve(lx.MatrixLinearOperator(self.matrix), self.right(side), lx.SVD()).value
 
 
-@jit
+@jit_in_haste
 def _solve(
     points: ImagePoints, camera: Camera, surface: FocalSurface, lens: ThinLens, smoothness: Float[Array, ""]
-) -> SurfaceSolution:
+) -> tuple[Array, ...]:
+    """Focal disparities of all control points, blur and error of all wishes, roughness, and cost."""
     slope = 2.0 * camera.focal_px * lens.aperture_radius
     linear = linear_surface(points, camera, surface, slope, smoothness)
     side = jax.lax.stop_gradient(_sides(jax.lax.stop_gradient(linear), points))
     change = linear.change(side)
-    solved = eqx.tree_at(lambda s: s.focus_disparity, surface, surface.focus_disparity + change / slope)
-    made = focal_surface_lens(solved, camera, lens)
-    blur = blurs(points, camera, made)
+    solved = dataclasses.replace(surface, focus_disparity=surface.focus_disparity + change / slope)
+    blur = surface_blurs(points, camera, solved, lens)
     miss = linear.matrix @ change - linear.right(side)
     rough = miss[points.weight.size :]
     positive = smoothness > 0
-    return SurfaceSolution(
-        surface=solved,
-        lens=made,
-        points=points,
-        blur=blur,
-        error=errors(points, camera, made),
-        roughness=jnp.sqrt(jnp.where(positive, rough @ rough, 1.0) / jnp.where(positive, smoothness, 1.0))
-        * positive,
-        cost=0.5 * miss @ miss,
-    )
+    roughness = jnp.sqrt(jnp.where(positive, rough @ rough, 1.0) / jnp.where(positive, smoothness, 1.0))
+    error = errors_of(points, blur, None)
+    return solved.focus_disparity, blur, error, roughness * positive, 0.5 * miss @ miss
+
+
+def surface_blurs(
+    points: ImagePoints, camera: Camera, surface: FocalSurface, lens: ThinLens
+) -> Float[Array, "n"]:
+    """Signed blur diameter in pixels at every point, through the lens that the surface makes of `lens`."""
+    of_point = jax.vmap(surface_blur, in_axes=(None, None, None, 0, 0))
+    return of_point(surface, camera, lens, points.xy, points.disparity)
 
 
 def linear_surface(

@@ -8,21 +8,33 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from focusjax._arguments import ArgumentError
-from focusjax._programs import jit
+from focusjax._device import device_array
+from focusjax._programs import jit, jit_in_haste
 from focusjax.focus._checks import require_weight
-from focusjax.focus._frames_asked import with_weight
+from focusjax.focus._frames_asked import frames_with_padding, with_weight
 from focusjax.focus._frames_solution import LargestChange, largest_changes, no_points
-from focusjax.focus._image_points import ImagePoints, anonymous, blurs, errors, root_weight, stacked, together
+from focusjax.focus._image_points import (
+    ImagePoints,
+    anonymous,
+    errors_of,
+    filled_up,
+    padded,
+    repeated,
+    root_weight,
+    stacked,
+    together,
+)
 from focusjax.focus._refuse import checked_points, opened
-from focusjax.focus._solution import Result, WishResult, one_row, wish_table
+from focusjax.focus._solution import Result, WishResult, first_rows, one_row, wish_table
 from focusjax.focus._solve_surface import (
     LinearSurface,
     linear_surface,
     settled_sides,
     starting_sides,
+    surface_blurs,
     without_relations,
 )
 from focusjax.geometry import Camera
@@ -43,6 +55,7 @@ class SurfaceFramesAsked(eqx.Module):
         roughness: weight of the change of blur over the picture.
         smoothness: weight of second differences over time.
         steadiness: weight of first differences over time.
+        present: the frames of the shot; those that fill it up come after them.
         names: of the wishes (static).
     """
 
@@ -53,6 +66,7 @@ class SurfaceFramesAsked(eqx.Module):
     roughness: Float[Array, ""]
     smoothness: Float[Array, ""]
     steadiness: Float[Array, ""]
+    present: Bool[Array, "t"]
     names: tuple[str, ...] = eqx.field(static=True)
 
 
@@ -137,6 +151,8 @@ def solve_surface_frames(
     by turns with the solve of all frames, from the same four starts as for one picture. The solution is
     differentiable as that of `solve_focal_surface`, with sides held.
 
+    A shot is filled up with frames that take no part, as that of `solve_frames`.
+
     Args:
         points: every frame's located wishes, the same in every frame; weight 0 where they do not count.
         cameras: of every frame.
@@ -176,6 +192,7 @@ def solve_surface_frames(
         surface=jax.tree.map(together, *surfaces),
         lens=jax.tree.map(together, *(opened(lens) for lens in lenses)),
         **weights,
+        present=device_array(np.ones(len(points), dtype=bool)),
         names=points[0].names,
     )
     return solve_surface_frames_asked(asked)
@@ -183,9 +200,23 @@ def solve_surface_frames(
 
 def solve_surface_frames_asked(asked: SurfaceFramesAsked) -> SurfaceFramesSolution:
     """The solution of a checked problem."""
-    solution = _solve(dataclasses.replace(asked, names=()))
-    points = dataclasses.replace(solution.points, names=asked.names)
-    return dataclasses.replace(solution, points=points, asked=asked)
+    solution = _solve(_padded(dataclasses.replace(asked, names=())))
+    by_frame = ("surface", "camera", "thin", "points", "blur", "error")
+    own = {name: first_rows(getattr(solution, name), asked.present.size) for name in by_frame}
+    solution = dataclasses.replace(solution, **own, asked=asked)
+    return dataclasses.replace(solution, points=dataclasses.replace(solution.points, names=asked.names))
+
+
+def _padded(asked: SurfaceFramesAsked) -> SurfaceFramesAsked:
+    """The shot with its last frame repeated, in which nothing is wished and nothing moves."""
+    size = frames_with_padding(asked.present.size)
+    longer = {
+        name: jax.tree.map(lambda leaf: repeated(leaf, size), getattr(asked, name))
+        for name in ("camera", "surface", "lens")
+    }
+    return dataclasses.replace(
+        asked, **longer, points=padded(asked.points, size), present=filled_up(asked.present, size, False)
+    )
 
 
 def unsolved_surfaces(
@@ -256,14 +287,14 @@ class _Rows(eqx.Module):
         return self.jacobian.mv(change)[0] - right
 
 
-@jit
+@jit_in_haste
 def _solve(asked: SurfaceFramesAsked) -> SurfaceFramesSolution:
     """The compiled part."""
     slope = 2.0 * jax.vmap(lambda lens, camera: lens.parallax(camera))(asked.lens, asked.camera)
-    frames = jax.vmap(linear_surface, in_axes=(0, 0, 0, 0, None))(
-        asked.points, asked.camera, asked.surface, slope, asked.roughness
+    frames = jax.vmap(linear_surface)(
+        asked.points, asked.camera, asked.surface, slope, jnp.where(asked.present, asked.roughness, 0.0)
     )
-    number = jnp.arange(slope.size)
+    number = jnp.where(asked.present, jnp.arange(slope.size), -1)
 
     rows = _Rows(
         frames,
@@ -277,13 +308,13 @@ def _solve(asked: SurfaceFramesAsked) -> SurfaceFramesSolution:
         lambda s: s.focus_disparity, asked.surface, asked.surface.focus_disparity + change / slope[:, None]
     )
 
-    def seen(frame: tuple[FocalSurface, Camera, ThinLens, ImagePoints]) -> tuple[Array, Array]:
-        surface, camera, thin, points = frame
-        lens = focal_surface_lens(surface, camera, thin)
-        return blurs(points, camera, lens), errors(points, camera, lens)
+    def seen(
+        surface: FocalSurface, camera: Camera, thin: ThinLens, points: ImagePoints
+    ) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
+        blur = surface_blurs(points, camera, surface, thin)
+        return blur, errors_of(points, blur, None)
 
-    # One frame after the other: a lens is as large as a picture.
-    blur, error = jax.lax.map(seen, (solved, asked.camera, asked.lens, asked.points))
+    blur, error = jax.vmap(seen)(solved, asked.camera, asked.lens, asked.points)
     miss = rows.miss(change, side)
     over_time = rows.over_time(change)
     finite = jnp.all(jnp.isfinite(error)) & jnp.all(jnp.isfinite(change))

@@ -39,6 +39,7 @@ from focusjax.lens._fitted import fitted_lens as fitted_lens
 from focusjax.lens._fitted import refitted as refitted
 from focusjax.lens._focal_surface import FocalSurfaceLens as FocalSurfaceLens
 from focusjax.lens._focal_surface import focal_surface_lens as focal_surface_lens
+from focusjax.lens._focal_surface import surface_blur as surface_blur
 from focusjax.lens._focused import at_wavelength as at_wavelength
 from focusjax.lens._focused import focused_lens as focused_lens
 from focusjax.lens._focused import prescription_lens as prescription_lens

@@ -26,6 +26,7 @@ from focusjax.lens import (
     ThinLens,
     focal_surface,
     focal_surface_lens,
+    surface_blur,
     thin_lens,
 )
 
@@ -79,12 +80,17 @@ def test_rows_without_weight_that_fill_a_problem_up_change_nothing(count):
     def filled(target):
         return solve_focal_surface(dataclasses.replace(points, target=target), CAMERA, surface, lens())
 
-    want, found = plain(points.target), filled(points.target)
-    for name in ("blur", "error", "cost", "roughness"):
-        np.testing.assert_allclose(getattr(found, name), getattr(want, name), rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(found.surface.focus_disparity, want.surface.focus_disparity, rtol=1e-9)
-    np.testing.assert_allclose(found.lens.focus_disparity, want.lens.focus_disparity, rtol=1e-9)
-    slopes = [jax.jacrev(lambda t, f=f: f(t).surface.focus_disparity)(points.target) for f in (plain, filled)]
+    found = filled(points.target)
+    focus, *others = plain(points.target)
+    for name, want in zip(("blur", "error", "roughness", "cost"), others, strict=True):
+        np.testing.assert_allclose(getattr(found, name), want, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.surface.focus_disparity, focus, rtol=1e-9)
+    made = focal_surface_lens(found.surface, CAMERA, lens())
+    np.testing.assert_array_equal(found.lens.focus_disparity, made.focus_disparity)
+    slopes = [
+        jax.jacrev(disparities)(points.target)
+        for disparities in (lambda t: plain(t)[0], lambda t: filled(t).surface.focus_disparity)
+    ]
     np.testing.assert_allclose(slopes[1], slopes[0], rtol=1e-7, atol=1e-12)
 
 
@@ -99,6 +105,17 @@ def test_a_surface_sampled_for_fewer_pixels_is_the_same_surface():
     place, w = jnp.array([20.0, 11.0]), jnp.array(0.7)
     half = found.blur(fewer, place, w)
     np.testing.assert_allclose(2 * half, made.blur(CAMERA, 2 * place, w), rtol=1e-9)
+
+
+def test_blur_at_a_point_is_that_of_the_lens_for_the_whole_picture(found):
+    """Inside pixels, on their borders and corners, on the picture's frame and beyond it."""
+    places = jnp.array([(6.3, 6.8), (50.0, 9.5), (30.0, 40.0), (0.0, 48.0), (64.0, 20.1), (-5.0, 50.0)])
+    surface = dataclasses.replace(found.surface, aperture_scale=jnp.array([1.0, 0.5, 1.5, 0.8]))
+    whole = focal_surface_lens(surface, CAMERA, lens())
+    for place in places:
+        own = surface_blur(surface, CAMERA, lens(), place, jnp.asarray(0.7))
+        # Observed: 9e-16 of it.
+        np.testing.assert_allclose(own, whole.blur(CAMERA, place, jnp.asarray(0.7)), rtol=1e-12)
 
 
 @eqx.filter_jit

@@ -3,11 +3,11 @@
 import json
 import re
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from cards_config import write_cards
+from compilations import compilations
 from typer.testing import CliRunner
 
 from focusjax.cli import app
@@ -62,33 +62,50 @@ def test_points_come_and_go_without_a_jump(config_file):
     assert float(surface.focus_disparity[4, 1]) == pytest.approx(0.5 + 4 / slope, rel=1e-4)
 
 
-def test_frames_solved_together_are_the_smoothest_that_meet_the_wishes():
-    """One control point and one wish: the normal equations by hand, and their derivative."""
+def solved_frames(depths):
+    """Focal disparities of the one control point, and 2 f E, where something at `depths` has a wish."""
     camera = make_camera(jnp.eye(4), width=32, height=24, focal_length=0.05)
     lens = thin_lens(focus_distance=2.0, f_number=4.0, focal_length=0.05)
-    slope = 2 * float(lens.parallax(camera))
-    depths = np.array([0.5, 0.9, 0.4, 0.6])
+    points = [
+        locate([FocusPoint(AtPixel(16.5, 12.5), Blur(2.0, signed=True))], camera,
+               disparity_map=jnp.broadcast_to(depth, (24, 32)))
+        for depth in depths
+    ]  # fmt: skip
+    count = len(depths)
+    surfaces = [focal_surface([(16.5, 12.5)], 0.5)] * count
+    found = solve_surface_frames(
+        points, [camera] * count, surfaces, [lens] * count, smoothness=3.0, steadiness=0.5
+    )
+    return found, 2 * float(lens.parallax(camera))
+
+
+@pytest.mark.parametrize("count", [1, 4, 5])
+def test_frames_solved_together_are_the_smoothest_that_meet_the_wishes(count):
+    """One control point and one wish: the normal equations by hand, and their derivative."""
+    depths = np.array([0.5, 0.9, 0.4, 0.6, 0.7])[:count]
 
     def solved(depths):
-        points = [
-            locate([FocusPoint(AtPixel(16.5, 12.5), Blur(2.0, signed=True))], camera,
-                   disparity_map=jnp.broadcast_to(depth, (24, 32)))
-            for depth in depths
-        ]  # fmt: skip
-        surfaces = [focal_surface([(16.5, 12.5)], 0.5)] * 4
-        found = solve_surface_frames(
-            points, [camera] * 4, surfaces, [lens] * 4, smoothness=3.0, steadiness=0.5
-        )
-        return found.surface.focus_disparity[:, 0]
+        return solved_frames(depths)[0].surface.focus_disparity[:, 0]
 
-    bend, pace = np.diff(np.eye(4), n=2, axis=0), np.diff(np.eye(4), n=1, axis=0)
-    normal = np.eye(4) + 3 * bend.T @ bend + 0.5 * pace.T @ pace
+    found, slope = solved_frames(depths)
+    bend, pace = np.diff(np.eye(count), n=2, axis=0), np.diff(np.eye(count), n=1, axis=0)
+    normal = np.eye(count) + 3 * bend.T @ bend + 0.5 * pace.T @ pace
     expected = np.linalg.solve(normal, slope * depths + 2) / slope
-    np.testing.assert_allclose(solved(depths), expected, atol=1e-7)
-    step = 1e-4 * np.eye(4)[1]
+    np.testing.assert_allclose(found.surface.focus_disparity[:, 0], expected, atol=1e-7)
+    miss = slope * (expected - depths) - 2
+    over_time = 3 * np.sum((bend @ expected) ** 2) + 0.5 * np.sum((pace @ expected) ** 2)
+    assert float(found.cost) == pytest.approx(0.5 * np.sum(miss**2) + 0.5 * slope**2 * over_time, rel=1e-6)
+    step = 1e-4 * np.eye(count)[-1]
     change = (solved(depths + step) - solved(depths - step)) / 2e-4
-    np.testing.assert_allclose(change, np.linalg.inv(normal)[:, 1], atol=1e-5)
-    assert jax.tree.all(jax.tree.map(lambda leaf: bool(jnp.all(jnp.isfinite(leaf))), change))
+    np.testing.assert_allclose(change, np.linalg.inv(normal)[:, -1], atol=1e-5)
+
+
+def test_other_lengths_of_a_shot_do_not_compile():
+    solved_frames([0.5, 0.9, 0.4, 0.6, 0.7, 0.8])
+    with compilations() as compiled:
+        found, _ = solved_frames([0.5, 0.9, 0.4, 0.6, 0.7])
+    assert found.count == len(found.blur) == len(found.points.weight) == len(found.camera.focal_length) == 5
+    assert compiled == []
 
 
 def test_wishes_bend_a_surface_over_time_and_it_is_rendered_with_the_shutter_open(config_file, tmp_path):

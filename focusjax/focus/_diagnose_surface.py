@@ -24,7 +24,7 @@ from focusjax.focus._findings import (
     weightiest,
 )
 from focusjax.focus._global import UNDETERMINED_PX
-from focusjax.focus._solve_surface import SurfaceAsked, SurfaceSolution, solve_surface_asked
+from focusjax.focus._solve_surface import SurfaceAsked, SurfaceSolution, surface_errors
 
 _MOST_WISHES = 16
 """As for a lens: of more wishes than this, the weightiest are dropped once."""
@@ -106,7 +106,7 @@ def diagnose_surface(solution: SurfaceSolution, controls: Sequence[str] = ()) ->
 
 
 def _errors(asked: SurfaceAsked) -> Errors:
-    return verdict_of(asked.points, np.asarray(solve_surface_asked(asked).error)).error
+    return verdict_of(asked.points, np.asarray(surface_errors(asked))).error
 
 
 def _shares(solution: SurfaceSolution) -> tuple[Float[np.ndarray, "s"], tuple[int, ...]]:

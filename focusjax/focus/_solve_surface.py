@@ -143,14 +143,25 @@ def solve_focal_surface(
     require_kind(lens, ThinLens, usage, "`thin_lens` makes one", "lens")
     points = without_relations(checked_points(points))
     smoothness = require_weight("smoothness", smoothness)
-    return solve_surface_asked(SurfaceAsked(points, camera, surface, opened(lens), smoothness))
+    asked = SurfaceAsked(points, camera, surface, opened(lens), smoothness)
+    solved, blur, error, roughness, cost = _solved(asked)
+    made = focal_surface_lens(solved, camera, asked.lens)
+    return SurfaceSolution(solved, made, points, blur, error, roughness, cost, asked)
 
 
-def solve_surface_asked(asked: SurfaceAsked) -> SurfaceSolution:
-    """The solution of a checked problem; rows without weight fill it up, so that few sizes are compiled."""
+def surface_errors(asked: SurfaceAsked) -> Float[Array, "n"]:
+    """The errors of a checked problem's solution, without the lens, which is as large as the picture."""
+    return _solved(asked)[2]
+
+
+def _solved(asked: SurfaceAsked) -> tuple[FocalSurface, Array, Array, Array, Array]:
+    """The surface, blur and error of every wish, roughness, and cost.
+
+    Rows without weight fill the problem up, so that few sizes are compiled.
+    """
     points, controls = asked.points, asked.surface
     wishes, count = points.weight.shape[0], controls.weight.shape[0]
-    focus, *errors, rough, cost = _solve(
+    focus, blur, error, roughness, cost = _solve(
         anonymous(padded(points, room_for(wishes))),
         asked.camera,
         _with_controls(controls, room_for(count)),
@@ -158,9 +169,7 @@ def solve_surface_asked(asked: SurfaceAsked) -> SurfaceSolution:
         asked.smoothness,
     )
     surface = dataclasses.replace(controls, focus_disparity=first_rows(focus, count))
-    blur, error = (first_rows(column, wishes) for column in errors)
-    made = focal_surface_lens(surface, asked.camera, asked.lens)
-    return SurfaceSolution(surface, made, points, blur, error, rough, cost, asked)
+    return surface, first_rows(blur, wishes), first_rows(error, wishes), roughness, cost
 
 
 def _with_controls(surface: FocalSurface, size: int) -> FocalSurface:

@@ -26,7 +26,7 @@ from focusjax.motion import MovingScene
 from focusjax.scene import Scene
 from focusjax.shot._glass import ShotGlass, solve_through_glass
 from focusjax.shot._surfaces import TimedSurface, find_surfaces
-from focusjax.shot._wishes import TimedWish, find_wishes
+from focusjax.shot._wishes import TimedWish, counted, located, require_fade
 
 
 @dataclasses.dataclass(frozen=True)
@@ -188,22 +188,27 @@ def solve_shot(
                 "disparity_map": disparity,
             }
 
+    surface, wishes = shot.surface, shot.wishes
+    groups = [*([] if surface is None else [surface.controls]), *([wishes] if wishes else [])]
+    if groups:
+        require_fade(shot.fade_frames)
+    # Also where nothing is looked for: what is seen decides how far layers reach.
+    found = located(groups, shot.cameras, views())
     surfaces, thin = None, [lens for lens in shot.lenses if isinstance(lens, ThinLens)]
-    if shot.surface is not None:
-        surfaces = find_surfaces(shot.surface, shot.cameras, thin, views(), fade_frames=shot.fade_frames)
+    if surface is not None:
+        surfaces = find_surfaces(surface, shot.cameras, thin, found[0], fade_frames=shot.fade_frames)
     share = np.zeros((shot.count, 0))
-    if shot.wishes:
-        depths.clear()
-        found = find_wishes(
-            shot.wishes, shot.cameras, views(), fade_frames=shot.fade_frames, favour_near=shot.favour_near
+    if wishes:
+        faded = counted(
+            wishes, found[-1], fade_frames=shot.fade_frames, favour_near=shot.favour_near, called="wish"
         )
-        share = found.share
+        points, share = faded.points, faded.share
         report("solve", None)
         over_time = {"smoothness": shot.smoothness, "steadiness": shot.steadiness}
         if surfaces is None:
             solving = solve_frames if shot.glass is None else partial(solve_through_glass, shot.glass)
             solution = solving(
-                found.points,
+                points,
                 shot.cameras,
                 shot.lenses,
                 held=shot.held,
@@ -212,14 +217,11 @@ def solve_shot(
                 **shot.options,
             )
         else:
-            assert shot.surface is not None
+            assert surface is not None
             solution = solve_surface_frames(
-                found.points, shot.cameras, surfaces, thin, roughness=shot.surface.roughness, **over_time
+                points, shot.cameras, surfaces, thin, roughness=surface.roughness, **over_time
             )
     elif surfaces is None:
-        # Nothing is looked for, and what is seen decides how far layers reach.
-        for _ in views():
-            pass
         solution = unsolved(shot.cameras, shot.lenses, shot.options.get("close_focus", "ignored"))
     else:
         solution = unsolved_surfaces(shot.cameras, surfaces, thin)

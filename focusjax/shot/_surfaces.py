@@ -1,7 +1,7 @@
 """A focal surface over the frames of a shot: its control points where the cameras see them."""
 
 import dataclasses
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax.numpy as jnp
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from focusjax.focus import ImagePoints
 from focusjax.geometry import Camera
 from focusjax.lens import FocalSurface, ThinLens
-from focusjax.shot._wishes import TimedWish, find_wishes
+from focusjax.shot._wishes import InFrames, TimedWish, counted
 
 CONTROL_SAMPLES = 64
 """Points of an object or a mask whose mean its control point is: it goes along, and does not jump."""
@@ -39,7 +39,7 @@ def find_surfaces(
     surface: TimedSurface,
     cameras: Sequence[Camera],
     lenses: Sequence[ThinLens],
-    views: Iterable[dict[str, Any]],
+    found: InFrames,
     *,
     fade_frames: float,
 ) -> list[FocalSurface]:
@@ -53,21 +53,20 @@ def find_surfaces(
         surface: the control points.
         cameras: one a frame.
         lenses: one a frame.
-        views: one a frame, as for `find_wishes`.
+        found: its control points in every frame, as `located` gives them.
         fade_frames: frames from nothing to full weight.
 
     Raises:
-        ArgumentError: as `find_wishes`.
+        ArgumentError: none of them counts in any frame.
     """
-    found = find_wishes(
+    faded = counted(
         surface.controls,
-        cameras,
-        views,
+        found,
         fade_frames=fade_frames,
         favour_near=surface.favour_near,
         called="control point",
     )
-    points = [one_row_each(each) for each in found.points]
+    points = [one_row_each(each) for each in faded.points]
     there = np.flatnonzero([float(np.sum(np.asarray(each.weight))) > 0 for each in points])
     made = []
     for frame, (each, camera, lens) in enumerate(zip(points, cameras, lenses, strict=True)):

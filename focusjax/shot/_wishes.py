@@ -125,21 +125,54 @@ def find_wishes(
     """
     if not wishes:
         raise ArgumentError("there are no wishes; give at least one", "points")
+    require_fade(fade_frames)
+    (found,) = located([wishes], cameras, views)
+    return counted(wishes, found, fade_frames=fade_frames, favour_near=favour_near, called=called)
+
+
+InFrames = list[tuple[list[FocusPoint], ImagePoints]]
+"""Wishes as they are in each frame, and where they are seen with a weight of 1."""
+
+
+def require_fade(fade_frames: float) -> None:
+    """Refuses what is no number of frames.
+
+    Raises:
+        ArgumentError: naming it.
+    """
     if not 0 <= fade_frames < np.inf:
         raise ArgumentError(
             f"fade_frames is {shown(fade_frames)}; expected zero or a positive finite number of frames",
             "fade_frames",
         )
-    found = []
+
+
+def located(
+    groups: Sequence[Sequence[TimedWish]], cameras: Sequence[Camera], views: Iterable[dict[str, Any]]
+) -> list[InFrames]:
+    """Where the wishes of each group are in every frame, from one look at it.
+
+    Raises:
+        ArgumentError: as `locate`, with the frame.
+    """
+    found: list[InFrames] = [[] for _ in groups]
     for number, (camera, view) in enumerate(zip(cameras, views, strict=True), start=1):
-        points = [wish.at(number) for wish in wishes]
-        # The share that is visible is found with a weight of 1, whatever the weight over time is.
-        unit = [dataclasses.replace(point, weight=1.0) for point in points]
-        try:
-            seen = locate(unit, camera, may_be_idle=True, **view)
-        except ArgumentError as error:
-            raise ArgumentError(f"frame {number}: {error}", error.argument) from None
-        found.append((points, seen))
+        for wishes, of_group in zip(groups, found, strict=True):
+            points = [wish.at(number) for wish in wishes]
+            # The share that is visible is found with a weight of 1, whatever the weight over time is.
+            unit = [dataclasses.replace(point, weight=1.0) for point in points]
+            try:
+                seen = locate(unit, camera, may_be_idle=True, **view)
+            except ArgumentError as error:
+                raise ArgumentError(f"frame {number}: {error}", error.argument) from None
+            of_group.append((points, seen))
+    return found
+
+
+def counted(
+    wishes: Sequence[TimedWish], found: InFrames, *, fade_frames: float, favour_near: float, called: str
+) -> FoundWishes:
+    """The wishes with the weights that they have in every frame; see `find_wishes`."""
     visible = np.array([[_share(seen, m) for m in range(len(wishes))] for _, seen in found])
     acting = np.array([[wish.acts(t + 1) for wish in wishes] for t in range(len(found))])
     share = faded(np.where(acting, visible, 0.0), fade_frames)
@@ -160,7 +193,7 @@ def find_wishes(
 
 def _warn_of_idle(
     wishes: Sequence[TimedWish],
-    found: Sequence[tuple[Sequence[FocusPoint], ImagePoints]],
+    found: InFrames,
     acting: Bool[np.ndarray, "t m"],
     visible: Float[np.ndarray, "t m"],
     share: Float[np.ndarray, "t m"],
@@ -189,7 +222,7 @@ def _warn_of_idle(
     for m in np.flatnonzero(wanted & (share.max(axis=0) < 1.0 - 1e-6)).tolist():
         if not share[:, m].any():
             why = _idle_reason(wishes[m], [seen.notes[m] for _, seen in found], acting[:, m], called)
-            warnings.warn(f"{why}, so that it counts in no frame", stacklevel=3)
+            warnings.warn(f"{why}, so that it counts in no frame", stacklevel=4)
             continue
         percent = f"{100 * share[:, m].max():.0f} %"
         most = f"{called} {wishes[m].point.name!r} never counts in full ({percent} at most)"
@@ -197,7 +230,7 @@ def _warn_of_idle(
             most += ", for it comes and goes too soon to fade in; a smaller fade_frames lets it count sooner"
         else:
             most += ", for it is always hidden in part; move it or the camera, or let it count even_hidden"
-        warnings.warn(f"{most}. What counts in part is never called missed", stacklevel=3)
+        warnings.warn(f"{most}. What counts in part is never called missed", stacklevel=4)
 
 
 def _idle_reason(wish: TimedWish, notes: Sequence[str], acting: Bool[np.ndarray, "t"], called: str) -> str:

@@ -172,5 +172,5 @@ def _with(
         return over.at[some.pixel].add(jnp.stack(excess, axis=-1), mode="drop")
 
     # At white itself each of the two has half of the derivative; what is no number must not get lost.
-    below = jnp.maximum(jnp.maximum(seen[0], seen[1]), seen[2]).max() < 1.0
+    below = ((seen[0] < 1.0) & (seen[1] < 1.0) & (seen[2] < 1.0)).all()
     return binned, jax.lax.cond(below, lambda over: over, bright, over)

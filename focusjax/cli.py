@@ -331,7 +331,7 @@ def main() -> None:
     """Entry point of the `focusjax` command."""
     # Importing and tracing make millions of objects that stay, which Python would go through again and again.
     gc.set_threshold(50_000, 20, 50)
-    # Nor need it look for circles among them when it ends, which takes a second.
+    # Nor need it look for reference cycles among them when it ends, which takes a second.
     atexit.register(gc.freeze)
     _set_up_jax()
     _quieten()

@@ -151,7 +151,7 @@ def solve_surface_frames(
     by turns with the solve of all frames, from the same four starts as for one picture. The solution is
     differentiable as that of `solve_focal_surface`, with sides held.
 
-    A shot is filled up with frames that take no part, as that of `solve_frames`.
+    A shot is filled up with frames that take no part, as that of `solve_frames`, so that few lengths compile.
 
     Args:
         points: every frame's located wishes, the same in every frame; weight 0 where they do not count.

@@ -152,7 +152,8 @@ class Polygon(AbstractAperture):
         across = point[0] * jnp.cos(middles) + point[1] * jnp.sin(middles)
         square, height = point[0] ** 2 + point[1] ** 2, largest_of_few(across) ** 2
         straight = (1.0 - self.roundness) * jnp.cos(jnp.pi / self.blades) ** 2
-        return square * height <= straight * square + self.roundness * height
+        # Far beyond the rim products would overflow.
+        return (square < 2.0) & (square * height <= straight * square + self.roundness * height)
 
     def finest(self) -> Float[Array, ""]:
         straight = (1.0 - self.roundness) * jnp.cos(jnp.pi / self.blades) ** 2

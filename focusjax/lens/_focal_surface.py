@@ -138,10 +138,29 @@ def surface_blur(
     film_point: Float[Array, "2"],
     disparity: Float[Array, ""],
 ) -> Float[Array, ""]:
-    """The blur that `focal_surface_lens` has at a film point, from the surface at the corners of its pixel.
+    """The blur that `focal_surface_lens` has at a film point, without the lens.
 
-    Signed diameter in px, of something at `disparity` in 1/m. Other arguments are those of
-    `focal_surface_lens`; for few points this takes less time than a lens as large as a picture.
+    The surface is evaluated at the four corners of one pixel, not of all.
+
+    Args:
+        surface: as for `focal_surface_lens`, as are `camera` and `lens`.
+        camera: the pinhole that frames the picture.
+        lens: aperture radius and shape; its focus is not used.
+        film_point: (x, y) in pixels.
+        disparity: of what is seen there, in 1/m.
+
+    Returns:
+        Signed diameter in pixels: + behind the focus, - in front of it.
+
+    Example:
+        >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=64, height=48, focal_length=0.05)
+        >>> thin = fj.thin_lens(focus_distance=5, f_number=2, focal_length=0.05)
+        >>> surface = fj.focal_surface([(10, 20), (50, 20)], [0.5, 1.0])
+        >>> place, disparity = jnp.array([50.0, 20.0]), jnp.asarray(0.2)
+        >>> blur = surface_blur(surface, camera, thin, place, disparity)
+        >>> lens = fj.focal_surface_lens(surface, camera, thin)
+        >>> bool(jnp.isclose(blur, lens.blur(camera, place, disparity)))
+        True
     """
     corners = corner_weights(camera, film_point, (camera.height + 1, camera.width + 1))
     places = jnp.array([[column for (_, column), _ in corners], [row for (row, _), _ in corners]])

@@ -189,18 +189,20 @@ def solve_shot(
             }
 
     surface, wishes = shot.surface, shot.wishes
-    groups = [*([] if surface is None else [surface.controls]), *([wishes] if wishes else [])]
-    if groups:
+    controls = () if surface is None else surface.controls
+    if surface is not None or wishes:
         require_fade(shot.fade_frames)
     # Also where nothing is looked for: what is seen decides how far layers reach.
-    found = located(groups, shot.cameras, views())
+    found = located([group for group in (controls, wishes) if group], shot.cameras, views())
     surfaces, thin = None, [lens for lens in shot.lenses if isinstance(lens, ThinLens)]
     if surface is not None:
-        surfaces = find_surfaces(surface, shot.cameras, thin, found[0], fade_frames=shot.fade_frames)
+        of_controls, *found = found
+        surfaces = find_surfaces(surface, shot.cameras, thin, of_controls, fade_frames=shot.fade_frames)
     share = np.zeros((shot.count, 0))
     if wishes:
+        (of_wishes,) = found
         faded = counted(
-            wishes, found[-1], fade_frames=shot.fade_frames, favour_near=shot.favour_near, called="wish"
+            wishes, of_wishes, fade_frames=shot.fade_frames, favour_near=shot.favour_near, called="wish"
         )
         points, share = faded.points, faded.share
         report("solve", None)

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from focusjax.focus import ImagePoints
+from focusjax.focus import ArgumentError, ImagePoints
 from focusjax.geometry import Camera
 from focusjax.lens import FocalSurface, ThinLens
-from focusjax.shot._wishes import InFrames, TimedWish, counted
+from focusjax.shot._wishes import LocatedWishes, TimedWish, counted
 
 CONTROL_SAMPLES = 64
 """Points of an object or a mask whose mean its control point is: it goes along, and does not jump."""
@@ -27,6 +27,9 @@ class TimedSurface:
             the surface before solving.
         roughness: weight of the change of blur over the picture, as `smoothness` of `solve_focal_surface`.
         favour_near: how much more near points count where several overlap.
+
+    Raises:
+        ArgumentError: (a `ValueError`) no control points.
     """
 
     controls: tuple[TimedWish, ...]
@@ -34,12 +37,16 @@ class TimedSurface:
     roughness: float = 1e-3
     favour_near: float = 1.0
 
+    def __post_init__(self) -> None:
+        if not self.controls:
+            raise ArgumentError("a focal surface has no control points; give at least one", "controls")
+
 
 def find_surfaces(
     surface: TimedSurface,
     cameras: Sequence[Camera],
     lenses: Sequence[ThinLens],
-    found: InFrames,
+    found: LocatedWishes,
     *,
     fade_frames: float,
 ) -> list[FocalSurface]:

@@ -130,7 +130,7 @@ def find_wishes(
     return counted(wishes, found, fade_frames=fade_frames, favour_near=favour_near, called=called)
 
 
-InFrames = list[tuple[list[FocusPoint], ImagePoints]]
+LocatedWishes = list[tuple[list[FocusPoint], ImagePoints]]
 """Wishes as they are in each frame, and where they are seen with a weight of 1."""
 
 
@@ -149,13 +149,18 @@ def require_fade(fade_frames: float) -> None:
 
 def located(
     groups: Sequence[Sequence[TimedWish]], cameras: Sequence[Camera], views: Iterable[dict[str, Any]]
-) -> list[InFrames]:
+) -> list[LocatedWishes]:
     """Where the wishes of each group are in every frame, from one look at it.
+
+    Args:
+        groups: lists of wishes, none of them empty.
+        cameras: one a frame.
+        views: one a frame, as for `find_wishes`.
 
     Raises:
         ArgumentError: as `locate`, with the frame.
     """
-    found: list[InFrames] = [[] for _ in groups]
+    found: list[LocatedWishes] = [[] for _ in groups]
     for number, (camera, view) in enumerate(zip(cameras, views, strict=True), start=1):
         for wishes, of_group in zip(groups, found, strict=True):
             points = [wish.at(number) for wish in wishes]
@@ -170,9 +175,13 @@ def located(
 
 
 def counted(
-    wishes: Sequence[TimedWish], found: InFrames, *, fade_frames: float, favour_near: float, called: str
+    wishes: Sequence[TimedWish], found: LocatedWishes, *, fade_frames: float, favour_near: float, called: str
 ) -> FoundWishes:
-    """The wishes with the weights that they have in every frame; see `find_wishes`."""
+    """The wishes with the weights that they have in every frame, and its warnings; see `find_wishes`.
+
+    Raises:
+        ArgumentError: none of them counts in any frame.
+    """
     visible = np.array([[_share(seen, m) for m in range(len(wishes))] for _, seen in found])
     acting = np.array([[wish.acts(t + 1) for wish in wishes] for t in range(len(found))])
     share = faded(np.where(acting, visible, 0.0), fade_frames)
@@ -193,7 +202,7 @@ def counted(
 
 def _warn_of_idle(
     wishes: Sequence[TimedWish],
-    found: InFrames,
+    found: LocatedWishes,
     acting: Bool[np.ndarray, "t m"],
     visible: Float[np.ndarray, "t m"],
     share: Float[np.ndarray, "t m"],

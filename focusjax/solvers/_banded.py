@@ -139,6 +139,18 @@ def solve_banded(operator: DampedOperator, vector: tuple[Rows, Array]) -> Float[
     return jnp.concatenate([found, last.reshape(2, size)])[2:]
 
 
+@jax.custom_jvp
 def _triangle(rows: Float[Array, "m c"]) -> Float[Array, "d c"]:
     """The same least-squares problem (last column: what is wanted) with as many rows as unknowns."""
     return jnp.linalg.qr(rows, mode="r")[: rows.shape[1] - 1]
+
+
+@_triangle.defjvp
+def _triangle_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    """Of the factors of the unknowns' columns: with what is wanted, rows may be too few for full rank."""
+
+    def apart(rows: Float[Array, "m c"]) -> Float[Array, "d c"]:
+        turned, triangle = jnp.linalg.qr(rows[:, :-1])
+        return jnp.concatenate([triangle, (turned.T @ rows[:, -1])[:, None]], axis=1)
+
+    return jax.jvp(apart, primals, tangents)

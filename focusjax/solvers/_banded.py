@@ -147,7 +147,7 @@ def _triangle(rows: Float[Array, "m c"]) -> Float[Array, "d c"]:
 
 @_triangle.defjvp
 def _triangle_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
-    """Of the factors of the unknowns' columns: with what is wanted, rows may be too few for full rank."""
+    """By QR of the unknowns' columns alone, which have full rank; with what is wanted they may not."""
 
     def apart(rows: Float[Array, "m c"]) -> Float[Array, "d c"]:
         turned, triangle = jnp.linalg.qr(rows[:, :-1])

@@ -59,7 +59,7 @@ class DoItem:
         with finished_folder(journal, item.name, self.folder) as stage, warnings_kept() as warned:
             scene = self._scene_of(item, fingerprint)
             like = self._kept.get("extent")
-            outcome = job.run(item.config, rendering=not self.solve_only, scene=scene, like=like)
+            outcome = job.run(item.config, rendering=not self.solve_only, scene=scene, like=like, spare=True)
             if outcome.picture is not None:
                 self._kept["extent"] = outcome.picture.extent
             save_outcome(stage, outcome)

@@ -39,13 +39,16 @@ def make_layers(
     camera: Camera,
     lens: AbstractLens,
     like: Layers | Extent | None = None,
+    *,
+    spare: bool = False,
 ) -> Layers:
-    """Peeled, or in slabs when `table` says how many or how thick."""
+    """Peeled, or in slabs when `table` says how many or how thick; `like` and `spare` are as for `peel`."""
     options: dict[str, Any] = {
         "supersampling": table.supersampling,
         "view_dependent": table.view_dependent,
         "pixel_filter": table.pixel_filter,
         "like": like,
+        "spare": spare,
     }
     if table.slabs is None and table.slab_blur_px is None:
         return peel(scene, camera, lens, max_layers=table.max_layers, **options)

@@ -95,12 +95,15 @@ def render_open(
     camera_at: Callable[[float], Camera],
     lens: AbstractLens,
     motion: MotionSettings,
+    *,
+    like: Mapping[str, Extent] | None = None,
     **options: Any,
 ) -> MovingPicture:
     """`render_moving` with layers as `settings` has them; `options` are its other arguments."""
+    known, spare = like, like is not None
 
     def layers(scene: Scene, camera: Camera, lens: AbstractLens, like: Extent | None) -> Layers:
-        return make_layers(settings, scene, camera, lens, like)
+        return make_layers(settings, scene, camera, lens, like, spare=spare)
 
     return render_moving(
         world,
@@ -112,6 +115,7 @@ def render_open(
         step_px=motion.step_px,
         most_spans=motion.most_spans,
         make=layers,
+        like=known,
         **options,
     )
 
@@ -289,6 +293,7 @@ def blurred_view(
     frame: float,
     taps: int,
     like: Layers | Extent | None,
+    spare: bool = False,
 ) -> tuple[np.ndarray, Layers, float]:
     """A picture blurred from one sharp view, that view's layers, and the farthest way in it, in pixels.
 
@@ -303,13 +308,14 @@ def blurred_view(
         frame: that instant, in frames.
         taps: places to look at per pixel.
         like: layers of another picture, or their extent.
+        spare: leave room in the layers for those of other pictures; see `peel`.
     """
     time, velocity = float(frame), None
     if motion is not None:
         time = middle_of(motion.shutter, frame=frame, fps=motion.fps)
         velocity = velocity_map(world, camera_at, motion.shutter, frame=frame, fps=motion.fps)
     scene, camera = world.at(time), camera_at(time)
-    layers = make_layers(settings, scene, camera, closed_lens(), like)
+    layers = make_layers(settings, scene, camera, closed_lens(), like, spare=spare)
     view = view_in_layers(layers, scene, velocity=None if velocity is None else jnp.asarray(velocity))
     image = post_process(view, camera, lens, taps=taps)
     way = 0.0 if velocity is None else float(np.linalg.norm(velocity, axis=-1).max())

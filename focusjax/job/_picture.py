@@ -113,13 +113,11 @@ class Peeled:
 
     Attributes:
         layers: peeled or cut for the lens, or for a pinhole where the picture is post-processed.
-        like: the extent that these were made to serve.
         view: what a pinhole sees; None where nothing asks for it.
         examined: what the layers miss and spare, when that was asked for.
     """
 
     layers: Layers
-    like: Extent | None = None
     view: PinholeView | None = None
     examined: Examined | None = None
 
@@ -133,16 +131,21 @@ def peel_picture(
     watch: Stopwatch,
     *,
     moving: Moving | None = None,
+    spare: bool = False,
 ) -> Peeled:
     """What a picture as `table` has it takes of `scene`.
 
-    Compiled programs of another run serve again where `like` is its `Picture.extent`.
+    Compiled programs of another run serve again where `like` is its `Picture.extent`; `spare` leaves room in
+    the layers for those of others.
     """
     post = table.method == "post"
-    serves = moving is None and not post and like is not None and like.serves(camera, table.supersampling)
+    shared = moving is None and not post
+    serves = shared and like is not None and like.serves(camera, table.supersampling)
     like = like if serves else None
     with watch.stage("peel"):
-        layers = make_layers(table, scene, camera, closed_lens() if post else lens, like)
+        layers = make_layers(
+            table, scene, camera, closed_lens() if post else lens, like, spare=shared and spare
+        )
         jax.block_until_ready(eqx.filter(layers, eqx.is_array))
     if moving is not None:
         return Peeled(layers)
@@ -155,7 +158,7 @@ def peel_picture(
         with watch.stage("pinhole"):
             view = view_in_layers(layers, scene)
             jax.block_until_ready(view.image)
-    return Peeled(layers, like, view, examined)
+    return Peeled(layers, view, examined)
 
 
 def make_picture(
@@ -213,7 +216,7 @@ def make_picture(
         examined=peeled.examined,
         rays=rays,
         method="trace" if post is None else "post",
-        extent=layers.extent.for_others(peeled.like),
+        extent=layers.extent.for_others(),
         way=way,
         decibels=decibels,
         lens_plan=lens_plan,
@@ -251,7 +254,7 @@ def _while_open(
         complete=complete,
         rays=rays,
         method="post" if post else "trace",
-        extent=layers.extent.for_others(None),
+        extent=layers.extent.for_others(),
         motion_px=way,
         spans=spans,
     )
@@ -281,7 +284,7 @@ def _post_processed(
         complete=True,
         rays=table.rays,
         method="post",
-        extent=peeled.layers.extent.for_others(None),
+        extent=peeled.layers.extent.for_others(),
     )
 
 

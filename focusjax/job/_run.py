@@ -115,6 +115,7 @@ def run(
     scene: Scene | None = None,
     disparity: Float[np.ndarray, "h w"] | None = None,
     like: Extent | None = None,
+    spare: bool = False,
     progress: Progress | None = None,
 ) -> Outcome:
     """Do what `config` asks for.
@@ -127,6 +128,7 @@ def run(
         disparity: what `disparity_map` gives for the scene and the config's camera, where it is at hand.
         like: `Picture.extent` of another run, whose compiled programs serve again where the pictures are of
             one size; the picture is the same.
+        spare: leave room in its layers for those of other runs; see `peel`.
         progress: called with the stage that runs and the share of it that is done.
 
     Raises:
@@ -136,7 +138,7 @@ def run(
     watch = Stopwatch(on_stage=lambda stage: report(stage, None))
     camera = build_camera(config)
     with returned_after_compiling(camera.width * camera.height):
-        return _run(config, camera, watch, solving, rendering, scene, disparity, like)
+        return _run(config, camera, watch, solving, rendering, scene, disparity, like, spare)
 
 
 def _run(
@@ -148,6 +150,7 @@ def _run(
     scene: Scene | None,
     disparity: Float[np.ndarray, "h w"] | None,
     like: Extent | None,
+    spare: bool,
 ) -> Outcome:
     """As `run`; `scene` is let go where it is made here."""
     lens = build_lens(config, camera, solved=solving)
@@ -197,7 +200,7 @@ def _run(
         handed_over = [scene]
         # Nothing here holds on to the scene, so that it is freed once its layers are made of it.
         del scene
-        made = _make(config, settled, glass, grey, handed_over, moving, like, watch)
+        made = _make(config, settled, glass, grey, handed_over, moving, like, spare, watch)
     exact = settled.lens if glass is None else glass.exact
     blur = blur_map(exact, settled.camera, device_array(settled.disparity, dtype=float))
     return Outcome(
@@ -237,6 +240,7 @@ def _make(
     handed_over: list[Scene],
     moving: Moving | None,
     like: Extent | None,
+    spare: bool,
     watch: Stopwatch,
 ) -> _Made:
     """The picture, and what the camera makes of it; the scene is taken out of `handed_over`."""
@@ -246,7 +250,7 @@ def _make(
     choose = glass is not None and left_to_quality(config)
     if moving is not None:
         moving = moving.with_camera(camera, breathes=config.lens.close_focus == "breathing")
-    peeled = peel_picture(config.render, scene, camera, look, like, watch, moving=moving)
+    peeled = peel_picture(config.render, scene, camera, look, like, watch, moving=moving, spare=spare)
     # Textures of a large photograph take more memory than its layers, and are of no more use.
     objects = scene.objects
     del scene

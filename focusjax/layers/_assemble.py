@@ -14,7 +14,7 @@ from focusjax.geometry import Camera
 from focusjax.layers._attributes import SurfaceSamples, surface_samples
 from focusjax.layers._blocks import coarse_number
 from focusjax.layers._cells import WHOLE, in_steps, pack_cells
-from focusjax.layers._grid import Extent, Grid
+from focusjax.layers._grid import Extent, Grid, sizes_like
 from focusjax.layers._joins import Joins, Planes, join
 from focusjax.layers._layers import Layers, LeftOut, Samples
 from focusjax.layers._means import Seen, mean_radiances
@@ -43,12 +43,13 @@ def assemble(
     max_layers: int,
     left_out: int,
     like: Extent | None = None,
+    spare: bool = False,
     view_dependent: bool = False,
     pixel_filter: str = "box",
 ) -> Layers:
     """Layers of the fragments in `held`: `counts` for each layer, in the order of their samples.
 
-    `left_out` fragments found no layer.
+    `left_out` fragments found no layer. `like` and `spare` say how large others are or may be; see `peel`.
     """
     gloss = scene.gloss() if view_dependent else None
     triangles, grid, fragments = held.triangles, held.grid, held.fragments
@@ -82,7 +83,8 @@ def assemble(
             concurrent.futures.wait([shading])
         # A few more than needed, so that few different numbers occur; an empty layer changes nothing.
         count = min(coarse_number(outline.layers, _LAYERS_STEP), max_layers)
-        count = max(count, 1 if like is None else min(like.count, max_layers))
+        count, room = sizes_like(max(count, 1), _room(len(outline.index)), like, spare=spare)
+        count = min(count, max_layers)
         least, most, scale = in_steps(outline.low, outline.high)
         words = pack_cells(least, most, outline.line)
         places, number = make_places(count * grid.size, outline.index)
@@ -93,7 +95,6 @@ def assemble(
         index, source, links, beyond = outline.index, outline.source, outline.links, outline.disparity
         del words, shading, least, most, cell, outline
 
-    room = max(_room(len(number)), 0 if like is None else like.room)
     slots = _Slots(number, source, room)
     return Layers(
         cells=on_device(cells),

@@ -36,6 +36,7 @@ def peel(
     view_dependent: bool = False,
     pixel_filter: str = "box",
     like: Layers | Extent | None = None,
+    spare: bool = False,
 ) -> Layers:
     """Every surface that a ray of `lens` can reach, as layers seen from the lens centre.
 
@@ -62,6 +63,9 @@ def peel(
             so are the number of layers up to `max_layers` and the room for samples, so that programs compiled
             for them serve again, if the scene has as many vertices as then. (`make_object` splits vertices
             at creases, which may come and go as a mesh deforms: `focusjax.shot.MovingScene` keeps them.)
+        spare: where these need more layers or room than `like` has, or there is none, have two layers and as
+            much room again beyond what they need, so that later ones like these fit in. Nothing of the
+            picture changes.
 
     Raises:
         ValueError: a count that is not whole or below 1; no such filter; a surface so close to the lens that
@@ -82,7 +86,7 @@ def peel(
         (True, 3.0)
     """
     require_counts(supersampling=supersampling, max_layers=max_layers)
-    require_switches(umbra=umbra, view_dependent=view_dependent)
+    require_switches(umbra=umbra, view_dependent=view_dependent, spare=spare)
     like = extent_like(like)
     picture = rasterised_for(
         scene,
@@ -112,6 +116,7 @@ def peel(
         max_layers=max_layers,
         left_out=left_out,
         like=like,
+        spare=spare,
         view_dependent=view_dependent,
         pixel_filter=pixel_filter,
     )

@@ -6,6 +6,9 @@ import numpy as np
 
 from focusjax.geometry import Camera
 
+_SPARE_LAYERS, _SPARE_ROOM = 2, 2
+"""Layers beyond what is needed, and times the room for samples, that are spare."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Grid:
@@ -71,17 +74,23 @@ class Extent:
         frame = camera.width, camera.height, supersampling
         return (grid.width, grid.height, grid.supersampling) == frame
 
-    def for_others(self, before: "Extent | None") -> "Extent":
-        """An extent for layers of other lenses, with more layers and room than these need, and no margin.
+    def for_others(self) -> "Extent":
+        """The same number of layers and room, without a margin, for layers of other lenses and moments.
 
         Empty layers and room change nothing in a picture. A margin moves the grid, and with it the rounding
         of positions: each picture is to have its own, whatever came before it.
-
-        Args:
-            before: what this returned before; it is kept where it is enough.
         """
-        count, room = self.count + 2, 2 * self.room
-        if before is not None:
-            count = before.count if self.count <= before.count else count
-            room = before.room if self.room <= before.room else room
-        return Extent(dataclasses.replace(self.grid, margin=0), count, room)
+        return dataclasses.replace(self, grid=dataclasses.replace(self.grid, margin=0))
+
+
+def sizes_like(count: int, room: int, like: Extent | None, *, spare: bool) -> tuple[int, int]:
+    """Numbers of layers and of samples to make room for, where so many are needed.
+
+    Those of `like` where they are enough; otherwise as many as needed, and more where some are to be `spare`.
+    """
+    most_layers, most_room = (0, 0) if like is None else (like.count, like.room)
+    if count > most_layers:
+        most_layers = count + _SPARE_LAYERS if spare else count
+    if room > most_room:
+        most_room = _SPARE_ROOM * room if spare else room
+    return most_layers, most_room

@@ -55,6 +55,7 @@ def decompose(
     view_dependent: bool = False,
     pixel_filter: str = "box",
     like: Layers | Extent | None = None,
+    spare: bool = False,
 ) -> Layers:
     """The nearest surface in each of several slabs of depth, as layers seen from the lens centre (Lee09).
 
@@ -75,6 +76,7 @@ def decompose(
         view_dependent: keep what highlights and mirrored surroundings depend on; see `peel`.
         pixel_filter: how a pixel weighs the light around its centre; see `peel`.
         like: layers of another moment whose shapes are kept, so that nothing is compiled again; see `peel`.
+        spare: leave room for such layers; see `peel`.
 
     Returns:
         At most as many layers as slabs; `complete` says whether every surface that is not known to be
@@ -97,7 +99,7 @@ def decompose(
     require_counts(supersampling=supersampling)
     if count is not None:
         require_counts(count=count)
-    require_switches(view_dependent=view_dependent)
+    require_switches(view_dependent=view_dependent, spare=spare)
     expected = "a positive number such as 4"
     if blur_step is not None and not 0 < real_number(blur_step, "blur_step in pixels", expected) < math.inf:
         raise ValueError(f"blur_step is {blur_step} px; expected {expected}")
@@ -122,6 +124,7 @@ def decompose(
         max_layers=len(bounds) - 1,
         left_out=left_out,
         like=extent,
+        spare=spare,
         view_dependent=view_dependent,
         pixel_filter=pixel_filter,
     )

@@ -3,7 +3,7 @@
 import dataclasses
 import os
 import uuid
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -108,8 +108,9 @@ class MakeFrame:
                 frame=number,
                 taps=self.rays,
                 like=self._extents.get(""),
+                spare=True,
             )
-            self._keep({"": layers.extent})
+            self._extents[""] = layers.extent.for_others()
             return image, dataclasses.replace(facts, motion_px=way)
         if settings.motion is None:
             camera, lens = self.solved.seen_with(number)
@@ -133,7 +134,7 @@ class MakeFrame:
             seed=settings.seed_of(number),
             like=self._extents,
         )
-        self._keep(made.extents)
+        self._extents.update((name, extent.for_others()) for name, extent in made.extents.items())
         facts = FrameFacts(self.rays, made.left_out, made.motion_px, made.step_px, made.spans)
         return np.asarray(made.image), facts
 
@@ -141,10 +142,6 @@ class MakeFrame:
         """Scene, camera and lens of a frame."""
         solved = self.solved
         return solved.shot.scene, camera_while(solved, number), solved.seen_with(number)[1]
-
-    def _keep(self, extents: Mapping[str, Extent]) -> None:
-        for name, extent in extents.items():
-            self._extents[name] = extent.for_others(self._extents.get(name))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """The picture of a moving scene: every lens ray has a time while the shutter is open."""
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping, Sequence
 
 import jax
@@ -106,8 +107,9 @@ def render_moving(
         turn: radians, by which a body may be seen from elsewhere than by its layers; less is more exact.
         step_px: pixels, more for what is blurred, by which deforming things may move from span to span.
         most_spans: no more than these; `step_px` of the result is the step that this leaves.
-        make: makes layers, by `peel` if not given.
-        like: `extents` of another picture, whose compiled programs serve again.
+        make: makes layers, by `peel` if not given, of a scene, camera and lens, and like an extent.
+        like: `extents` of another picture, whose compiled programs serve again; {} for the first of several,
+            whose layers leave room for those of the others.
 
     Raises:
         ValueError: a number out of range, a camera that changes its number of pixels, things so near to the
@@ -125,7 +127,7 @@ def render_moving(
     for name, value in (("fps", fps), ("turn", turn), ("step_px", step_px)):
         if not 0 < real_number(value, name, "a positive number") < np.inf:
             raise ValueError(f"{name} is {value}; expected a positive number")
-    layers_of = _peeled if make is None else make
+    layers_of = functools.partial(_peeled, spare=like is not None) if make is None else make
     moving = StillWorld(world) if isinstance(world, Scene) else world
     cameras = cameras_of(camera, frame)
     begin, end = (frame + fps * seconds for seconds in shutter.interval())
@@ -171,8 +173,8 @@ def render_moving(
     )
 
 
-def _peeled(scene: Scene, camera: Camera, lens: AbstractLens, like: Extent | None) -> Layers:
-    return peel(scene, camera, lens, like=like)
+def _peeled(scene: Scene, camera: Camera, lens: AbstractLens, like: Extent | None, *, spare: bool) -> Layers:
+    return peel(scene, camera, lens, like=like, spare=spare)
 
 
 def _edges(shutter: Shutter, spans: int, frame: float, fps: float) -> Float[np.ndarray, " k"]:

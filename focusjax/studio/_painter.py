@@ -149,8 +149,8 @@ class Painter:
         key = self._stage, *size
         if key not in self._views:
             like = self._view_extents.get(size)
-            layers = job.make_layers(table, self._stage.scene, camera, closed_lens(), like)
-            self._view_extents[size] = layers.extent.for_others(like)
+            layers = job.make_layers(table, self._stage.scene, camera, closed_lens(), like, spare=True)
+            self._view_extents[size] = layers.extent.for_others()
             self._views[key] = view_in_layers(layers, self._stage.scene)
             if len(self._views) > _MOST_VIEWS:
                 self._views.popitem(last=False)
@@ -176,13 +176,13 @@ class Painter:
         if wide is not None and not _serve(layers, look):
             layers = self._peel(config, stage, look, like)
         self._layers, self._peeled = layers, key
-        self._extent = layers.extent.for_others(like)
+        self._extent = layers.extent.for_others()
         return layers
 
     def _peel(self, config: Config, stage: Stage, lens: AbstractLens, like: Extent | None) -> Layers:
         self.peels += 1
         return_programs()
-        return job.make_layers(config.render, stage.scene, stage.camera, lens, like)
+        return job.make_layers(config.render, stage.scene, stage.camera, lens, like, spare=True)
 
     def _shown(self, answer: Answer, camera: Camera, image: Float[Array, "h w 3"]) -> Bytes:
         """As a screen shows it: every picture of a session is metered in the same sharp view."""

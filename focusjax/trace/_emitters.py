@@ -23,6 +23,7 @@ import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
+from focusjax._programs import jit_sooner
 from focusjax.geometry import Camera, filter_radius
 from focusjax.layers import Layers, interval
 from focusjax.lens import AbstractLens
@@ -86,8 +87,29 @@ def split_emitters(
     Differentiable by the radiance of samples: what is chosen counts as fixed, and excess radiance changes as
     the samples' does. Gloss that each ray works out is no part of it.
     """
+    left, emitters = _split_off(layers, lens, motion)
+    return _with_radiance(layers, left), emitters
+
+
+def split_at_once(
+    layers: Layers, lens: AbstractLens, motion: BodyMotion | None = None
+) -> tuple[Layers, Emitters | None]:
+    """`split_emitters` by a program of its own; None where nothing is split off, unless that is traced."""
+    left, emitters = _split_off_at_once(layers, lens, motion)
+    if not isinstance(emitters.pairs, Tracer) and not int(emitters.pairs):
+        return layers, None
+    return _with_radiance(layers, left), emitters
+
+
+def _with_radiance(layers: Layers, radiance: Float[Array, "n 3"]) -> Layers:
+    return dataclasses.replace(layers, samples=dataclasses.replace(layers.samples, radiance=radiance))
+
+
+def _split_off(
+    layers: Layers, lens: AbstractLens, motion: BodyMotion | None
+) -> tuple[Float[Array, "n 3"], Emitters]:
+    """Radiance of samples with a plain level in place of emitters, and these."""
     fixed = jax.lax.stop_gradient(layers)
-    radiance = layers.samples.radiance
 
     def split(radiance: Float[Array, "n 3"]) -> tuple[Float[Array, "n 3"], Emitters]:
         return _split(radiance, fixed, lens, motion)
@@ -97,8 +119,10 @@ def split_emitters(
         return radiance, jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
 
     bright = fixed.samples.radiance.max() > WHITE
-    left, emitters = jax.lax.cond(bright, split, nothing, radiance)
-    return dataclasses.replace(layers, samples=dataclasses.replace(layers.samples, radiance=left)), emitters
+    return jax.lax.cond(bright, split, nothing, layers.samples.radiance)
+
+
+_split_off_at_once = jit_sooner(_split_off)
 
 
 def _split(

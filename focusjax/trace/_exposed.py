@@ -15,9 +15,10 @@ from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._accumulate import PixelSums, starts_of, summed
 from focusjax.trace._coc_bins import CocBins, focal_zone
+from focusjax.trace._emitters import split_at_once
 from focusjax.trace._groups import SomeGroups
 from focusjax.trace._known_light import known_light
-from focusjax.trace._moving import MovingLayers, seen_in_motion, split_at_once
+from focusjax.trace._moving import MovingLayers, seen_in_motion
 from focusjax.trace._moving_emitters import moving_light
 from focusjax.trace._picture import RenderSettings, developed, light_at_once, picture_sums
 from focusjax.trace._radiances import Seen
@@ -83,8 +84,9 @@ def exposed(
     if not changing.all():
         if settings.emitters:
             backdrop, emitters = split_at_once(backdrop, lens)
-            light = light_at_once(emitters, backdrop, lens, seed, settings)
-            light = jnp.where(here[:, None], 0.0, light)
+            if emitters is not None:
+                light = light_at_once(emitters, backdrop, lens, seed, settings)
+                light = jnp.where(here[:, None], 0.0, light)
         total = _still_sums(backdrop, lens, seed, bins, ~here, settings=settings)
     through = any(body.scene.volume.opacity is not None for span in spans for body in span.bodies)
     samples = _samples(

@@ -13,12 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt
 
-from focusjax._programs import jit
 from focusjax.geometry import Camera, LensRay
 from focusjax.layers import Layers, RangePyramid
 from focusjax.lens import AbstractLens
 from focusjax.trace._body_motion import BodyMotion, moved_ray
-from focusjax.trace._emitters import Emitters, may_emit, split_emitters
+from focusjax.trace._emitters import Emitters, may_emit, split_at_once
 from focusjax.trace._march import first_hits
 from focusjax.trace._radiances import (
     Seen,
@@ -33,7 +32,6 @@ from focusjax.trace._ranges import narrowed
 from focusjax.trace._samples import Starts
 from focusjax.trace._walk import path_of
 
-split_at_once = jit(split_emitters)
 _STIR = 0x9E3779B1
 """By which chances of one body are made independent of another's."""
 

@@ -178,7 +178,7 @@ def light_of(
 
 
 light_at_once = jit(light_of)
-"""The same as a program of its own; many seeds and pictures share it."""
+"""The same by a program of its own."""
 
 
 def _in_bands(

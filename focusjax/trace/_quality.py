@@ -161,7 +161,7 @@ def _two_means(
         )
         tracing = time.perf_counter() - start
         means = np.asarray(mean[0, : len(pixels)], dtype=np.float64)
-        if ready.emitters is not None:
+        if ready.emitters is not None and int(ready.emitters.pairs):
             light = light_at_once(ready.emitters, ready.layers, lens, jnp.uint32(stream), settings)
             means = means + np.asarray(light, dtype=np.float64)[pixels]
         found.append(means)

@@ -17,9 +17,9 @@ from focusjax.geometry import filter_radius
 from focusjax.layers import Layers
 from focusjax.lens import AbstractLens, require_lens, traced_faults
 from focusjax.trace._devices import Device, mesh_of, replicated
-from focusjax.trace._emitters import may_emit
+from focusjax.trace._emitters import may_emit, split_at_once
 from focusjax.trace._groups import ray_group
-from focusjax.trace._picture import RenderSettings, most_rays, picture
+from focusjax.trace._picture import RenderSettings, light_at_once, most_rays, picture
 from focusjax.trace._reach import check_filter, check_reach, out_of_reach
 
 
@@ -39,7 +39,7 @@ def render(
 
     A pure function of its arrays: it works under `jax.jit`, `jax.vmap` (over lenses, seeds, layers of equal
     shape), `jax.jvp` and `jax.grad`. Counts, switches and the pixel filter are static; a lens that moves or
-    another seed compile nothing new.
+    another seed compile nothing new, but for the first that has small lights out of focus.
 
     Derivatives are those of the converged picture: what is hidden and what shows may change. They hold for
     every array of the lens (focus, aperture, plane in focus, focal surface, shape of the aperture), and for
@@ -104,13 +104,28 @@ def render(
     )
     given = layers, within_reach(layers, lens, settings.pixel_filter), seed_of(seed)
     mesh = mesh_of(devices)
+    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(given))
     if mesh is None:
-        return picture(*given, settings=settings)
-    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(given)):
+        return picture(*given, settings=settings) if traced else _at_once(*given, settings)
+    if traced:
         message = "devices are given to a picture that is differentiated or compiled; leave them out"
         raise ArgumentError(message, "devices")
     shared = picture(*replicated(given, mesh), settings=dataclasses.replace(settings, mesh=mesh))
     return jnp.asarray(shared.addressable_data(0))
+
+
+def _at_once(
+    layers: Layers, lens: AbstractLens, seed: UInt[Array, ""], settings: RenderSettings
+) -> Float[Array, "h w 3"]:
+    """A picture of what is known: most have no emitters, and their light is compiled for those that have."""
+    light = None
+    if settings.emitters:
+        left, emitters = split_at_once(layers, lens)
+        if emitters is not None:
+            light = light_at_once(emitters, left, lens, seed, settings)
+        layers, settings = left, dataclasses.replace(settings, emitters=False)
+    image = picture(layers, lens, seed, settings=settings)
+    return image if light is None else image + light.reshape(image.shape)
 
 
 def _refuse_series(layers: Layers, lens: AbstractLens) -> None:

@@ -6,17 +6,23 @@ import numpy as np
 from small_scenes import front_camera, varied_layers, varied_scene, wide_lens
 
 from focusjax.layers import peel
+from focusjax.layers._grid import sizes_like
 
 
-def test_an_extent_for_others_is_kept_while_it_is_enough():
+def test_an_extent_for_others_has_no_margin():
     extent = varied_layers().extent
-    wider = extent.for_others(None)
-    assert (wider.count, wider.room, wider.grid.margin) == (extent.count + 2, 2 * extent.room, 0)
-    assert extent.for_others(wider) == wider
-    # Layers that were made like it need no more than it.
-    assert dataclasses.replace(wider, grid=extent.grid).for_others(wider) == wider
-    crowded = dataclasses.replace(extent, room=wider.room + 1)
-    assert crowded.for_others(wider) == dataclasses.replace(wider, room=2 * crowded.room)
+    others = extent.for_others()
+    assert (others.count, others.room, others.grid.margin) == (extent.count, extent.room, 0)
+    assert others.for_others() == others
+
+
+def test_sizes_are_those_of_others_while_they_are_enough():
+    like = dataclasses.replace(varied_layers().extent, count=4, room=1000)
+    assert sizes_like(3, 900, like, spare=True) == sizes_like(4, 1000, like, spare=False) == (4, 1000)
+    assert sizes_like(5, 1000, like, spare=True) == (7, 1000)
+    assert sizes_like(4, 1001, like, spare=True) == (4, 2002)
+    assert sizes_like(5, 1001, like, spare=False) == sizes_like(5, 1001, None, spare=False) == (5, 1001)
+    assert sizes_like(3, 900, None, spare=True) == (5, 1800)
 
 
 def test_an_extent_serves_its_own_frame_only():
@@ -28,9 +34,14 @@ def test_an_extent_serves_its_own_frame_only():
 
 def test_layers_with_room_hold_the_same():
     layers, camera = varied_layers(), front_camera()
-    wider = layers.extent.for_others(None)
-    roomy = peel(varied_scene(), camera, wide_lens(camera), supersampling=2, like=wider)
-    assert (roomy.count, roomy.extent.room, roomy.grid) == (wider.count, wider.room, layers.grid)
+    roomy = peel(varied_scene(), camera, wide_lens(camera), supersampling=2, spare=True)
+    wider = roomy.extent
+    assert (wider.count, wider.room) == (layers.count + 2, 2 * layers.extent.room)
+    assert wider.grid == layers.grid
+    again = peel(
+        varied_scene(), camera, wide_lens(camera), supersampling=2, like=wider.for_others(), spare=True
+    )
+    assert again.extent == wider
     np.testing.assert_array_equal(roomy.cells[: layers.count], layers.cells)
     assert not np.any(roomy.cells[layers.count :])
     kept = layers.extent.room

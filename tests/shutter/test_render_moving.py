@@ -233,6 +233,17 @@ def test_motion_and_defocus_match_the_mean_of_many_times(turning):
     assert compiled == []
 
 
+def test_the_second_picture_of_several_compiles_nothing(card):
+    shutter, options = make_shutter(1.0), {"fps": 1.0, "rays": 4}
+    first = render_moving(card, CAMERA, PINHOLE, shutter, like={}, **options)
+    with compilations() as compiled:
+        render_moving(card, CAMERA, PINHOLE, shutter, frame=0.9, like=first.extents, **options)
+    assert compiled == []
+    alone = render_moving(card, CAMERA, PINHOLE, shutter, **options)
+    np.testing.assert_array_equal(alone.image, first.image)
+    assert all(first.extents[name].count == alone.extents[name].count + 2 for name in alone.extents)
+
+
 @pytest.mark.parametrize(
     "way",
     [{"translate": (80.0, 0, 0)}, {"translate": (0, 0, 6.0)}],

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compilations import compilations
 from small_scenes import front_camera, patch, varied_layers
 
 from focusjax.layers import Layers, peel
@@ -15,7 +16,7 @@ from focusjax.lens import AbstractLens, ThinLens, TiltShiftLens, polygon, prescr
 from focusjax.optics import lens_preset
 from focusjax.scene import constant_background, make_scene
 from focusjax.trace import _emitters, render
-from focusjax.trace._emitters import split_emitters
+from focusjax.trace._emitters import split_at_once, split_emitters
 from focusjax.trace._picture import picture
 from focusjax.trace._render import render_settings
 
@@ -112,6 +113,26 @@ def test_what_is_not_bright_or_not_small_is_left_to_plain_rays():
     assert int(split_emitters(window, FAR)[1].pairs) == 0
     pinhole = dataclasses.replace(LENS, aperture_radius=jnp.array(0.0))
     assert int(split_emitters(lit(), pinhole)[1].pairs) == 0
+
+
+def test_nothing_is_compiled_for_emitters_where_there_are_none():
+    window = lamp_layers(FAR, (4, 4, 44, 32), disparity=0.4)
+    left, emitters = split_at_once(window, FAR)
+    assert left is window
+    assert emitters is None
+    emitting, plain = (render_settings(layers, layers.lens) for layers in (window, varied_layers()))
+    assert (emitting.emitters, plain.emitters) == (True, False)
+    with compilations() as compiled:
+        render(window, FAR, rays=5)
+    assert any("picture" in name for name in compiled)
+    assert not any("light_of" in name for name in compiled)
+
+
+def test_the_picture_is_the_same_traced_or_not():
+    known, traced = render(lit(), LENS, rays=8), jax.jit(lambda lens: render(lit(), lens, rays=8))(LENS)
+    assert render_settings(lit(), LENS).emitters
+    # Observed 0 off.
+    np.testing.assert_allclose(known, traced, rtol=1e-9, atol=1e-9)
 
 
 def test_a_disc_is_even_and_holds_all_light():

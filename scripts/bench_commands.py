@@ -3,7 +3,7 @@
 Every command starts with an empty cache of its own, and writes to a folder that is removed. Nothing else is
 to run beside it.
 
-    python scripts/bench_commands.py [--repeat 3] [--json FILE]
+    python scripts/bench_commands.py [--only NAME ...] [--repeat 3] [--json FILE]
 """
 
 import argparse
@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[1]
 COMMANDS = {
     "still life": ("run configs/still_life.toml", "run configs/still_life.toml --set focus.1.blur_px=25"),
     "rack focus, 4 frames": ("shot configs/rack_focus.toml --frames 1,2,3,4", None),
+    "two actors, 2 frames": ("shot configs/two_actors.toml --frames 23,24", None),
     "focus through glass": ("solve configs/dome_glass.toml", None),
 }
 
@@ -44,11 +45,13 @@ def seconds(command: str, cache: Path) -> float:
 def main() -> None:
     """Measure, print, and write the figures down."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", nargs="+", choices=COMMANDS, default=list(COMMANDS), metavar="NAME")
     parser.add_argument("--repeat", type=int, default=3, help="how often again; the least is reported")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     table = {}
-    for name, (command, changed) in COMMANDS.items():
+    for name in options.only:
+        command, changed = COMMANDS[name]
         with tempfile.TemporaryDirectory() as cache:
             first = seconds(command, Path(cache))
             again = min(seconds(command, Path(cache)) for _ in range(options.repeat))

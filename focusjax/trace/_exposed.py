@@ -15,6 +15,7 @@ from focusjax.layers import Layers
 from focusjax.lens import AbstractLens
 from focusjax.trace._accumulate import PixelSums, starts_of, summed
 from focusjax.trace._coc_bins import CocBins, focal_zone
+from focusjax.trace._devices import rays_at_once
 from focusjax.trace._emitters import split_at_once
 from focusjax.trace._groups import SomeGroups
 from focusjax.trace._known_light import known_light
@@ -31,7 +32,7 @@ _samples = jit(timed_samples)
 _TOGETHER = 4
 """At most so many rays of a pixel, one after the other in time, that look up one range of disparities."""
 _FEWEST_GROUPS = 1 << 12
-"""Length of the shortest list: all are this times a power of two, so that few programs are compiled."""
+"""Room for groups of a program that is compiled for few."""
 _TIMED = 1 << 21
 """Number of the seed's stream for rays that have times."""
 
@@ -104,7 +105,7 @@ def exposed(
         shares = row_shares(timing, begin, end, camera.height, rays, together)
         groups = int(of_row @ shares.parts.astype(np.int64))
         if groups:
-            most = _FEWEST_GROUPS << max(0, -(-groups // _FEWEST_GROUPS) - 1).bit_length()
+            most = _room_for(groups, together, len(changing) * -(-rays // together))
             moving = _Moving(camera, timing, _plain(span.bodies), samples, shares)
             sums = _span_sums(moving, lens, bins, here, together=together, most=most)
             total = sums if total is None else jax.tree.map(jnp.add, total, sums)
@@ -114,6 +115,18 @@ def exposed(
             light = jnp.where(here[:, None], light + more, light)
     assert total is not None
     return _developed(total, lens, camera, bins, settings=settings) + light
+
+
+def _room_for(groups: int, together: int, most: int) -> int:
+    """Room for at least so many groups, of which a picture has no more than `most`.
+
+    One of few numbers, so that few programs are compiled. What is not used takes no time but for the last
+    rays that are followed together.
+    """
+    room, at_once = _FEWEST_GROUPS, rays_at_once() // together
+    while room < min(groups, at_once):
+        room *= 4
+    return min(most, room) if groups <= room <= at_once else most
 
 
 def _plain(bodies: tuple[MovingLayers, ...]) -> tuple[MovingLayers, ...]:

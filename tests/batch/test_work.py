@@ -13,7 +13,8 @@ from focusjax.many import carry_out
 def test_a_worker_hands_on_its_scene_and_the_extent_of_its_layers(boxes, tmp_path, monkeypatch):
     calls = []
 
-    def run(config, *, rendering, scene, like):
+    def run(config, *, rendering, scene, like, spare):
+        assert spare
         calls.append((rendering, scene, like))
         return SimpleNamespace(picture=SimpleNamespace(extent=len(calls)))
 

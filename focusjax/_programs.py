@@ -46,7 +46,7 @@ _HASTE: _Options = {
 _SOONER: _Options = {"xla_backend_optimization_level": 1, "xla_cpu_use_fusion_emitters": False}
 """Of XLA: what takes a third of the time to compile, and gains a program next to nothing unless it is the
 tracer's, which would take twice as long without."""
-_MUCH = 1 << 14
+_MUCH = 1 << 17
 """Numbers in its arguments from which on a program is compiled as always."""
 _PACKAGES = ("jax", "jaxlib", "equinox", "jaxtyping", "lineax", "numpy", "optimistix")
 """What functions are traced from, by their versions; focusjax itself goes by its sources."""

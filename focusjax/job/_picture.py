@@ -139,13 +139,10 @@ def peel_picture(
     the layers for those of others.
     """
     post = table.method == "post"
-    shared = moving is None and not post
-    serves = shared and like is not None and like.serves(camera, table.supersampling)
+    serves = moving is None and not post and like is not None and like.serves(camera, table.supersampling)
     like = like if serves else None
     with watch.stage("peel"):
-        layers = make_layers(
-            table, scene, camera, closed_lens() if post else lens, like, spare=shared and spare
-        )
+        layers = make_layers(table, scene, camera, closed_lens() if post else lens, like, spare=spare)
         jax.block_until_ready(eqx.filter(layers, eqx.is_array))
     if moving is not None:
         return Peeled(layers)

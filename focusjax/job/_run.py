@@ -128,7 +128,7 @@ def run(
         disparity: what `disparity_map` gives for the scene and the config's camera, where it is at hand.
         like: `Picture.extent` of another run, whose compiled programs serve again where the pictures are of
             one size; the picture is the same.
-        spare: leave room in its layers for those of other runs; see `peel`.
+        spare: leave room in the layers of what does not move for those of other runs; see `peel`.
         progress: called with the stage that runs and the share of it that is done.
 
     Raises:

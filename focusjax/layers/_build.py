@@ -63,9 +63,9 @@ def peel(
             so are the number of layers up to `max_layers` and the room for samples, so that programs compiled
             for them serve again, if the scene has as many vertices as then. (`make_object` splits vertices
             at creases, which may come and go as a mesh deforms: `focusjax.shot.MovingScene` keeps them.)
-        spare: where these need more layers or room than `like` has, or there is none, have two layers and as
-            much room again beyond what they need, so that later ones like these fit in. Nothing of the
-            picture changes.
+        spare: where these need more layers or room than `like` has, or there is none, have two layers more,
+            up to `max_layers`, and twice the room that they need, so that later ones like these fit in.
+            Nothing of the picture changes.
 
     Raises:
         ValueError: a count that is not whole or below 1; no such filter; a surface so close to the lens that

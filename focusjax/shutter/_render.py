@@ -108,8 +108,8 @@ def render_moving(
         step_px: pixels, more for what is blurred, by which deforming things may move from span to span.
         most_spans: no more than these; `step_px` of the result is the step that this leaves.
         make: makes layers, by `peel` if not given, of a scene, camera and lens, and like an extent.
-        like: `extents` of another picture, whose compiled programs serve again; {} for the first of several,
-            whose layers leave room for those of the others.
+        like: `extents` of another picture, whose compiled programs serve again; {} for the first of several:
+            `peel` then leaves room for the layers of others, as a `make` of your own would have to.
 
     Raises:
         ValueError: a number out of range, a camera that changes its number of pixels, things so near to the

@@ -21,7 +21,7 @@ from focusjax.trace._groups import SomeGroups
 from focusjax.trace._known_light import known_light
 from focusjax.trace._moving import MovingLayers, seen_in_motion
 from focusjax.trace._moving_emitters import moving_light
-from focusjax.trace._picture import RenderSettings, developed, light_at_once, picture_sums
+from focusjax.trace._picture import MOST_GROUPS, RenderSettings, developed, light_at_once, picture_sums
 from focusjax.trace._radiances import Seen
 from focusjax.trace._render import render_settings, seed_of
 from focusjax.trace._samples import RaySamples
@@ -120,13 +120,15 @@ def exposed(
 def _room_for(groups: int, together: int, most: int) -> int:
     """Room for at least so many groups, of which a picture has no more than `most`.
 
-    One of few numbers, so that few programs are compiled. What is not used takes no time but for the last
-    rays that are followed together.
+    One of few numbers, so that few programs are compiled. Rays are followed together, as many as that or as
+    the device takes at once; what is not used takes no time beyond the last of these.
     """
     room, at_once = _FEWEST_GROUPS, rays_at_once() // together
     while room < min(groups, at_once):
         room *= 4
-    return min(most, room) if groups <= room <= at_once else most
+    if groups <= room <= at_once:
+        return min(most, room)
+    return most if most <= MOST_GROUPS else groups
 
 
 def _plain(bodies: tuple[MovingLayers, ...]) -> tuple[MovingLayers, ...]:

@@ -41,7 +41,7 @@ _DERIVATIVE = 1 << 20
 """Number of the seed's stream for rays of derivatives."""
 _MOST_RAYS = 1 << 24
 """Of a pixel: their table is 16 times as long."""
-_MOST_GROUPS = 2_000_000_000
+MOST_GROUPS = 2_000_000_000
 """Below 2^31, in which they are counted, with room for rounding up."""
 
 
@@ -70,7 +70,7 @@ class RenderSettings:
 
 def most_rays(pixels: int, together: int = 1) -> int:
     """The most rays per pixel of a picture of so many pixels, traced in groups of `together`."""
-    return min(_MOST_RAYS, together * (_MOST_GROUPS // pixels))
+    return min(_MOST_RAYS, together * (MOST_GROUPS // pixels))
 
 
 @jit

@@ -39,7 +39,8 @@ def render(
 
     A pure function of its arrays: it works under `jax.jit`, `jax.vmap` (over lenses, seeds, layers of equal
     shape), `jax.jvp` and `jax.grad`. Counts, switches and the pixel filter are static; a lens that moves or
-    another seed compile nothing new, but for the first that has small lights out of focus.
+    another seed compile nothing new; the first picture with small bright things out of focus compiles a
+    program for their light.
 
     Derivatives are those of the converged picture: what is hidden and what shows may change. They hold for
     every array of the lens (focus, aperture, plane in focus, focal surface, shape of the aperture), and for

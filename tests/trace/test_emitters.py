@@ -128,6 +128,15 @@ def test_nothing_is_compiled_for_emitters_where_there_are_none():
     assert not any("light_of" in name for name in compiled)
 
 
+def test_emitters_of_known_layers_are_found_where_something_else_is_traced():
+    pairs = int(split_at_once(lit(), LENS)[1].pairs)
+
+    def twice(x):
+        return split_at_once(lit(), LENS)[1].pairs * x
+
+    assert int(jax.jit(twice)(2)) == 2 * pairs
+
+
 def test_the_picture_is_the_same_traced_or_not():
     known, traced = render(lit(), LENS, rays=8), jax.jit(lambda lens: render(lit(), lens, rays=8))(LENS)
     assert render_settings(lit(), LENS).emitters

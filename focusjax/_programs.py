@@ -44,8 +44,7 @@ _HASTE: _Options = {
 }
 """Of XLA: what takes most of the time to compile, and gains a program on little data next to nothing."""
 _SOONER: _Options = {"xla_backend_optimization_level": 1, "xla_cpu_use_fusion_emitters": False}
-"""Of XLA: what takes a third of the time to compile, and gains most programs next to nothing. (A picture
-would take twice as long without.)"""
+"""Of XLA: what takes a third of the time to compile, and gains all but the tracer next to nothing."""
 _MUCH = 1 << 17
 """Numbers in its arguments from which on a program is compiled as always."""
 _PACKAGES = ("jax", "jaxlib", "equinox", "jaxtyping", "lineax", "numpy", "optimistix")

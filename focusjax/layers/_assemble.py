@@ -18,6 +18,7 @@ from focusjax.layers._grid import Extent, Grid, sizes_like
 from focusjax.layers._joins import Joins, Planes, join
 from focusjax.layers._layers import Layers, LeftOut, Samples
 from focusjax.layers._means import Seen, mean_radiances
+from focusjax.layers._memory import layers_fit
 from focusjax.layers._picture import Rasterised
 from focusjax.layers._places import make_places, on_device, scattered
 from focusjax.layers._pyramid import RangePyramid, build_ranges
@@ -82,9 +83,12 @@ def assemble(
             # Both at once would hold too much.
             concurrent.futures.wait([shading])
         # A few more than needed, so that few different numbers occur; an empty layer changes nothing.
-        count = min(coarse_number(outline.layers, _LAYERS_STEP), max_layers)
-        count, room = sizes_like(max(count, 1), _room(len(outline.index)), like, spare=spare)
+        needed = max(min(coarse_number(outline.layers, _LAYERS_STEP), max_layers), 1)
+        count, room = sizes_like(needed, _room(len(outline.index)), like, spare=spare)
         count = min(count, max_layers)
+        if not layers_fit(grid, count, room):
+            # What is spare is worth time alone.
+            count, room = needed, _room(len(outline.index))
         least, most, scale = in_steps(outline.low, outline.high)
         words = pack_cells(least, most, outline.line)
         places, number = make_places(count * grid.size, outline.index)

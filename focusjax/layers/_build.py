@@ -64,7 +64,8 @@ def peel(
             for them serve again, if the scene has as many vertices as then. (`make_object` splits vertices
             at creases, which may come and go as a mesh deforms: `focusjax.shot.MovingScene` keeps them.)
         spare: where these need more layers or room than `like` has, or there is none, have two layers more,
-            up to `max_layers`, and twice the room that they need, so that later ones like these fit in.
+            and four at least, up to `max_layers`, and twice the room that they need, and that of 32,768
+            samples at least, so that later ones like these fit in; where memory is short, what they need.
             Nothing of the picture changes.
 
     Raises:

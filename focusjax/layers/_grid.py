@@ -8,6 +8,8 @@ from focusjax.geometry import Camera
 
 _SPARE_LAYERS, _SPARE_ROOM = 2, 2
 """Layers beyond what is needed, and times the room for samples, that are spare."""
+_SPARED_LAYERS, _SPARED_ROOM = 4, 1 << 15
+"""At least so many where some are spare: a thing that comes nearer is soon many times as large as it was."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,7 +92,7 @@ def sizes_like(count: int, room: int, like: Extent | None, *, spare: bool) -> tu
     """
     most_layers, most_room = (0, 0) if like is None else (like.count, like.room)
     if count > most_layers:
-        most_layers = count + _SPARE_LAYERS if spare else count
+        most_layers = max(count + _SPARE_LAYERS, _SPARED_LAYERS) if spare else count
     if room > most_room:
-        most_room = _SPARE_ROOM * room if spare else room
+        most_room = max(_SPARE_ROOM * room, _SPARED_ROOM) if spare else room
     return most_layers, most_room

@@ -101,6 +101,12 @@ def check_layers(grid: Grid, kept: Sequence[int], limit: str) -> None:
     )
 
 
+def layers_fit(grid: Grid, count: int, room: int) -> bool:
+    """Whether `count` layers on a grid fit, with room for so many samples in all."""
+    memory = machine_memory()
+    return memory is None or room * _BYTES + count * grid.size * _BYTES_OF_ROOM <= _SHARE * memory
+
+
 def check_held(held: int, what: str, remedy: str) -> None:
     """Refuse layers of so many times that those of the next ones may not fit beside the bytes `held`.
 

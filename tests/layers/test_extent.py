@@ -3,9 +3,10 @@
 import dataclasses
 
 import numpy as np
+import pytest
 from small_scenes import front_camera, varied_layers, varied_scene, wide_lens
 
-from focusjax.layers import peel
+from focusjax.layers import _assemble, peel
 from focusjax.layers._grid import sizes_like
 
 
@@ -17,12 +18,31 @@ def test_an_extent_for_others_has_no_margin():
 
 
 def test_sizes_are_those_of_others_while_they_are_enough():
-    like = dataclasses.replace(varied_layers().extent, count=4, room=1000)
-    assert sizes_like(3, 900, like, spare=True) == sizes_like(4, 1000, like, spare=False) == (4, 1000)
-    assert sizes_like(5, 1000, like, spare=True) == (7, 1000)
-    assert sizes_like(4, 1001, like, spare=True) == (4, 2002)
-    assert sizes_like(5, 1001, like, spare=False) == sizes_like(5, 1001, None, spare=False) == (5, 1001)
-    assert sizes_like(3, 900, None, spare=True) == (5, 1800)
+    like = dataclasses.replace(varied_layers().extent, count=4, room=100_000)
+    assert sizes_like(3, 90_000, like, spare=True) == sizes_like(4, 100_000, like, spare=False)
+    assert sizes_like(4, 100_000, like, spare=True) == (4, 100_000)
+    assert sizes_like(5, 100_000, like, spare=True) == (7, 100_000)
+    assert sizes_like(4, 100_001, like, spare=True) == (4, 200_002)
+    assert sizes_like(5, 100_001, like, spare=False) == (5, 100_001)
+    assert sizes_like(3, 90_000, None, spare=True) == (5, 180_000)
+
+
+def test_small_things_have_layers_of_one_size():
+    """What is far away and comes nearer, and whatever else is small, has programs in common."""
+    assert sizes_like(1, 1024, None, spare=True) == sizes_like(2, 16_384, None, spare=True) == (4, 32_768)
+    assert sizes_like(1, 1024, None, spare=False) == (1, 1024)
+
+
+@pytest.mark.parametrize("like", [False, True])
+def test_nothing_is_spare_that_does_not_fit_in_memory(monkeypatch, like):
+    camera = front_camera()
+    extent = dataclasses.replace(varied_layers().extent, count=9).for_others() if like else None
+    needed = varied_layers().extent
+    monkeypatch.setattr(
+        _assemble, "layers_fit", lambda grid, count, room: (count, room) == (needed.count, needed.room)
+    )
+    layers = peel(varied_scene(), camera, wide_lens(camera), supersampling=2, like=extent, spare=True)
+    assert layers.extent == needed
 
 
 def test_an_extent_serves_its_own_frame_only():
@@ -36,7 +56,7 @@ def test_layers_with_room_hold_the_same():
     layers, camera = varied_layers(), front_camera()
     roomy = peel(varied_scene(), camera, wide_lens(camera), supersampling=2, spare=True)
     wider = roomy.extent
-    assert (wider.count, wider.room) == (layers.count + 2, 2 * layers.extent.room)
+    assert (wider.count, wider.room) == (layers.count + 2, max(2 * layers.extent.room, 32_768))
     assert wider.grid == layers.grid
     again = peel(
         varied_scene(), camera, wide_lens(camera), supersampling=2, like=wider.for_others(), spare=True

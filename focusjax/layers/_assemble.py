@@ -82,13 +82,7 @@ def assemble(
         if len(cell) > _MANY:
             # Both at once would hold too much.
             concurrent.futures.wait([shading])
-        # A few more than needed, so that few different numbers occur; an empty layer changes nothing.
-        needed = max(min(coarse_number(outline.layers, _LAYERS_STEP), max_layers), 1)
-        count, room = sizes_like(needed, _room(len(outline.index)), like, spare=spare)
-        count = min(count, max_layers)
-        if not layers_fit(grid, count, room):
-            # What is spare is worth time alone.
-            count, room = needed, _room(len(outline.index))
+        count, room = _sizes(outline, grid, max_layers, like, spare=spare)
         least, most, scale = in_steps(outline.low, outline.high)
         words = pack_cells(least, most, outline.line)
         places, number = make_places(count * grid.size, outline.index)
@@ -138,6 +132,18 @@ def _ranges(
         widest=2.0 * grid.margin + 4 * grid.supersampling,
         real=real,
     )
+
+
+def _sizes(
+    outline: "_Outline", grid: Grid, max_layers: int, like: Extent | None, *, spare: bool
+) -> tuple[int, int]:
+    """Numbers of layers and of places for samples; what is empty of them changes nothing."""
+    # A few more than needed, so that few different numbers occur.
+    needed = max(min(coarse_number(outline.layers, _LAYERS_STEP), max_layers), 1), _room(len(outline.index))
+    count, room = sizes_like(*needed, like, spare=spare)
+    count = min(count, max_layers)
+    # What is spare is worth time alone.
+    return (count, room) if layers_fit(grid, count, room) else needed
 
 
 @dataclasses.dataclass(frozen=True)

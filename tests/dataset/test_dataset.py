@@ -2,6 +2,7 @@
 
 import json
 import re
+from contextlib import chdir
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -244,14 +245,14 @@ def test_programs_have_room_for_the_worst_blur():
     assert _picture.extent(spec).grid.margin >= needed + 2
 
 
-def test_the_example_learns_blur(capsys, monkeypatch, tmp_path):
+def test_the_example_learns_blur(capsys, tmp_path):
     """At a size at which it runs, but is too small to learn much."""
     path = Path(__file__).parents[2] / "examples" / "learn_blur.py"
-    monkeypatch.chdir(tmp_path)
     full = "SIZE, COUNT, SEEN, STEPS = 128, 240, 200, 2000"
     source = path.read_text()
     assert full in source
-    exec(compile(source.replace(full, full[:27] + "32, 4, 3, 20"), path.name, "exec"), {})
+    with chdir(tmp_path):
+        exec(compile(source.replace(full, full[:27] + "32, 4, 3, 20"), path.name, "exec"), {})
     found, constant = (
         float(number) for number in re.findall(r"off by ([0-9.]+) px", capsys.readouterr().out)
     )

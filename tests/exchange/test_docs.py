@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from contextlib import chdir
 from pathlib import Path
 
 import pytest
@@ -15,8 +16,7 @@ COMMANDS = [line for block in re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL) fo
 
 
 @pytest.mark.parametrize("line", COMMANDS)
-def test_commands_run(line, tmp_path, monkeypatch):
-    monkeypatch.chdir(ROOT)
+def test_commands_run(line, tmp_path):
     words = shlex.split(line)
     assert words[:2] == ["focusjax", "export"]
     out = tmp_path / Path(words[words.index("--out") + 1]).name
@@ -25,14 +25,15 @@ def test_commands_run(line, tmp_path, monkeypatch):
     if "--shot" in words:
         # Wishes and keyframes for frames beyond the last are reported, and left.
         small += ["--set", "shot.frames=3"]
-    done = CliRunner().invoke(app, [*words[1:], *small])
+    with chdir(ROOT):
+        done = CliRunner().invoke(app, [*words[1:], *small])
     assert done.exit_code == 0, done.output
     assert out.exists()
 
 
-def test_python_runs(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
-        exec(compile(block, "exchange.md", "exec"), {})
+def test_python_runs(tmp_path):
+    with chdir(tmp_path):
+        for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
+            exec(compile(block, "exchange.md", "exec"), {})
     assert (tmp_path / "camera.usda").exists()
     assert (tmp_path / "layers.exr").exists()

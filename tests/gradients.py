@@ -32,6 +32,23 @@ def check_gradients(function: Callable, *arguments: object, rtol: float = 1e-6) 
     return np.asarray(forward)
 
 
+def central_differences(answer: Callable, flat: Float[Array, " n"]) -> Float[Array, "n *m"]:
+    """The slopes of answers of any shape by each of n numbers, by central differences."""
+    steps, moved = _moved(flat)
+    return _divided(steps, jax.vmap(answer)(moved))
+
+
+def _moved(flat: Float[Array, " n"]) -> tuple[Float[Array, " n"], Float[Array, "p n"]]:
+    """The step of each number, and the places with one added, then those with one taken away."""
+    steps = STEP * jnp.maximum(jnp.abs(flat), 1.0)
+    return steps, flat[None] + jnp.concatenate([jnp.diag(steps), -jnp.diag(steps)])
+
+
+def _divided(steps: Float[Array, " n"], answers: Float[Array, "p *m"]) -> Float[Array, "n *m"]:
+    ahead, back = jnp.split(answers, 2)
+    return (ahead - back) / (2 * steps.reshape(-1, *[1] * (ahead.ndim - 1)))
+
+
 @eqx.filter_jit
 def _jacobians(function: Callable, arguments: tuple) -> tuple[Float[Array, "m n"], ...]:
     flat, restore = ravel_pytree(arguments)
@@ -47,13 +64,11 @@ def _jacobians(function: Callable, arguments: tuple) -> tuple[Float[Array, "m n"
         (reverse,) = jax.vmap(backwards)(jnp.eye(here.size, dtype=here.dtype))
         return here, forward, reverse
 
-    steps = STEP * jnp.maximum(jnp.abs(flat), 1.0)
-    moved = flat[None] + jnp.concatenate([jnp.diag(steps), -jnp.diag(steps)])
+    steps, moved = _moved(flat)
     if flat.size <= _FEW:
         # One program for all places: few slopes are found sooner than another is compiled.
         here, forward, reverse = jax.vmap(slopes)(jnp.concatenate([flat[None], moved]))
         (forward, reverse), answers = (forward[0], reverse[0]), here[1:]
     else:
         (_, forward, reverse), answers = slopes(flat), jax.vmap(answer)(moved)
-    ahead, back = jnp.split(answers, 2)
-    return forward, reverse, ((ahead - back) / (2 * steps[:, None])).T
+    return forward, reverse, _divided(steps, answers).T

@@ -189,7 +189,8 @@ def test_the_sides_of_a_turned_lens_are_found(camera, lens, seed):
         pytest.param(optx.Dogleg(1e-8, 1e-8), id="dogleg"),
         pytest.param(optx.LevenbergMarquardt(1e-8, 1e-8), id="levenberg-marquardt", marks=pytest.mark.slow),
         pytest.param(optx.BFGS(1e-8, 1e-8), id="bfgs", marks=pytest.mark.slow),
-        pytest.param(JaxoptLBFGSB(atol=1e-8), id="jaxopt"),
+        # Of focus and f-number: test_solve.
+        pytest.param(JaxoptLBFGSB(atol=1e-8), id="jaxopt", marks=pytest.mark.slow),
     ],
 )
 def test_solvers_agree(camera, lens, solver):

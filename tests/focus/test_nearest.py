@@ -11,6 +11,8 @@ from focusjax.focus import AT_LEAST, AT_MOST, EQUAL, Result, solve, solve_frames
 BOTH = ("focus", "f_number")
 # Blur per metre of aperture radius and dioptre for the fixture's camera: 2 f = 2 * 50 / 36 * 640 px.
 SLOPE = 2 * 0.05 / 0.036 * 640
+NO_SAY = ((0.5, 0.0, True, 0.0), (0.5, 0.0, False, 0.0))
+"""Points of either sign without weight: with them one program serves wishes of both."""
 
 
 def parameters(solution):
@@ -41,7 +43,7 @@ class TestWhatWishesLeaveOpen:
     ):
         """Of all settings that give one blur the nearest to the start, stills and shots, by brute force."""
         camera, lens = make_setup(focus_distance=focus, f_number=f_number)
-        points = make_points((0.5, target, signed, 1))
+        points = make_points((0.5, target, signed, 1), *NO_SAY)
         points = dataclasses.replace(points, relation=jnp.full(points.wish.shape, relation))
         options = {"free": BOTH, "min_focus_distance": nearest}
         start = np.array([1 / focus, 0.025 / f_number])
@@ -110,7 +112,7 @@ class TestSeveralLimits:
     )
     def test_the_picture_changes_least(self, make_setup, make_points, focus, f_number, most, distances):
         camera, lens = make_setup(focus_distance=focus, f_number=f_number)
-        points = make_points(*((1 / distance, most, False, 1) for distance in distances))
+        points = make_points(*((1 / distance, most, False, 1) for distance in distances), *NO_SAY)
         points = dataclasses.replace(points, relation=jnp.full(points.wish.shape, AT_MOST))
         options = {"free": BOTH, "min_focus_distance": 0.2}
         found = solve(points, camera, lens, **options)

@@ -280,8 +280,9 @@ def card():
     return corners @ pose[:3, :3].T + pose[:3, 3], SQUARE
 
 
+@pytest.mark.slow
 def test_stopped_far_down_it_renders_the_thin_lens_picture():
-    """Of a small field, where the lens hardly distorts."""
+    """Of a small field, where the lens hardly distorts; its rays: test_stopped_down_it_is_the_thin_lens."""
     camera = look_at((0, 0, 2), (0, 0, 0), width=60, height=40, focal_length=0.05, sensor_width=0.008)
     scene = make_scene(
         [ball("near", (0.03, 0.02, 0.5), 0.06, 1), ball("far", (-0.06, 0.0, -0.6), 0.15, 2)],

@@ -2,11 +2,14 @@
 
 import functools
 import math
+from collections.abc import Callable
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from optics_lenses import GLASS, biconvex
 from ray_spots import rms_diameter
 
 import focusjax as fj
@@ -29,7 +32,7 @@ from focusjax.lens import (
     view_tangents,
 )
 from focusjax.lens._tilted import turned_lens
-from focusjax.optics import first_order, lens_preset
+from focusjax.optics import Prescription, air, first_order, lens_preset, make_prescription, sphere
 
 CAMERA = look_at((0, 0.6, 2), (0, 0, 0), width=60, height=40, focal_length=0.05)
 NARROW = look_at((0, 0, 2), (0, 0, 0), width=60, height=40, focal_length=0.05, sensor_width=0.004)
@@ -37,8 +40,16 @@ TILT, SWING = 0.06, -0.03
 
 
 @functools.cache
-def level(f_number: float = 4.0, preset: str = "gauss_jp62087922_f1.8_1987") -> PrescriptionLens:
-    return prescription_lens(lens_preset(preset), CAMERA, focus_distance=2.0, f_number=f_number)
+def level() -> PrescriptionLens:
+    """A simple lens, of few surfaces to trace."""
+    return prescription_lens(biconvex(), CAMERA, focus_distance=2.0, f_number=8)
+
+
+@functools.cache
+def double_gauss() -> PrescriptionLens:
+    return prescription_lens(
+        lens_preset("gauss_jp62087922_f1.8_1987"), CAMERA, focus_distance=2.0, f_number=4.0
+    )
 
 
 @functools.cache
@@ -46,13 +57,25 @@ def tilted() -> TiltedPrescriptionLens:
     return tilted_lens(level(), CAMERA, tilt=TILT, swing=SWING)
 
 
+def symmetric() -> Prescription:
+    """Its stop in the middle of its glass: pupils of one size."""
+    surfaces = [sphere(1 / 50.0), sphere(0.0), sphere(-1 / 50.0)]
+    return make_prescription(surfaces, [3.0, 3.0, 0.0], [9.0, 9.0, 9.0], [GLASS, GLASS, air()], stop=1)
+
+
+def retrofocus() -> Prescription:
+    """Pupils of very different sizes."""
+    return lens_preset("retrofocus_35mm_f2")
+
+
 @functools.cache
-def narrow(preset: str) -> TiltedPrescriptionLens:
+def narrow(make: Callable[[], Prescription]) -> TiltedPrescriptionLens:
     """Of a small opening and field, where first-order optics holds."""
-    lens = prescription_lens(lens_preset(preset), NARROW, focus_distance=1.2, f_number=22, focus="paraxial")
+    lens = prescription_lens(make(), NARROW, focus_distance=1.2, f_number=22, focus="paraxial")
     return tilted_lens(lens, NARROW, tilt=TILT, swing=SWING)
 
 
+@eqx.filter_jit
 def rays_of(lens, camera, film, count=400):
     square = jnp.asarray(np.random.default_rng(0).uniform(size=(count, 2)))
     return jax.vmap(lambda v: lens.ray(camera, film, lens.pupil_point(v)))(square)
@@ -70,10 +93,9 @@ def test_without_tilt_it_is_the_level_lens():
             np.testing.assert_allclose(one, other, atol=1e-9)
 
 
-@pytest.mark.parametrize("preset", ["gauss_jp62087922_f1.8_1987", "retrofocus_35mm_f2"])
-def test_the_planes_meet_the_principal_planes_at_one_height(preset: str):
+def test_the_planes_meet_the_principal_planes_at_one_height():
     """Scheimpflug's rule of a thick lens, which was not what the plane was derived from."""
-    lens = narrow(preset)
+    lens = narrow(retrofocus)
     seen = first_order(lens.lens.prescription)
     plane = np.asarray(lens.turn.T @ lens.plane) * 1e-3
     # Ahead of the entrance pupil by -(front - pupil); Z is ahead.
@@ -88,16 +110,14 @@ def test_the_planes_meet_the_principal_planes_at_one_height(preset: str):
 
 
 def test_pupils_of_one_size_lean_the_plane_as_an_ideal_lens_does():
-    glass = narrow("planar_us583336_f4.5_1897")
+    glass = narrow(symmetric)
     ideal = tilt_shift_lens(focus_distance=1.2, tilt=TILT, swing=SWING, f_number=22, focal_length=0.05)
-    # The pupils differ by 5e-6 of their size.
     np.testing.assert_allclose(glass.plane, ideal.plane, rtol=1e-4)
 
 
-@pytest.mark.parametrize("preset", ["gauss_jp62087922_f1.8_1987", "retrofocus_35mm_f2"])
 @pytest.mark.parametrize("film", [(30.0, 20.0), (6.0, 35.0), (52.0, 5.0)])
-def test_rays_meet_in_the_plane(preset: str, film):
-    lens, film = narrow(preset), jnp.array(film)
+def test_rays_meet_in_the_plane(film):
+    lens, film = narrow(retrofocus), jnp.array(film)
     rays = rays_of(lens, NARROW, film)
     wanted = float(lens.plane @ jnp.append(view_tangents(NARROW, film), 1.0))
     a, b = (np.asarray(each) - np.average(each, axis=0, weights=rays.weight) for each in (rays.a, rays.b))
@@ -110,10 +130,9 @@ def test_rays_meet_in_the_plane(preset: str, film):
     np.testing.assert_allclose(met, film, atol=0.12)
 
 
-@pytest.mark.parametrize("preset", ["gauss_jp62087922_f1.8_1987", "retrofocus_35mm_f2"])
-def test_the_film_gets_the_light_that_the_pupil_takes_in(preset: str):
+def test_the_film_gets_the_light_that_the_pupil_takes_in():
     """Flux from a patch of the scene through the entrance pupil, over the area of its image on the film."""
-    lens = narrow(preset)
+    lens = narrow(retrofocus)
 
     def place(seen):
         film, far = lens.film_at(seen)
@@ -161,7 +180,7 @@ def test_polygons_and_colours_and_new_focus():
 def test_wishes_are_solved_for_through_it():
     wishes = [FocusPoint(AtPoint((0.1, 0, 0.3)), Sharp()), FocusPoint(AtPoint((-0.2, 0, -0.5)), Blur(0.4))]
     points = locate(wishes, CAMERA)
-    start = thin_lens(focus_distance=2.0, f_number=4.0, focal_length=0.05)
+    start = thin_lens(focus_distance=2.0, f_number=8.0, focal_length=0.05)
     found = fj.solve(points, CAMERA, start, through=tilted())
     assert isinstance(found.glass, TiltedPrescriptionLens)
     for number in range(2):
@@ -173,15 +192,12 @@ def test_wishes_are_solved_for_through_it():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: tilted_lens(level(), CAMERA, tilt=0.3), "image circle"),
         (lambda: tilted_lens(level(), CAMERA, tilt=1.0), "at most 45"),
         (lambda: tilted_lens(level(), CAMERA, tilt=3.1, swing=3.1), "between -pi/2 and pi/2"),
         (lambda: tilted_lens(level(), CAMERA, tilt=math.nan), "tilt is nan"),
         (
             lambda: tilted_lens(
-                prescription_lens(
-                    lens_preset("cooke_triplet_50mm_f4"), CAMERA, focus_distance=2, breathing=True
-                ),
+                prescription_lens(biconvex(), CAMERA, focus_distance=2, f_number=8, breathing=True),
                 CAMERA,
                 tilt=0.1,
             ),
@@ -195,7 +211,8 @@ def test_what_cannot_be_is_refused(make, words: str):
         make()
 
 
-def test_the_reach_is_in_the_words():
-    with pytest.raises(ValueError, match="degrees from the axis") as refused:
-        tilted_lens(level(), CAMERA, swing=0.3)
+def test_the_image_circle_and_the_reach_are_in_the_words():
+    with pytest.raises(ValueError, match="image circle") as refused:
+        tilted_lens(double_gauss(), CAMERA, swing=0.3)
+    assert "degrees from the axis" in str(refused.value)
     assert f"{math.degrees(0.3):.1f} degrees" in str(refused.value)

@@ -62,8 +62,10 @@ def corrector() -> Prescription:
     )
 
 
+SHIPPED = all_lenses()
 LENSES = {
-    **all_lenses(),
+    # One of many surfaces; the sums of all that are shipped are compared with Optiland's.
+    **{name: SHIPPED[name] for name in ("retrofocus_35mm_f2", "planoconvex", "meniscus", "conic", "asphere")},
     "asphere before its stop": dataclasses.replace(asphere(), stop=1),
     "asphere behind its stop": stop_before(12.0),
     "corrector": corrector(),

@@ -115,7 +115,9 @@ ABERRATED = {
         thin(Disk()), (*curved(thin(Disk())).aberrations, *tabulated(thin(Disk())).aberrations)
     ),
     "tilted, aberrated, cat's eyes": vignetted_lens(
-        aberrated(tilted(polygon(5, rotation=0.3))), CAMERA, corner_shift=0.8
+        AberratedLens(tilted(polygon(5, rotation=0.3)), (power_profile([0.0, -0.05, 0.2]),)),
+        CAMERA,
+        corner_shift=0.8,
     ),
     "chromatic": CHROMATIC,
 }

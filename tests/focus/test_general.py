@@ -202,6 +202,8 @@ def test_solvers_agree(camera, lens, solver):
         np.testing.assert_allclose(vector(second), vector(first), rtol=1e-5, atol=1e-6)
 
 
+# Of focus alone, and against scipy: test_close_focus and test_solve.
+@pytest.mark.slow
 def test_many_problems_at_once_are_each_solved(camera, lens):
     problems = [random_problem(seed, two_sided=True)[0] for seed in range(6)]
     many = solve_many(stacked(problems), camera, lens, free=NAMES[:2])
@@ -258,7 +260,6 @@ def test_one_point_slides_and_turns_the_plane_least(camera, lens):
 @pytest.mark.parametrize(
     ("wishes", "options"),
     [
-        (sharp((0.3, 0.1, 2.5)), {"free": ("focus",)}),
         ([*sharp((0.3, 0.1, 2.5)), FocusPoint(AtPoint((0, 0, -5)), AtLeast(8))], {"free": NAMES[:2]}),
         (sharp(*THREE), {"free": ("focus", "tilt", "swing")}),
         (
@@ -270,7 +271,7 @@ def test_one_point_slides_and_turns_the_plane_least(camera, lens):
             {"free": ("focus", "focal_length"), "focal_length_range": (0.03, 0.2)},
         ),
     ],
-    ids=["focus", "f-number", "plane", "all", "zoom"],
+    ids=["f-number", "plane", "all", "zoom"],
 )
 def test_lens_rays_through_sharp_points_meet(camera, lens, wishes, options):
     solution = solve(locate(wishes, camera), camera, lens, **options)
@@ -351,8 +352,9 @@ def test_a_whole_range_within_its_limit_beside_what_is_unreadable(camera, lens):
 
 def test_equal_blur_before_and_behind(camera, lens):
     wishes = [FocusPoint(AtPoint((0, 0, -2)), SameBlur("far")), *sharp((0, 0, 4.0), name="far", weight=0)]
-    solution = solve(locate(wishes, camera), camera, lens, free=("focus",))
-    np.testing.assert_allclose(solution.lens.focus_disparity, 0.375, rtol=1e-9)
+    solution = solve(locate(wishes, camera), camera, lens, free=NAMES[:2])
+    # Whatever the f-number, which stays.
+    np.testing.assert_allclose(vector(solution), [0.375, LENGTH / 8, 0, 0], rtol=1e-9)
 
 
 def test_a_wish_without_weight_is_reported_and_not_missed(camera, lens):

@@ -49,7 +49,7 @@ def contrast(image, region):
     return shown.std() / shown.mean()
 
 
-sharp = picture(jnp.asarray(0.0))
+sharp = picture(jnp.zeros(()))
 
 
 @jax.jit

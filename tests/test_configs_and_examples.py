@@ -5,6 +5,7 @@ import math
 import re
 import shlex
 import tomllib
+from contextlib import chdir
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -33,13 +34,17 @@ def _marked(path: Path):
 
 @pytest.mark.parametrize("path", [_marked(path) for path in CONFIGS], ids=lambda path: path.stem)
 def test_config_runs(path, tmp_path):
-    result = CliRunner().invoke(app, ["run", str(path), "--out", str(tmp_path), *OPTIONS])
+    """Of a shot the lens is found for the start; its picture is one of the still life's things, as others are."""
+    shot = "shot" in tomllib.loads(path.read_text())
+    command = "solve" if shot else "run"
+    result = CliRunner().invoke(app, [command, str(path), "--out", str(tmp_path), *OPTIONS])
     # Blur is wished in pixels, so a wish may be out of reach in so small a picture.
     assert result.exit_code in (0, 3), result.output
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["solver"]["status"] == "solved"
-    assert report["picture"]["layers_complete"]
-    assert iio.imread(tmp_path / "image.png").std() > 10
+    if not shot:
+        assert report["picture"]["layers_complete"]
+        assert iio.imread(tmp_path / "image.png").std() > 10
 
 
 ROW = ("pawn", "apple", "spot", "jug", "vase")
@@ -82,17 +87,16 @@ def test_the_tilted_row_renders_and_reports_its_movements(tmp_path):
 
 def test_swing_is_solved_for_a_slanted_row(tmp_path):
     """The solved swing keeps every sample within its tolerance where a single distance cannot."""
-    small = ["--set", "camera.resolution=[160, 120]"]
     worst = {}
     for free in ("['focus']", "['focus', 'swing']"):
         folder = tmp_path / str(len(free))
-        options = [*small, "--set", "lens.swing_deg=0", "--set", f"solve.free={free}"]
+        options = [*OPTIONS, "--set", "lens.swing_deg=0", "--set", f"solve.free={free}"]
         result = CliRunner().invoke(app, ["solve", str(TILTED), "--out", str(folder), *options])
         assert result.exit_code in (0, 3), result.output
         report = json.loads((folder / "report.json").read_text())
         worst[free] = max(abs(wish["residual_px"]) for wish in report["wishes"])
-    # One hundredth of the height is 1.2 px; observed 0.76 px with swing and 4.1 px without.
-    assert worst["['focus', 'swing']"] < 1.2 < worst["['focus']"]
+    # One hundredth of the height is 0.36 px; observed 0.24 px with swing and 1.23 px without.
+    assert worst["['focus', 'swing']"] < 0.36 < worst["['focus']"]
 
 
 def test_rise_and_shift_are_solved_for(tmp_path):
@@ -159,14 +163,14 @@ def test_there_are_twelve_configs_of_full_size():
         assert height >= 480
 
 
-def test_example_runs_at_small_size(tmp_path, monkeypatch):
+def test_example_runs_at_small_size(tmp_path):
     source = (ROOT / "examples" / "spot.py").read_text()
     small = source.replace("width=640, height=480", "width=64, height=48").replace("rays=64", "rays=2")
     small = small.replace("AtPixel(290, 190)", "AtPixel(29, 19)").replace('"configs/', f'"{ROOT}/configs/')
     assert small.count("rays=2") == small.count("width=64") == small.count("AtPixel(29,") == 1
-    monkeypatch.chdir(tmp_path)
-    exec(compile(small, "spot.py", "exec"), {})
-    assert iio.imread("spot.png").shape == (48, 64, 3)
+    with chdir(tmp_path):
+        exec(compile(small, "spot.py", "exec"), {})
+    assert iio.imread(tmp_path / "spot.png").shape == (48, 64, 3)
 
 
 def test_the_example_with_a_solve_inside_finds_its_root(capsys):
@@ -193,10 +197,10 @@ def test_the_batch_shown_runs_at_small_size(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_example_finds_the_lens_of_a_picture(capsys, monkeypatch):
+def test_the_example_finds_the_lens_of_a_picture(capsys):
     path = ROOT / "examples" / "fit_photo.py"
-    monkeypatch.chdir(ROOT)
-    exec(compile(path.read_text(), path.name, "exec"), {})
+    with chdir(ROOT):
+        exec(compile(path.read_text(), path.name, "exec"), {})
     shown = capsys.readouterr().out
     distance, f_number, gain = (float(n) for n in re.findall(r"found ([0-9.]+)", shown))
     # Observed: 2.6 %, 3.2 % and 0.2 % off, of a small and noisy picture.
@@ -206,14 +210,14 @@ def test_the_example_finds_the_lens_of_a_picture(capsys, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_example_matches_a_plate(capsys, monkeypatch, tmp_path):
+def test_the_example_matches_a_plate(capsys, tmp_path):
     path = ROOT / "examples" / "match_plate.py"
-    monkeypatch.chdir(tmp_path)
-    exec(compile(path.read_text().replace('"configs/', f'"{ROOT}/configs/'), path.name, "exec"), {})
+    with chdir(tmp_path):
+        exec(compile(path.read_text().replace('"configs/', f'"{ROOT}/configs/'), path.name, "exec"), {})
     distance, f_number = re.search(r"focus at ([0-9.]+) m.*\nf/([0-9.]+) ", capsys.readouterr().out).groups()
     assert float(distance) == pytest.approx(0.7, rel=0.03)
     assert float(f_number) == pytest.approx(1.0, rel=0.05)
-    assert iio.imread("matched.png").shape == (54, 72, 3)
+    assert iio.imread(tmp_path / "matched.png").shape == (54, 72, 3)
 
 
 def test_the_example_chooses_an_aperture(capsys):
@@ -251,17 +255,19 @@ def test_the_example_matches_bokeh(capsys):
     assert zones[-1] < 0
 
 
-def test_the_example_photographs_and_reads_the_print(capsys, monkeypatch, tmp_path):
-    path = ROOT / "examples" / "photograph.py"
-    monkeypatch.chdir(tmp_path)
-    exec(compile(path.read_text().replace('"configs/', f'"{ROOT}/configs/'), path.name, "exec"), {})
+def test_the_example_photographs_and_reads_the_print(capsys, tmp_path):
+    source = (ROOT / "examples" / "photograph.py").read_text().replace('"configs/', f'"{ROOT}/configs/')
+    small = source.replace("width=96, height=72", "width=64, height=48").replace("rays=32", "rays=2")
+    assert small.count("width=64") == small.count("rays=2") == 1
+    with chdir(tmp_path):
+        exec(compile(small, "photograph.py", "exec"), {})
     shown = capsys.readouterr().out
     assert "1/60 s" in shown
     assert "+0.0 stops off" in shown
     chosen, found = (float(number) for number in re.findall(r"ISO ([0-9]+)", shown))
     # Observed 6030 and 6031: what the grain leaves.
     assert found == pytest.approx(chosen, rel=0.01)
-    assert iio.imread("photograph.png").shape == (72, 96, 3)
+    assert iio.imread(tmp_path / "photograph.png").shape == (48, 64, 3)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import doctest
 import importlib
 import inspect
 from collections.abc import Iterator
+from contextlib import chdir
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -44,12 +45,11 @@ def with_examples() -> list[Path]:
 
 
 @pytest.mark.parametrize("path", with_examples(), ids=module_name)
-def test_examples_print_what_they_say(path, tmp_path, monkeypatch):
+def test_examples_print_what_they_say(path, tmp_path):
     name = module_name(path)
     if name in NEEDED:
         pytest.importorskip(NEEDED[name], reason=f"examples of {name} need it")
     # Files are written to a folder that is thrown away; configs are those of the repository.
-    monkeypatch.chdir(tmp_path)
     (tmp_path / "configs").symlink_to(ROOT.parent / "configs")
     names = {**vars(importlib.import_module(name)), "fj": fj, "np": np, "jnp": jnp}
     # Told to be quiet, as it would otherwise look for -v among pytest's own options.
@@ -59,7 +59,8 @@ def test_examples_print_what_they_say(path, tmp_path, monkeypatch):
     said: list[str] = []
     for label, text, line in found:
         test = doctest.DocTestParser().get_doctest(text, dict(names), label, str(path), line)
-        runner.run(test, out=said.append)
+        with chdir(tmp_path):
+            runner.run(test, out=said.append)
     assert not said, "".join(said)
 
 

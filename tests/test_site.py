@@ -6,6 +6,7 @@ The notebooks below docs/tutorials run whenever the site is built; CONTRIBUTING'
 
 import re
 import tomllib
+from contextlib import chdir
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -40,13 +41,13 @@ WITH_PYTHON = [page for page in PAGES if blocks(page, "python") and name_of(page
 
 
 @pytest.mark.parametrize("page", WITH_PYTHON, ids=name_of)
-def test_python_on_a_page_runs(page, tmp_path, monkeypatch):
+def test_python_on_a_page_runs(page, tmp_path):
     (tmp_path / "configs").symlink_to(ROOT / "configs")
-    monkeypatch.chdir(tmp_path)
-    for code in blocks(page, "python"):
-        for large, small in SMALLER:
-            code = code.replace(large, small)
-        exec(compile(code, name_of(page), "exec"), {"__name__": name_of(page)})
+    with chdir(tmp_path):
+        for code in blocks(page, "python"):
+            for large, small in SMALLER:
+                code = code.replace(large, small)
+            exec(compile(code, name_of(page), "exec"), {"__name__": name_of(page)})
     for picture in tmp_path.glob("*.png"):
         assert iio.imread(picture).mean() > 5
 

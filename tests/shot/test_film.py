@@ -90,7 +90,7 @@ def test_frames_that_are_there_are_kept(filmed, config_file):
     assert iio.imread(first).mean() > iio.imread(lost).mean() + 20
 
 
-def test_a_frame_of_a_run_that_was_killed_is_made_again(config_file, tmp_path, monkeypatch):
+def test_a_frame_of_a_run_that_was_killed_is_made_again(config_file, tmp_path):
     """It was replaced, and its record did not say so yet: it does not pass for what was there before."""
     config = load_config(config_file, ["shot.formats=['png']"])
     solved, settings = solve_shot(build_shot(config)), build_settings(config)
@@ -104,7 +104,7 @@ def test_a_frame_of_a_run_that_was_killed_is_made_again(config_file, tmp_path, m
         write_record(folder, name, record)
 
     brighter = dataclasses.replace(settings, exposure=1.0)
-    with monkeypatch.context() as patched:
+    with pytest.MonkeyPatch.context() as patched:
         patched.setattr("focusjax.shot._frame.write_record", killed)
         with pytest.raises(KeyboardInterrupt):
             render_frames(solved, tmp_path, brighter, frames=[1])

@@ -82,7 +82,7 @@ def render(
         >>> camera = fj.look_at((0, 0, 0), (0, 0, -1), width=8, height=6, focal_length=0.05)
         >>> lens = fj.thin_lens(focus_distance=2, f_number=2, focal_length=0.05)
         >>> layers = fj.peel(fj.make_scene([wall], unlit=True), camera, lens)
-        >>> picture = fj.render(layers, lens, rays=16)
+        >>> picture = fj.render(layers, lens, rays=32)
         >>> picture.shape, round(float(picture[3, 4, 0]), 3)
         ((6, 8, 3), 0.8)
 

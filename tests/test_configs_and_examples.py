@@ -34,15 +34,15 @@ def _marked(path: Path):
 
 @pytest.mark.parametrize("path", [_marked(path) for path in CONFIGS], ids=lambda path: path.stem)
 def test_config_runs(path, tmp_path):
-    """Of a shot the lens is found for the start; its picture is one of the still life's things, as others are."""
-    shot = "shot" in tomllib.loads(path.read_text())
-    command = "solve" if shot else "run"
+    """Of a shot only the lens at its start, as its things are those of the still life; but for glass."""
+    pictured = "shot" not in tomllib.loads(path.read_text()) or "glass" in path.stem
+    command = "run" if pictured else "solve"
     result = CliRunner().invoke(app, [command, str(path), "--out", str(tmp_path), *OPTIONS])
     # Blur is wished in pixels, so a wish may be out of reach in so small a picture.
     assert result.exit_code in (0, 3), result.output
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["solver"]["status"] == "solved"
-    if not shot:
+    if pictured:
         assert report["picture"]["layers_complete"]
         assert iio.imread(tmp_path / "image.png").std() > 10
 

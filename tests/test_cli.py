@@ -331,15 +331,16 @@ def test_a_config_nested_too_deep_is_one_sentence(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has a device that is always full")
-def test_a_full_disk_is_reported_with_its_folder(scene_folder, tmp_path, monkeypatch):
+def test_a_full_disk_is_reported_with_its_folder(scene_folder, tmp_path):
     """Writing to a full disk fails without the file's name."""
 
     def save(stage, outcome):
         with open("/dev/full", "w") as stream:
             stream.write("x")
 
-    monkeypatch.setattr("focusjax._carry_out.save_outcome", save)
-    status, printed, complaint = focusjax("solve", scene_folder / "boxes.toml", "--out", tmp_path / "out")
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("focusjax._carry_out.save_outcome", save)
+        status, printed, complaint = focusjax("solve", scene_folder / "boxes.toml", "--out", tmp_path / "out")
     assert (status, printed) == (1, "")
     assert complaint == (
         f"focusjax: {tmp_path / 'out'}: No space left on device; make room there, or choose another place\n"

@@ -24,7 +24,12 @@ def broken(checks: list[Check]) -> list[str]:
     return [f"{each.case}: {each.quantity} {each.error:.2g} > {each.bound:.2g}" for each in checks]
 
 
-@pytest.mark.parametrize("name", [case.name for case in WISHES])
+def _marked(name: str):
+    """The program of a thousand wishes of their own is that of one wish a thousand times, which is easier."""
+    return pytest.param(name, marks=pytest.mark.slow) if name == "one wish a thousand times" else name
+
+
+@pytest.mark.parametrize("name", [_marked(case.name) for case in WISHES])
 def test_wishes_keep_their_bounds(name: str):
     checks = hard_cases([name])
     assert len(checks) == 4

@@ -34,7 +34,7 @@ def _marked(path: Path):
 
 @pytest.mark.parametrize("path", [_marked(path) for path in CONFIGS], ids=lambda path: path.stem)
 def test_config_runs(path, tmp_path):
-    """Shots of the still life's things are solved for their start; of one, and of glass, there is a picture."""
+    """Shots of the still life's things are solved for their start; one, and those of glass, are pictured."""
     pictured = (
         "shot" not in tomllib.loads(path.read_text()) or path.stem == "rack_focus" or "glass" in path.stem
     )

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
 
+from focusjax._programs import jit
 from focusjax.film._curve import ResponseCurve
 from focusjax.film._photometry import GREY, SATURATION
 from focusjax.film._photons import FEW, few_photons
@@ -228,7 +229,7 @@ def sensor(
 
 def _print_light(curve: ResponseCurve, paper: ResponseCurve) -> Float[Array, "3"]:
     """Log10 of the printing light that shows a metered grey as `GREY`, by bisection of the paper's curve."""
-    grey = np.asarray(curve(jnp.zeros(3)))
+    grey = np.asarray(_densities(curve, jnp.zeros(3)))
     least = np.asarray(paper.least())
     places, densities = np.asarray(paper.log_exposure), np.asarray(paper.density)
     wanted = least - math.log10(GREY)
@@ -242,6 +243,12 @@ def _print_light(curve: ResponseCurve, paper: ResponseCurve) -> Float[Array, "3"
     low, high = np.full(3, places[0]), np.full(3, places[-1])
     for _ in range(60):
         middle = 0.5 * (low + high)
-        darker = np.asarray(paper(jnp.asarray(middle, dtype=float))) > wanted
+        darker = np.asarray(_densities(paper, jnp.asarray(middle, dtype=float))) > wanted
         low, high = np.where(darker, low, middle), np.where(darker, middle, high)
     return jnp.asarray(0.5 * (low + high) + grey, dtype=float)
+
+
+@jit
+def _densities(curve: ResponseCurve, log_exposure: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Compiled once for the steps of a search."""
+    return curve(log_exposure)

@@ -42,6 +42,7 @@ def random_curve(seed):
     return (jnp.asarray(times), jnp.asarray(given)), jnp.asarray(start), jnp.asarray(low), jnp.asarray(high)
 
 
+@eqx.filter_jit
 def solved(args, start, low, high, solver=None, **more):
     return optx.least_squares(
         curve,
@@ -55,40 +56,48 @@ def solved(args, start, low, high, solver=None, **more):
 
 
 def test_it_finds_what_scipy_finds():
+    slopes = jax.jit(jax.jacfwd(curve))
+    residuals = jax.jit(curve)
     at_bounds = 0
     for seed in range(20):
         args, start, low, high = random_curve(seed)
         found = solved(args, start, low, high)
         other = scipy.optimize.least_squares(
-            lambda y, args=args: np.asarray(curve(y, args)),
+            lambda y, args=args: np.asarray(residuals(y, args)),
             start,
-            jac=lambda y, args=args: np.asarray(jax.jacfwd(curve)(jnp.asarray(y), args)),
+            jac=lambda y, args=args: np.asarray(slopes(y, args)),
             bounds=(low, high),
             xtol=1e-15, ftol=1e-15, gtol=1e-12,
         )  # fmt: skip
-        at_bounds += int(jnp.sum((found.value == low) | (found.value == high)))
-        cost = float(half_squares(curve(found.value, args)))
+        value = np.asarray(found.value)
+        at_bounds += int(np.sum((value == low) | (value == high)))
+        cost = float(half_squares(residuals(found.value, args)))
         # Observed 4e-15 above at most, which is rounding.
         assert cost <= other.cost * (1.0 + 1e-12)
-        assert bool(jnp.all((found.value >= low) & (found.value <= high)))
+        assert ((value >= low) & (value <= high)).all()
         # Observed 16.
         assert int(found.stats["num_steps"]) < 30
     assert at_bounds > 10
 
 
 def test_derivatives_at_bounds_are_those_of_solving_again():
+    step = 1e-5
+
+    def best(numbers, times, start):
+        return solved((times, numbers[10:]), start, numbers[:5], numbers[5:10]).value
+
+    @jax.jit
+    def slopes_of(numbers, times, start):
+        moved = numbers[None] + step * jnp.concatenate([jnp.eye(50), -jnp.eye(50)])
+        ends = jax.vmap(best, (0, None, None))(moved, times, start)
+        return jax.jacrev(best)(numbers, times, start), jax.jacfwd(best)(numbers, times, start), ends
+
     for seed in range(4):
         args, start, low, high = random_curve(seed)
-
-        def best(numbers, times=args[0], start=start):
-            return solved((times, numbers[10:]), start, numbers[:5], numbers[5:10]).value
-
         numbers = jnp.concatenate([low, high, args[1]])
-        slopes = jax.jacrev(best)(numbers)
-        np.testing.assert_allclose(jax.jacfwd(best)(numbers), slopes, rtol=1e-9, atol=1e-11)
-        step = 1e-5
-        moved = numbers[None] + step * jnp.concatenate([jnp.eye(50), -jnp.eye(50)])
-        up, down = jax.vmap(best)(moved).reshape(2, 50, 5)
+        slopes, forward, ends = slopes_of(numbers, args[0], start)
+        np.testing.assert_allclose(forward, slopes, rtol=1e-9, atol=1e-11)
+        up, down = np.reshape(ends, (2, 50, 5))
         # Observed 2e-8: that of the solution, over the step.
         np.testing.assert_allclose(slopes, (up - down).T / (2.0 * step), rtol=0, atol=1e-6)
 
@@ -96,7 +105,7 @@ def test_derivatives_at_bounds_are_those_of_solving_again():
 def test_a_batch_is_each_alone():
     problems = [random_curve(seed) for seed in range(5)]
     together = jax.tree.map(lambda *leaves: jnp.stack(leaves), *problems)
-    many = jax.vmap(lambda *problem: solved(*problem).value)(*together)
+    many = jax.jit(jax.vmap(lambda *problem: solved(*problem).value))(*together)
     np.testing.assert_allclose(many, [solved(*problem).value for problem in problems], rtol=1e-9)
 
 
@@ -171,14 +180,15 @@ def test_single_precision_comes_to_an_end():
         return found.stats["num_steps"]
 
     # Observed: 15.
-    assert int(jnp.max(jax.vmap(steps)(matrices, right))) < 32
+    assert int(np.max(jax.jit(jax.vmap(steps))(matrices, right))) < 32
 
 
 def test_what_a_function_says_besides_is_of_the_answer():
     def rosenbrock(y, _):
         return jnp.stack([10.0 * (y[1] - y[0] ** 2), 1.0 - y[0]]), y
 
-    for most in range(1, 12):
+    # Steps 3 and 4 are taken back, step 5 is kept.
+    for most in (1, 4, 5):
         found = optx.least_squares(
             rosenbrock,
             BoundedLevenbergMarquardt(),
@@ -200,7 +210,7 @@ def test_what_has_no_room_follows_its_bounds():
             adjoint=BoundedImplicitAdjoint(),
         ).value
 
-    np.testing.assert_allclose(jax.jacobian(best)(jnp.array(1.0)), [1.0, 1.0])
+    np.testing.assert_allclose(jax.jit(jax.jacobian(best))(jnp.array(1.0)), [1.0, 1.0])
 
 
 @pytest.mark.parametrize(
@@ -238,9 +248,10 @@ def test_a_condition_gives_the_derivative():
         ).value
 
     at = jnp.array(2.0)
-    np.testing.assert_allclose(found(at), [8.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(jax.jacfwd(found)(at), [12.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(jax.jacrev(found)(at), [12.0, 0.0], atol=1e-9)
+    value, forward, reverse = jax.jit(lambda at: (found(at), jax.jacfwd(found)(at), jax.jacrev(found)(at)))(at)
+    np.testing.assert_allclose(value, [8.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(forward, [12.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(reverse, [12.0, 0.0], atol=1e-9)
 
 
 def test_steps_may_go_several_ways():
@@ -288,7 +299,7 @@ def banded(seed, frames=7, rows=5, size=2):
     def normal(*shape):
         return jnp.asarray(rng.normal(size=shape))
 
-    number = jnp.arange(frames)[:, None]
+    number = np.arange(frames)[:, None]
     jacobian = BandedJacobian(
         normal(frames, rows, size), normal(frames, size) * (number >= 2), normal(frames, size) * (number >= 1)
     )
@@ -300,13 +311,17 @@ def banded(seed, frames=7, rows=5, size=2):
 
 @pytest.mark.parametrize("frames", [1, 2, 7])
 def test_the_banded_solver_is_the_dense_one(frames):
+    @eqx.filter_jit
+    def answers(damped, vector):
+        by = [lx.linear_solve(damped, vector, solver).value for solver in (BandedQR(), lx.QR())]
+        return *by, damped.T.mv(vector), damped.as_matrix()
+
     damped, vector = banded(0, frames=frames)
-    dense = lx.linear_solve(damped, vector, lx.QR()).value
+    found, dense, pulled, matrix = answers(damped, vector)
     # Observed 4e-16.
-    np.testing.assert_allclose(lx.linear_solve(damped, vector, BandedQR()).value, dense, atol=1e-13)
+    np.testing.assert_allclose(found, dense, atol=1e-13)
     flat = np.concatenate([np.ravel(leaf) for leaf in jax.tree.leaves(vector)])
-    pulled = damped.T.mv(vector)
-    np.testing.assert_allclose(np.ravel(pulled), damped.as_matrix().T @ flat, atol=1e-13)
+    np.testing.assert_allclose(np.ravel(pulled), np.asarray(matrix).T @ flat, atol=1e-13)
 
 
 def test_the_banded_solver_is_differentiable():
@@ -318,8 +333,10 @@ def test_the_banded_solver_is_differentiable():
         return jnp.linalg.solve(matrix.T @ matrix, matrix.T @ flat)
 
     weights = jnp.asarray(np.random.default_rng(2).normal(size=14))
-    slopes = jax.grad(lambda *of: weights @ jnp.ravel(solve_banded(*of)), argnums=(0, 1))(damped, vector)
-    expected = jax.grad(lambda *of: weights @ dense(*of), argnums=(0, 1))(damped, vector)
+    slopes, expected = (
+        jax.jit(jax.grad(lambda *of, by=by: weights @ jnp.ravel(by(*of)), argnums=(0, 1)))(damped, vector)
+        for by in (solve_banded, dense)
+    )
     for one, other in zip(jax.tree.leaves(slopes), jax.tree.leaves(expected), strict=True):
         np.testing.assert_allclose(one, other, atol=1e-11)
 

@@ -1,4 +1,4 @@
-"""Hard cases keep their bounds. Pictures of other extents than most are looked at in float32 alone."""
+"""Hard cases keep their bounds. Pictures of other extents than most, and slopes, in float32 alone."""
 
 import csv
 import dataclasses
@@ -10,12 +10,16 @@ import pytest
 from typer.testing import CliRunner
 
 from focusjax.cli import app
+from focusjax.focus import Blur, locate, solve
 from focusjax.hard_cases import NAMES, Check, hard_cases
 from focusjax.hard_cases._command import save_checks
 from focusjax.hard_cases._glass import HEIGHTS
 from focusjax.hard_cases._pictures import CASES, PictureCase, _off, _reverse, _shape, _truth, _weights
 from focusjax.hard_cases._stages import layers_of
+from focusjax.hard_cases._wishes import _CONTRADICTORY as CONTRADICTORY
 from focusjax.hard_cases._wishes import CASES as WISHES
+from focusjax.hard_cases._wishes import _at, camera
+from focusjax.lens import thin_lens
 
 CHECK = Check("wishes", "a <b>", "solution, float64", "closed form", 0.5, 1.0)
 
@@ -24,23 +28,54 @@ def broken(checks: list[Check]) -> list[str]:
     return [f"{each.case}: {each.quantity} {each.error:.2g} > {each.bound:.2g}" for each in checks]
 
 
-def _marked(name: str):
-    """The program of a thousand wishes of their own is that of one wish a thousand times, which is easier."""
-    return pytest.param(name, marks=pytest.mark.slow) if name == "one wish a thousand times" else name
+REPEATED = ("one wish a thousand times", "collinear wishes", "a plane through the lens")
+"""Of a thousand wishes as another, or undetermined as some of tests/focus/test_focus_hard_cases.py."""
 
 
-@pytest.mark.parametrize("name", [_marked(case.name) for case in WISHES])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(case.name, marks=pytest.mark.slow) if case.name in REPEATED else case.name
+        for case in WISHES
+    ],
+)
 def test_wishes_keep_their_bounds(name: str):
     checks = hard_cases([name])
     assert len(checks) == 4
     assert not broken([each for each in checks if not each.kept])
 
 
-@pytest.mark.parametrize("name", ["slopes of contradictory wishes", *(f"glass, {name}" for name in HEIGHTS)])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("slopes of contradictory wishes", marks=pytest.mark.slow),
+        *(f"glass, {name}" for name in HEIGHTS),
+    ],
+)
 def test_slopes_and_glass_keep_their_bounds(name: str):
     checks = hard_cases([name])
     assert {each.quantity.split(", ")[1] for each in checks} == {"float32", "float64"}
     assert not broken([each for each in checks if not each.kept])
+
+
+def test_slopes_of_contradictory_wishes_in_float32():
+    """As the case has them, compiled at once."""
+    depths, blurs, weights = np.array(CONTRADICTORY).T
+    with jax.enable_x64(False):
+        seen_by, lens = camera(), thin_lens(focus_distance=2.0, f_number=4.0, focal_length=0.05)
+
+    def focus(disparities: jax.Array) -> jax.Array:
+        wishes = [
+            _at(0.0, 0.0, 1.0 / disparity, Blur(blur, signed=True), weight=weight)
+            for disparity, blur, weight in zip(disparities, blurs, weights, strict=True)
+        ]
+        return solve(locate(wishes, seen_by), seen_by, lens, free=("focus",)).lens.focus_disparity
+
+    with jax.enable_x64(False):
+        both = jax.jit(lambda at: (jax.jacfwd(focus)(at), jax.jacrev(focus)(at)))
+        found = both(jnp.asarray(1.0 / depths))
+    assert found[0].dtype == jnp.float32
+    np.testing.assert_allclose(found, np.tile(weights / weights.sum(), (2, 1)), rtol=0, atol=1e-4)
 
 
 @pytest.mark.slow

@@ -248,7 +248,9 @@ def test_a_condition_gives_the_derivative():
         ).value
 
     at = jnp.array(2.0)
-    value, forward, reverse = jax.jit(lambda at: (found(at), jax.jacfwd(found)(at), jax.jacrev(found)(at)))(at)
+    value, forward, reverse = jax.jit(lambda at: (found(at), jax.jacfwd(found)(at), jax.jacrev(found)(at)))(
+        at
+    )
     np.testing.assert_allclose(value, [8.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(forward, [12.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(reverse, [12.0, 0.0], atol=1e-9)

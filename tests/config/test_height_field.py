@@ -10,10 +10,10 @@ from boxes_config import write_boxes
 from typer.testing import CliRunner
 
 from focusjax.cli import app
-from focusjax.config import ConfigError, build_camera, build_lens, build_real_lens, load_config
+from focusjax.config import Config, ConfigError, build_camera, build_lens, build_real_lens, load_config
 from focusjax.config._build_real import _whole
 from focusjax.lens import PrescriptionLens, ThinLens
-from focusjax.optics import Prescription, find_glass, first_order, lens_preset, singlet
+from focusjax.optics import find_glass, first_order, lens_preset, singlet
 
 RADIUS, WIDTH, SCALE = 60.0, 28.0, 2.0
 GLASS = "lens.height_field.glass={n_d=1.5168, v_d=64.17}"
@@ -50,13 +50,8 @@ def boxes(tmp_path_factory):
     return write_boxes(folder)
 
 
-def config_of(boxes, file, *more):
+def config_of(boxes, file, *more) -> Config:
     return load_config(boxes, [f'lens.height_field.file="{file}"', *KEYS, *more])
-
-
-def glass_of(boxes, file, *more) -> Prescription:
-    """In its own millimetres, before a camera is seen through it."""
-    return _whole(config_of(boxes, file, *more))
 
 
 def lens_of(boxes, file, *more) -> PrescriptionLens:
@@ -73,14 +68,14 @@ def lens_of(boxes, file, *more) -> PrescriptionLens:
 def test_each_kind_of_file_makes_the_same_lens(boxes, file):
     """A plano-convex singlet, whose focal length and back focus follow from its radius."""
     wanted = singlet(RADIUS, np.inf, thickness=4.0, semi_diameter=9.0, glass=find_glass("1.5168/64.17"))
-    found, wanted = first_order(glass_of(boxes, file)), first_order(wanted)
-    assert float(found.focal_length) == pytest.approx(float(wanted.focal_length), rel=1e-4)
-    assert float(found.back_focal_distance) == pytest.approx(float(wanted.back_focal_distance), rel=1e-4)
+    found, wanted = first_order(_whole(config_of(boxes, file))), first_order(wanted)
+    for name in ("focal_length", "back_focal_distance"):
+        assert float(getattr(found, name)) == pytest.approx(float(getattr(wanted, name)), rel=1e-4), name
 
 
-def test_it_has_the_focal_length_of_the_camera(boxes):
-    lens = lens_of(boxes, "dome.npy")
-    assert float(first_order(lens.prescription).focal_length) == pytest.approx(50.0, rel=1e-9)
+def test_it_takes_the_focal_length_of_the_camera(boxes):
+    found = first_order(lens_of(boxes, "dome.npy").prescription)
+    assert float(found.focal_length) == pytest.approx(50.0, rel=1e-9)
 
 
 @pytest.mark.slow
@@ -100,13 +95,16 @@ def test_a_run_focuses_it_by_its_rays_and_fits_polynomials(boxes, tmp_path):
 
 def test_ahead_of_a_prescription_it_is_more_glass(boxes):
     more = 'lens.prescription="cooke_triplet_50mm_f4"', "lens.height_field.ahead_mm=6"
-    more = *more, "lens.height_field.diameter_mm=20", "lens.height_field.width_mm=60"
-    glass = glass_of(boxes, "grey.npy", *more)
-    assert glass.name == "cooke_triplet_50mm_f4 behind grey"
-    assert [float(thickness) for thickness in glass.thicknesses[:2]] == pytest.approx([4.0, 6.0])
-    # A plate turns no ray from far away: the focal length is the triplet's own.
-    alone = first_order(lens_preset("cooke_triplet_50mm_f4")).focal_length
-    assert float(first_order(glass).focal_length) == pytest.approx(float(alone))
+    whole = _whole(
+        config_of(
+            boxes, "grey.npy", *more, "lens.height_field.diameter_mm=20", "lens.height_field.width_mm=60"
+        )
+    )
+    assert whole.name == "cooke_triplet_50mm_f4 behind grey"
+    np.testing.assert_allclose(whole.thicknesses[:2], [4.0, 6.0])
+    # A plate turns no ray from far away.
+    alone = first_order(lens_preset("cooke_triplet_50mm_f4"))
+    assert float(first_order(whole).focal_length) == pytest.approx(float(alone.focal_length))
 
 
 @pytest.mark.parametrize(

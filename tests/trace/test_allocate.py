@@ -1,15 +1,17 @@
 """Rays go where what they meet differs; groups hold every ray of every pixel once."""
 
 import dataclasses
+from functools import cache
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from small_scenes import front_camera, patch, wide_lens
 
-from focusjax.layers import peel
-from focusjax.scene import constant_background, make_scene
+from focusjax.layers import Layers, peel
+from focusjax.scene import SceneObject, constant_background, make_scene
 from focusjax.trace import render
 from focusjax.trace._allocate import FEWEST, allocated, contrast, counts_for, least_through
 from focusjax.trace._groups import even_counts, groups_of, tiled_pixels
@@ -17,8 +19,32 @@ from focusjax.trace._ranges import EDGE, disparity_ranges
 from focusjax.trace._sums import compacted, prefix_sums, running_max
 
 
-def allot(variance: np.ndarray, rays: int) -> np.ndarray:
-    return np.asarray(allocated(jnp.asarray(variance), rays, rays))
+@cache
+def small_layers() -> Layers:
+    """A square that is out of focus before a wall that is in focus."""
+    camera = front_camera()
+    wall = patch("wall", camera, (-60, -60, 90, 90), 0.4, (0.2, 0.5, 0.2))
+    square = patch("square", camera, (11, 7, 19, 15), 0.9, (1.0, 1.0, 1.0))
+    return peel(make_scene([wall, square], unlit=True), camera, wide_lens(camera, focus=0.4), supersampling=2)
+
+
+def layers_of(*objects: SceneObject, background: float = 0.0) -> Layers:
+    """Of the shapes of `small_layers`, which share compiled programs."""
+    camera = front_camera()
+    scene = make_scene(objects, background=constant_background(background), unlit=True)
+    return peel(scene, camera, wide_lens(camera), supersampling=2, like=small_layers())
+
+
+def uneven(layers: Layers, seed: int = 0) -> np.ndarray:
+    """The picture of one compiled program for all layers above."""
+    return np.asarray(render(layers, layers.lens, rays=16, smooth=False, seed=seed))
+
+
+allotted = jax.jit(allocated, static_argnums=(1, 2))
+
+
+def allot(variance: np.ndarray, rays: int, **more: jax.Array) -> np.ndarray:
+    return np.asarray(allotted(jnp.asarray(variance), rays, rays, **more))
 
 
 @pytest.mark.parametrize("rays", [4, 10, 64])
@@ -33,34 +59,36 @@ def test_the_mean_is_what_was_asked_for(rays: int):
     assert not (np.diff(counts[np.argsort(variance, kind="stable")]) < 0).any()
 
 
-def test_a_picture_without_contrast_takes_the_fewest_that_make_the_mean():
-    assert (allot(np.zeros(100), 64) <= 64).all()
-    assert (allot(np.ones(100), 64) == 64).all()
+@pytest.mark.parametrize(("pixels", "rays"), [(100, 64), (768, 4), (768, 8), (768, 16), (50_000, 16)])
+def test_a_picture_without_contrast_takes_the_fewest_that_make_the_mean(pixels: int, rays: int):
+    assert (allot(np.zeros(pixels), rays) <= rays).all()
+    assert (allot(np.ones(pixels), rays) == rays).all()
 
 
 def test_alike_pixels_have_all_as_many_rays_as_the_picture_holds():
-    """What is allotted fits the list of groups, however a program for few or many pixels rounds."""
-    camera = front_camera()
-    wall = patch("wall", camera, (-60, -60, 90, 90), 0.5, (0.8, 0.8, 0.8))
-    layers = peel(make_scene([wall], unlit=True), camera, wide_lens(camera))
-    for rays in (4, 8, 16, 64):
-        np.testing.assert_allclose(render(layers, layers.lens, rays=rays), 0.8, rtol=1e-5)
+    """What is allotted fits the list of groups, however a program rounds; beyond it pixels would be black."""
+    wall = patch("wall", front_camera(), (-60, -60, 90, 90), 0.5, (0.8, 0.8, 0.8))
+    np.testing.assert_allclose(uneven(layers_of(wall)), 0.8, rtol=1e-5)
 
 
 @pytest.mark.parametrize("rays", [16, 64, 128])
 def test_what_dark_pixels_get_at_least_is_taken_from_the_others(rays: int):
     random = np.random.default_rng(0)
     variance, light = 10.0 ** random.uniform(-6, 0, 50_000), random.uniform(0, 1, 50_000) ** 3
-    least = np.asarray(least_through(jnp.asarray(light), rays))
-    counts = np.asarray(allocated(jnp.asarray(variance), rays, rays, least=jnp.asarray(least)))
+    least = jax.jit(least_through, static_argnums=1)(light, rays)
+    counts = allot(variance, rays, least=least)
     assert (counts >= least).all()
     # Observed: 0 to 0.003 % less.
     assert 0.999 * rays <= counts.mean() <= rays
 
 
-def contrasts(layers):
-    ranges = disparity_ranges(layers, layers.lens)
-    found = np.asarray(contrast(layers, layers.lens, ranges, "box"))
+@eqx.filter_jit
+def of_squares(layers: Layers) -> jax.Array:
+    return contrast(layers, layers.lens, disparity_ranges(layers, layers.lens), "box")
+
+
+def contrasts(layers: Layers) -> np.ndarray:
+    found = np.asarray(of_squares(layers))
     squares = found.reshape(-(-layers.camera.height // EDGE), -1)
     return squares.repeat(EDGE, axis=0).repeat(EDGE, axis=1)
 
@@ -68,12 +96,9 @@ def contrasts(layers):
 def test_contrast_is_the_variance_over_what_a_pixel_can_meet():
     """A bright half beside a dark one, both in the focal plane: only pixels along the edge see both."""
     camera = front_camera()
-    lens = wide_lens(camera)
-    halves = [
-        patch("dark", camera, (-20, -20, 15, 50), 0.5, (0.0, 0.0, 0.0)),
-        patch("bright", camera, (15, -20, 60, 50), 0.5, (1.0, 0.0, 0.0)),
-    ]
-    seen = contrasts(peel(make_scene(halves, unlit=True), camera, lens, supersampling=2))
+    dark = patch("dark", camera, (-20, -20, 15, 50), 0.5, (0.0, 0.0, 0.0))
+    bright = patch("bright", camera, (15, -20, 60, 50), 0.5, (1.0, 0.0, 0.0))
+    seen = contrasts(layers_of(dark, bright))
     assert (seen[:, 14:18].max(axis=0) > 0.1).any()
     assert seen.max() <= 0.25 + 1e-6
     # Means reach up to a pixel's square and its neighbours farther than rays do.
@@ -95,8 +120,7 @@ def test_a_pane_before_a_plain_wall_gets_rays():
 
 
 def test_highlights_count_relative_to_their_own_brightness():
-    camera = front_camera()
-    bulb = patch("bulb", camera, (13, 9, 18, 14), 0.5, (1.0, 1.0, 1.0))
+    bulb = patch("bulb", front_camera(), (13, 9, 18, 14), 0.5, (1.0, 1.0, 1.0))
     dim, bright = (
         contrasts(
             eqx.tree_at(
@@ -105,7 +129,7 @@ def test_highlights_count_relative_to_their_own_brightness():
                 (layers.samples.radiance * scale, layers.background * scale),
             )
         )
-        for layers in [peel(make_scene([bulb], unlit=True), camera, wide_lens(camera), supersampling=2)]
+        for layers in [layers_of(bulb)]
         for scale in (1.0, 1000.0)
     )
     # Observed: 3600 times; a million times if they counted as they are.
@@ -114,22 +138,20 @@ def test_highlights_count_relative_to_their_own_brightness():
 
 def test_even_and_uneven_pictures_are_of_one_thing():
     """The same mean, and where much is plain the uneven one is nearer to the truth for the same rays."""
-    camera = front_camera()
-    wall = patch("wall", camera, (-60, -60, 90, 90), 0.4, (0.2, 0.5, 0.2))
-    square = patch("square", camera, (11, 7, 19, 15), 0.9, (1.0, 1.0, 1.0))
-    lens = wide_lens(camera, focus=0.4)
-    layers = peel(make_scene([wall, square], unlit=True), camera, lens, supersampling=2)
-    truth = np.asarray(render(layers, layers.lens, rays=1024, even=True, seed=7))
-    errors = {}
-    for even in (True, False):
-        pictures = [
-            np.asarray(render(layers, layers.lens, rays=16, even=even, smooth=False, seed=k))
-            for k in range(4)
-        ]
-        errors[even] = np.mean([(picture - truth) ** 2 for picture in pictures])
+    layers = small_layers()
+
+    def even(seed: int) -> np.ndarray:
+        return np.asarray(render(layers, layers.lens, rays=16, even=True, smooth=False, seed=seed))
+
+    # All that differs from the pictures below is noise, and of that an eighth.
+    truth = np.mean([even(100 + k) for k in range(64)], axis=0)
+    errors = []
+    for picture in (uneven, lambda _, seed: even(seed)):
+        pictures = [picture(layers, seed=k) for k in range(4)]
+        errors.append(np.mean([(picture - truth) ** 2 for picture in pictures]))
         assert np.mean(pictures) == pytest.approx(truth.mean(), rel=2e-3)
     # Observed: 0.47.
-    assert errors[False] < 0.8 * errors[True]
+    assert errors[0] < 0.8 * errors[1]
 
 
 @pytest.mark.parametrize("most", [2000, 5000])
@@ -137,10 +159,13 @@ def test_groups_hold_every_ray_once(most: int):
     random = np.random.default_rng(3)
     width, height = 37, 21
     rays = 4 * random.choice([0, 1, 2, 4, 8], width * height)
-    groups = groups_of(jnp.asarray(rays, dtype=jnp.int32), width, height, 4, most=most, nested=4)
+    groups = eqx.filter_jit(groups_of)(
+        jnp.asarray(rays, dtype=jnp.int32), width, height, 4, most=most, nested=4
+    )
     assert int(groups.used) == min(rays.sum() // 4, most)
     # In two parts, of which the second begins within a pixel's groups.
-    parts = [groups.some(jnp.int32(begin), count) for begin, count in ((0, 777), (777, most - 777))]
+    some = eqx.filter_jit(type(groups).some)
+    parts = [some(groups, jnp.int32(begin), count) for begin, count in ((0, 777), (777, most - 777))]
     pixel, first, share = (
         np.concatenate([getattr(part, name) for part in parts]) for name in ("pixel", "first", "share")
     )
@@ -157,9 +182,15 @@ def test_groups_hold_every_ray_once(most: int):
 
 
 def test_even_groups_hold_every_ray_once():
-    counts = even_counts(front_camera(width=19, height=18), 12)
-    groups = counts.groups(counts.of_pixel, 19, 18)
-    some = groups.some(jnp.int32(0), groups.length)
+    camera = front_camera(width=19, height=18)
+
+    @jax.jit
+    def all_groups():
+        counts = even_counts(camera, 12)
+        groups = counts.groups(counts.of_pixel, 19, 18)
+        return groups.some(jnp.int32(0), groups.length)
+
+    some = all_groups()
     pixel, first = np.asarray(some.pixel), np.asarray(some.first)
     used = pixel < 19 * 18
     pairs = pixel[used] * 3 + first[used] // 4
@@ -174,22 +205,14 @@ def test_the_tiled_order_holds_every_pixel_once():
 @pytest.mark.parametrize("length", [1, 128, 1000, 70000])
 def test_prefix_sums_and_compaction(length: int):
     values = np.random.default_rng(length).integers(0, 5, length).astype(np.int32)
-    before, total = prefix_sums(jnp.asarray(values))
+    before, total = jax.jit(prefix_sums)(values)
     np.testing.assert_array_equal(before, np.cumsum(values) - values)
     assert int(total) == values.sum()
-    np.testing.assert_array_equal(running_max(jnp.asarray(values)), np.maximum.accumulate(values))
-    places, count = compacted(jnp.asarray(values == 3))
+    np.testing.assert_array_equal(jax.jit(running_max)(values), np.maximum.accumulate(values))
+    places, count = jax.jit(compacted)(values == 3)
     np.testing.assert_array_equal(np.asarray(places)[: int(count)], np.flatnonzero(values == 3))
 
 
 def test_a_constant_background_is_seen_as_it_is():
-    camera = front_camera()
-    layers = peel(
-        make_scene(
-            [patch("far", camera, (0, 0, 1, 1), 0.1)], background=constant_background(0.3), unlit=True
-        ),
-        camera,
-        wide_lens(camera),
-        supersampling=2,
-    )
-    assert jnp.allclose(render(layers, layers.lens, rays=4)[12, 16], 0.3)
+    layers = layers_of(patch("far", front_camera(), (0, 0, 1, 1), 0.1), background=0.3)
+    np.testing.assert_allclose(uneven(layers)[12, 16], 0.3, rtol=1e-5)

@@ -36,37 +36,27 @@ def test_under_jit_it_is_the_same_picture():
     np.testing.assert_allclose(found(layers, jnp.asarray(0.4), jnp.asarray(3)), plain(0.4, 3), atol=1e-12)
 
 
-def test_lenses_are_mapped_over():
-    layers, focus = varied_layers(), [0.3, 0.45]
-    found = jax.vmap(lambda f: render(layers, refocused(layers, f), rays=RAYS))(jnp.asarray(focus))
-    for number, one in enumerate(focus):
-        np.testing.assert_allclose(found[number], plain(one), atol=1e-12)
+def dimmed(layers: Layers, share: jax.Array) -> Layers:
+    look = layers.samples.radiance * share, layers.background * share
+    return eqx.tree_at(lambda a: (a.samples.radiance, a.background), layers, look)
 
 
-def test_seeds_are_mapped_over():
+def test_lenses_seeds_and_layers_of_one_shape_are_mapped_over():
     layers = varied_layers()
-    found = jax.vmap(lambda seed: render(layers, layers.lens, rays=RAYS, seed=seed))(jnp.arange(2))
-    for seed in range(2):
-        np.testing.assert_allclose(found[seed], render(layers, layers.lens, rays=RAYS, seed=seed), atol=1e-12)
+    each = jnp.array([0.5, 1.0]), jnp.array([0.3, 0.45]), jnp.array([0, 7])
+
+    def of(share: jax.Array, focus: jax.Array, seed: jax.Array) -> jax.Array:
+        return render(dimmed(layers, share), refocused(layers, focus), rays=RAYS, seed=seed)
+
+    found = jax.vmap(of)(*each)
+    for one, (share, focus, seed) in zip(found, zip(*each, strict=True), strict=True):
+        np.testing.assert_allclose(one, of(share, focus, int(seed)), atol=1e-12)
 
 
 def test_a_seed_alone_may_be_traced():
     layers = varied_layers()
     found = jax.jit(lambda seed: render(layers, layers.lens, rays=RAYS, seed=seed))(4)
     np.testing.assert_allclose(found, render(layers, layers.lens, rays=RAYS, seed=4), atol=1e-12)
-
-
-def test_layers_of_one_shape_are_mapped_over():
-    layers = varied_layers()
-    scales = jnp.array([0.5, 1.0])
-
-    def of(scale: jax.Array) -> jax.Array:
-        look = layers.samples.radiance * scale, layers.background * scale
-        changed = eqx.tree_at(lambda a: (a.samples.radiance, a.background), layers, look)
-        return render(changed, layers.lens, rays=RAYS, even=True)
-
-    found = np.asarray(jax.vmap(of)(scales))
-    np.testing.assert_allclose(found[0], 0.5 * found[1], atol=1e-12)
 
 
 def test_the_delivered_picture_has_a_gradient():

@@ -8,7 +8,7 @@ from focusjax.layers import disparity_map, peel
 from focusjax.scene import Scene, make_object, make_scene
 from focusjax.trace import render
 
-RAYS = (16, 64, 256)
+RAYS = (16, 256)
 
 
 def bar_before_waves() -> Scene:
@@ -35,10 +35,10 @@ def test_the_error_falls_with_the_rays():
     near = near_silhouettes(disparity_map(scene, camera), camera, lens)
     assert 0.3 < near.mean() < 0.7
     # Many more rays, and others.
-    converged = picture(2048, seed=5)
+    converged = np.mean([picture(RAYS[-1], seed=5 + k) for k in range(8)], axis=0)
     errors = [(picture(rays) - converged) ** 2 for rays in RAYS]
     for mask, wanted in ((near, 0.5), (~near, 0.75)):
         rms = [np.sqrt(error[mask].mean()) for error in errors]
         exponent = -np.polyfit(np.log(RAYS), np.log(rms), 1)[0]
-        # Observed: 0.63 and 0.95.
+        # Observed: 0.73 and 1.05.
         assert exponent > wanted

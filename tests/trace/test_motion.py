@@ -115,7 +115,11 @@ def grid(*axes) -> tuple[jax.Array, jax.Array]:
     return jnp.asarray(nodes.reshape(-1, len(axes))), jnp.asarray(weights.reshape(-1))
 
 
-@pytest.mark.parametrize("name", LENSES)
+@pytest.mark.parametrize(
+    "name",
+    # The opening of the aberrated one is a polygon as well, and the vignetted one is thin.
+    [pytest.param(name, marks=pytest.mark.slow) if name in ("thin", "polygon") else name for name in LENSES],
+)
 def test_what_crosses_and_gathers_is_the_derivative(name: str):
     """The three integrals together, by Gauss's rule, against the derivative of the mean by the same rule."""
     lens, cam = LENSES[name](), camera()

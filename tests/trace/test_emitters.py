@@ -242,7 +242,7 @@ def test_lenses_may_be_mapped():
     layers = lamp_layers(FAR, MIDDLE)
 
     def of(radius):
-        return render(layers, dataclasses.replace(FAR, aperture_radius=radius), rays=4, even=True)
+        return render(layers, dataclasses.replace(FAR, aperture_radius=radius), rays=16, even=True)
 
     radii = float(FAR.aperture_radius) * jnp.array([1.0, 0.7])
     mapped = jax.vmap(of)(radii)

@@ -102,7 +102,7 @@ def test_white_is_no_exception_to_the_gradient_by_radiance():
     def mean(brightness: jax.Array) -> jax.Array:
         look = tuple(brightness * part for part in radiance)
         white = eqx.tree_at(lambda a: (a.samples.radiance, a.background), layers, look)
-        return render(white, layers.lens, rays=RAYS, even=True, smooth=False).mean()
+        return render(white, layers.lens, rays=RAYS).mean()
 
     slope = jax.jit(lambda at: jax.jvp(mean, (at,), (jnp.ones(()),))[1])(jnp.ones(()))
     assert float(slope) == pytest.approx(1.0, rel=1e-12)

@@ -57,7 +57,10 @@ def programs_within_limits() -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def programs_of_their_own(request: pytest.FixtureRequest) -> None:
-    """Tests that replace parts of focusjax neither keep programs nor use those of others."""
+    """Tests that replace parts of focusjax neither keep programs nor use those of others.
+
+    Where nothing of what is compiled is replaced, `contextlib.chdir` and `pytest.MonkeyPatch.context` do.
+    """
     if "monkeypatch" in request.fixturenames:
         from focusjax import _program_files
 

@@ -250,5 +250,5 @@ def _print_light(curve: ResponseCurve, paper: ResponseCurve) -> Float[Array, "3"
 
 @jit
 def _densities(curve: ResponseCurve, log_exposure: Float[Array, "3"]) -> Float[Array, "3"]:
-    """Compiled once for the steps of a search."""
+    """Those at a log exposure of each colour, compiled once for the steps of a search."""
     return curve(log_exposure)

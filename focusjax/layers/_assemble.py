@@ -138,12 +138,14 @@ def _sizes(
     outline: "_Outline", grid: Grid, max_layers: int, like: Extent | None, *, spare: bool
 ) -> tuple[int, int]:
     """Numbers of layers and of places for samples; what is empty of them changes nothing."""
+    kept = len(outline.index)
     # A few more than needed, so that few different numbers occur.
-    needed = max(min(coarse_number(outline.layers, _LAYERS_STEP), max_layers), 1), _room(len(outline.index))
+    needed = max(min(coarse_number(outline.layers, _LAYERS_STEP), max_layers), 1), _room(kept)
     count, room = sizes_like(*needed, like, spare=spare)
-    count = min(count, max_layers)
-    # What is spare is worth time alone.
-    return (count, room) if layers_fit(grid, count, room) else needed
+    if spare and not layers_fit(grid, min(count, max_layers), kept, room):
+        # All that is won by it is time.
+        count, room = sizes_like(*needed, like, spare=False)
+    return min(count, max_layers), room
 
 
 @dataclasses.dataclass(frozen=True)

@@ -63,10 +63,9 @@ def peel(
             so are the number of layers up to `max_layers` and the room for samples, so that programs compiled
             for them serve again, if the scene has as many vertices as then. (`make_object` splits vertices
             at creases, which may come and go as a mesh deforms: `focusjax.shot.MovingScene` keeps them.)
-        spare: where these need more layers or room than `like` has, or there is none, have two layers more,
-            and four at least, up to `max_layers`, and twice the room that they need, and that of 32,768
-            samples at least, so that later ones like these fit in; where memory is short, what they need.
-            Nothing of the picture changes.
+        spare: leave room for later layers like these. More layers than `like` has, if more are needed, are
+            then two more than that and at least four, up to `max_layers`; more room is twice that and at
+            least that of 32,768 samples. Nothing is spare where memory is short. No picture changes.
 
     Raises:
         ValueError: a count that is not whole or below 1; no such filter; a surface so close to the lens that

@@ -15,6 +15,8 @@ _BYTES = 200
 """Per sample that is kept, while layers are put together; measured over one to eight full layers."""
 _BYTES_OF_ROOM = 8
 """Per sample of the grid and layer, whether anything is kept there or not."""
+_BYTES_OF_PLACE = 40
+"""Per place for a sample that is empty; measured as 19 in single precision."""
 _BYTES_OF_FRAGMENT = 48
 """Of each time that a triangle covers a sample, while layers are peeled: 43 to 50 over twenty full panes."""
 _SHARE = 0.9
@@ -101,10 +103,11 @@ def check_layers(grid: Grid, kept: Sequence[int], limit: str) -> None:
     )
 
 
-def layers_fit(grid: Grid, count: int, room: int) -> bool:
-    """Whether `count` layers on a grid fit, with room for so many samples in all."""
+def layers_fit(grid: Grid, count: int, kept: int, room: int) -> bool:
+    """Whether `count` layers on a grid fit that keep so many samples in all, and have room for so many."""
     memory = machine_memory()
-    return memory is None or room * _BYTES + count * grid.size * _BYTES_OF_ROOM <= _SHARE * memory
+    needed = kept * _BYTES + (room - kept) * _BYTES_OF_PLACE + count * grid.size * _BYTES_OF_ROOM
+    return memory is None or needed <= _SHARE * memory
 
 
 def check_held(held: int, what: str, remedy: str) -> None:

@@ -76,7 +76,7 @@ def decompose(
         view_dependent: keep what highlights and mirrored surroundings depend on; see `peel`.
         pixel_filter: how a pixel weighs the light around its centre; see `peel`.
         like: layers of another moment whose shapes are kept, so that nothing is compiled again; see `peel`.
-        spare: leave room for such layers; see `peel`.
+        spare: leave room for later layers like these, up to as many as slabs; see `peel`.
 
     Returns:
         At most as many layers as slabs; `complete` says whether every surface that is not known to be

@@ -89,8 +89,8 @@ def denoised(
         stopped, lit = found[3 : 3 + lights], found[3 + lights :]
         # Of the light that there is: lenses may let pass next to none.
         through = jnp.where(arrived > 0, through, jnp.maximum(through, lit))
-        # Nothing is brighter than white. At white the derivative is that of what is seen, which has been halved
-        # once already, where rays were summed.
+        # Nothing is brighter than white. At white the derivative is that of what is seen, which has been
+        # halved once already, where rays were summed.
         added = jnp.where(found[:3] > stopped, stopped, found[:3])
         # How much light passes is known twice, by this bin's kernel and by those of nearer ones. No more
         # is stopped than that, although with weights below 0 it may seem so.

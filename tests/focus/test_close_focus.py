@@ -153,7 +153,7 @@ def test_solutions_are_differentiable(model):
         return found.lens.focus_disparity, *(each / STATED for each in lengths)
 
     if model == FRAMING_FIRST[0]:
-        # Of the other they are the same but for the model's signs, which the rest is of, too.
+        # Wishes count in both models alike.
         check_gradients(by_wishes, points.target, points.weight)
     check_gradients(by_places_and_length, points.disparity, jnp.asarray(1.0))
 

@@ -29,21 +29,21 @@ class TestWhatWishesLeaveOpen:
 
     @pytest.mark.parametrize("relation", [EQUAL, AT_LEAST])
     @pytest.mark.parametrize(
-        ("focus", "f_number", "target", "signed", "nearest"),
+        ("focus", "f_number", "target", "signed", "nearest", "others"),
         [
-            (1.0, 2.0, 20.0, False, 0.2),
-            (5.0, 2.0, 10.0, False, 0.2),
-            (np.inf, 4.0, 30.0, False, 0.2),
-            (5.0, 2.0, 16.0, True, 1.0),
-            (3.0, 16.0, 20.0, True, 0.9),
+            (1.0, 2.0, 20.0, False, 0.2, NO_SAY),
+            (5.0, 2.0, 10.0, False, 0.2, NO_SAY),
+            (np.inf, 4.0, 30.0, False, 0.2, NO_SAY),
+            (5.0, 2.0, 16.0, True, 1.0, NO_SAY),
+            (3.0, 16.0, 20.0, True, 0.9, ()),
         ],
     )
     def test_the_picture_changes_least(
-        self, make_setup, make_points, focus, f_number, target, signed, nearest, relation
+        self, make_setup, make_points, focus, f_number, target, signed, nearest, others, relation
     ):
         """Of all settings that give one blur the nearest to the start, stills and shots, by brute force."""
         camera, lens = make_setup(focus_distance=focus, f_number=f_number)
-        points = make_points((0.5, target, signed, 1), *NO_SAY)
+        points = make_points((0.5, target, signed, 1), *others)
         points = dataclasses.replace(points, relation=jnp.full(points.wish.shape, relation))
         options = {"free": BOTH, "min_focus_distance": nearest}
         start = np.array([1 / focus, 0.025 / f_number])

@@ -3,7 +3,6 @@
 import dataclasses
 
 import numpy as np
-import pytest
 from small_scenes import front_camera, varied_layers, varied_scene, wide_lens
 
 from focusjax.layers import _assemble, peel
@@ -33,16 +32,17 @@ def test_small_things_have_layers_of_one_size():
     assert sizes_like(1, 1024, None, spare=False) == (1, 1024)
 
 
-@pytest.mark.parametrize("like", [False, True])
-def test_nothing_is_spare_that_does_not_fit_in_memory(monkeypatch, like):
-    camera = front_camera()
-    extent = dataclasses.replace(varied_layers().extent, count=9).for_others() if like else None
-    needed = varied_layers().extent
-    monkeypatch.setattr(
-        _assemble, "layers_fit", lambda grid, count, room: (count, room) == (needed.count, needed.room)
-    )
-    layers = peel(varied_scene(), camera, wide_lens(camera), supersampling=2, like=extent, spare=True)
-    assert layers.extent == needed
+def test_nothing_is_spare_that_does_not_fit_in_memory(monkeypatch):
+    """What layers are to be like stays."""
+    camera, needed = front_camera(), varied_layers().extent
+    monkeypatch.setattr(_assemble, "layers_fit", lambda *sizes: False)
+
+    def extent(like):
+        return peel(varied_scene(), camera, wide_lens(camera), supersampling=2, like=like, spare=True).extent
+
+    assert extent(None) == needed
+    wider = dataclasses.replace(needed, count=needed.count + 3, room=needed.room - 1)
+    assert extent(wider) == dataclasses.replace(wider, room=needed.room)
 
 
 def test_an_extent_serves_its_own_frame_only():

@@ -78,19 +78,20 @@ def test_surfaces_that_cover_all_many_times_over(monkeypatch: pytest.MonkeyPatch
 
 
 def test_layers_fit_up_to_what_they_may_take(monkeypatch: pytest.MonkeyPatch):
-    """200 bytes of each sample and 8 of each place, of nine tenths of the memory."""
-    grid = Grid(100, 50, 1, 0)
-    monkeypatch.setattr(_memory, "machine_memory", lambda: math.ceil((200 * 70_000 + 8 * 3 * 5000) / 0.9))
-    assert _memory.layers_fit(grid, 3, 70_000)
-    assert not _memory.layers_fit(grid, 4, 70_000)
-    assert not _memory.layers_fit(grid, 3, 70_001)
+    """Bytes of samples, of places without one and of the grid, of nine tenths of the memory."""
+    grid, needed = Grid(100, 50, 1, 0), 200 * 70_000 + 40 * 30_000 + 8 * 3 * 5000
+    monkeypatch.setattr(_memory, "machine_memory", lambda: math.ceil(needed / 0.9))
+    assert _memory.layers_fit(grid, 3, 70_000, 100_000)
+    assert not _memory.layers_fit(grid, 4, 70_000, 100_000)
+    assert not _memory.layers_fit(grid, 3, 70_001, 100_000)
+    assert not _memory.layers_fit(grid, 3, 70_000, 100_001)
 
 
 def test_a_system_that_does_not_tell_is_trusted(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("os.sysconf", lambda name: int("not told"))
     assert _memory.machine_memory() is None
     _memory.check_frame(Grid(10000, 10000, 1, 0))
-    assert _memory.layers_fit(Grid(10000, 10000, 1, 0), 1000, 1 << 60)
+    assert _memory.layers_fit(Grid(10000, 10000, 1, 0), 1000, 1, 1 << 60)
 
 
 def test_this_machine_says_how_much_it_has():

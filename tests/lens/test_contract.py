@@ -28,7 +28,7 @@ CORNER = jnp.array([39.0, 29.0])
 DISPARITIES = [0.0, 0.2, 0.49, 0.51, 1.7]
 """On both sides of the focus, and at infinity."""
 WIDE = [*DISPARITIES, -0.3, 4.0, 1.0]
-"""More of them."""
+"""And more of them, behind those."""
 
 
 def each(lenses: dict[str, AbstractLens | Callable[[], AbstractLens]]) -> pytest.MarkDecorator:
@@ -359,11 +359,12 @@ def slopes_everywhere(lens: AbstractLens, camera: Camera) -> tuple[jnp.ndarray, 
 def test_gradients_match_differences(lens: AbstractLens, camera: Camera):
     """With respect to focus, aperture radius, roundness, rotation, camera, and the place on the pupil."""
     _, forward, reverse, differences = map(np.asarray, slopes_everywhere(lens, camera))
-    scale = np.abs(forward).max()
-    np.testing.assert_allclose(reverse, forward.sum(axis=1).T, rtol=0, atol=1e-12 * scale)
+    assert np.isfinite(forward).all()
+    np.testing.assert_allclose(reverse, forward.sum(axis=1).T, rtol=0, atol=1e-12 * np.abs(forward).max())
     regular = forward[:, : len(REGULAR)]
-    # Observed: 2e-10 of the largest.
-    np.testing.assert_allclose(regular, differences, rtol=0, atol=1e-6 * np.abs(regular).max())
+    for by, other in zip(regular, differences, strict=True):
+        # Of each number alone. Observed: 7e-5, of a sensor's width, of which the step is a 3600th.
+        np.testing.assert_allclose(by, other, rtol=0, atol=2e-4 * np.abs(by).max() + 1e-8)
 
 
 @every_pinhole

@@ -205,7 +205,7 @@ def test_light_through_glass_is_what_leaves_its_last_surface():
 
         return jnp.sum(jax.vmap(one)(*grid))
 
-    # As many places as of the test above, for which there is a program.
+    # Some twice, for as many as of `test_two_disks_darken_as_the_traced_glass`, which has compiled it.
     places = np.array([(18.0, 12.0), *[(18.5, 12.5), (30.5, 19.5), (35.5, 23.5)] * 2, (18.0, 12.0)])
     found = np.asarray(lit(traced, camera, jnp.asarray(places)))
     for place, share in zip(places, found / found[0], strict=True):

@@ -34,7 +34,7 @@ FOUR = ("collinear", "coincident", "off screen", "spread")
 
 
 def pairs(*kernels: str) -> pytest.MarkDecorator:
-    """Kernels with the quadratic basis, which does all that the others do, and these once."""
+    """Kernels with the quadratic basis, whose terms are those of the others and more; these with one."""
     cases = [*((kernels[0], basis) for basis in BASES[:2]), *((kernel, "quadratic") for kernel in kernels)]
     return pytest.mark.parametrize(("kernel", "basis"), cases)
 

@@ -241,7 +241,8 @@ def test_the_second_picture_of_several_compiles_nothing(card):
     assert compiled == []
     alone = render_moving(card, CAMERA, PINHOLE, shutter, **options)
     np.testing.assert_array_equal(alone.image, first.image)
-    assert all(first.extents[name].count == alone.extents[name].count + 2 for name in alone.extents)
+    for name, extent in alone.extents.items():
+        assert first.extents[name].count == max(extent.count + 2, 4)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from gradients import central_differences, check_gradients
 from jax.flatten_util import ravel_pytree
-from sample_lenses import ABERRATED, CAMERA, IDEAL, PINHOLES, REAL, SQUEEZED, by_polynomials, thin
+from sample_lenses import ABERRATED, CAMERA, IDEAL, PINHOLES, REAL, SQUEEZED, thin
 
 from focusjax.geometry import Camera, LensRay
 from focusjax.lens import (
@@ -362,9 +362,11 @@ def test_gradients_match_differences(lens: AbstractLens, camera: Camera):
     assert np.isfinite(forward).all()
     np.testing.assert_allclose(reverse, forward.sum(axis=1).T, rtol=0, atol=1e-12 * np.abs(forward).max())
     regular = forward[:, : len(REGULAR)]
+    # Observed: 2e-7 of the largest.
+    most = 1e-6 * np.abs(regular).max()
     for by, other in zip(regular, differences, strict=True):
-        # Of each number alone. Observed: 7e-5, of a sensor's width, of which the step is a 3600th.
-        np.testing.assert_allclose(by, other, rtol=0, atol=2e-4 * np.abs(by).max() + 1e-8)
+        # And 7e-5 of those by one number, a sensor's width, of which the step is a 3600th.
+        np.testing.assert_allclose(by, other, rtol=0, atol=min(most, 2e-4 * np.abs(by).max() + 1e-8))
 
 
 @every_pinhole
@@ -390,23 +392,3 @@ def test_gradients_are_finite_where_formulas_are_delicate(lens: AbstractLens, ca
     """Closed aperture, focus on infinity, a point in focus; where samples of the square are delicate, too."""
     for found in slopes_everywhere(lens, camera):
         assert np.isfinite(found).all()
-
-
-@each({"glass, fitted": by_polynomials})
-def test_gradients_of_glass_are_finite_where_formulas_are_delicate(lens: AbstractLens, camera: Camera):
-    """On the axis, in the middle of the opening, on its rim and where that cuts rays off, in focus."""
-
-    @eqx.filter_jit
-    @eqx.filter_grad
-    def by_everything(given: tuple) -> jnp.ndarray:
-        lens, films, pupils, w = given
-
-        def one(film: jnp.ndarray, pupil: jnp.ndarray) -> tuple:
-            return lens.ray(camera, film, pupil), lens.blur(camera, film, w), lens.footprint(camera, film, w)
-
-        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(jax.vmap(one)(films, pupils)))
-
-    films = jnp.stack([camera.principal_point, camera.principal_point, CORNER, jnp.array([60.0, 60.0])])
-    pupils = jnp.array([(0.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.6, 0.8)])
-    for leaf in jax.tree.leaves(by_everything((lens, films, pupils, jnp.array(0.5)))):
-        assert np.isfinite(leaf).all()

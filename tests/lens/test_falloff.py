@@ -61,15 +61,10 @@ def measured(lens: DarkenedLens) -> np.ndarray:
     return np.asarray(render(bright(), lens, rays=256, even=True))[..., 1]
 
 
-@eqx.filter_jit
-def lit(lens: AbstractLens, camera: Camera, places: jnp.ndarray, side: int = 64) -> jnp.ndarray:
-    """The light at some places of the picture, compiled once for lenses of a kind."""
-    return illumination(lens, camera, places, side=side)
-
-
 def lit_all_over(lens: AbstractLens, side: int = 64) -> np.ndarray:
     """In the middle of each pixel."""
-    return np.asarray(lit(lens, CAMERA, jnp.asarray(CENTRES.reshape(-1, 2)), side)).reshape(24, 36)
+    light = illumination(lens, CAMERA, jnp.asarray(CENTRES.reshape(-1, 2)), side=side)
+    return np.asarray(light).reshape(24, 36)
 
 
 def squares(picture: np.ndarray) -> np.ndarray:
@@ -113,17 +108,17 @@ def test_corners_darken_as_cats_eyes_narrow():
     weights = jax.vmap(lambda at: jax.vmap(lambda p: tube.ray(CAMERA, at, p).weight)(pupil))(places)
     eyes = np.asarray((weights > 0.5).mean(axis=1))
     # Observed 0.6 %: the noise of 4096 points.
-    np.testing.assert_allclose(lit(tube, CAMERA, places), eyes, rtol=0.03)
+    np.testing.assert_allclose(illumination(tube, CAMERA, places), eyes, rtol=0.03)
 
 
 def test_stopping_down_takes_optical_vignetting_away_and_leaves_the_natural():
     tube = vignetted_lens(thin(2.0), CAMERA, corner_shift=0.7, disk=1.1)
     closed = dataclasses.replace(tube, lens=thin(8.0))
     corner = jnp.array([[0.5, 0.5]])
-    assert float(lit(tube, CAMERA, corner)[0]) < 0.8
-    assert float(lit(closed, CAMERA, corner)[0]) == pytest.approx(1.0, abs=1e-12)
+    assert float(illumination(tube, CAMERA, corner)[0]) < 0.8
+    assert float(illumination(closed, CAMERA, corner)[0]) == pytest.approx(1.0, abs=1e-12)
     natural = DarkenedLens(closed, cosine_falloff())
-    assert float(lit(natural, CAMERA, corner)[0]) == pytest.approx(
+    assert float(illumination(natural, CAMERA, corner)[0]) == pytest.approx(
         np.cos(np.arctan(TANGENTS[0, 0])) ** 4, rel=1e-12
     )
 
@@ -156,8 +151,8 @@ def test_two_disks_darken_as_the_traced_glass(f_number):
     lens = thin_lens(focus_distance=np.inf, focal_length=0.05, f_number=f_number)
     model = vignetted_like(lens, traced, camera)
     places = jnp.stack([jnp.linspace(18, 35.5, 8), jnp.linspace(12, 23.5, 8)], axis=1)
-    found = np.asarray(lit(model, camera, places))
-    truth = np.asarray(lit(traced, camera, places))
+    found = np.asarray(illumination(model, camera, places))
+    truth = np.asarray(illumination(traced, camera, places))
     # Observed 0.2 % and 0.4 % off at most.
     np.testing.assert_allclose(found / found[0], truth / truth[0], rtol=0.02)
     assert (truth[-1] < 0.3) == (f_number < 2)
@@ -181,7 +176,7 @@ def test_light_in_the_corner_of_a_full_frame_is_that_of_rays_by_optiland(name, s
     length = 1e-3 * converging_length(prescription)
     camera = look_at((0, 0, 0), (0, 0, -1), width=36, height=24, focal_length=length)
     lens = prescription_lens(prescription, camera, focus_distance=np.inf)
-    axis, corner = np.asarray(lit(lens, camera, jnp.array([[18.0, 12.0], [36.0, 24.0]])))
+    axis, corner = np.asarray(illumination(lens, camera, jnp.array([[18.0, 12.0], [36.0, 24.0]])))
     # Observed: 0.004.
     assert corner / axis == pytest.approx(share, abs=0.008)
 
@@ -207,7 +202,7 @@ def test_light_through_glass_is_what_leaves_its_last_surface():
 
     # Some twice, for as many as of `test_two_disks_darken_as_the_traced_glass`, which has compiled it.
     places = np.array([(18.0, 12.0), *[(18.5, 12.5), (30.5, 19.5), (35.5, 23.5)] * 2, (18.0, 12.0)])
-    found = np.asarray(lit(traced, camera, jnp.asarray(places)))
+    found = np.asarray(illumination(traced, camera, jnp.asarray(places)))
     for place, share in zip(places, found / found[0], strict=True):
         film = -traced.film_scale * (place - (18, 12)) / float(camera.focal_px) * np.array([1, -1])
         wanted = float(light(jnp.asarray(film)) / light(jnp.zeros(2)))
@@ -219,7 +214,7 @@ def test_a_table_is_what_it_says():
     lens = DarkenedLens(thin(), table_falloff(CAMERA, heights, shares))
     places = jnp.array([[18.0, 12.0], [23.0, 12.0], [28.0, 12.0], [18.0, 22.0]])
     # Pixels are 1 mm.
-    np.testing.assert_allclose(lit(lens, CAMERA, places, 2), [1, 0.97, 0.785, 0.785], rtol=1e-9)
+    np.testing.assert_allclose(illumination(lens, CAMERA, places, side=2), [1, 0.97, 0.785, 0.785], rtol=1e-9)
     wanted = np.interp(TANGENTS * 0.028, heights, shares)
     np.testing.assert_allclose(lit_all_over(lens, side=2), wanted, rtol=1e-9)
 
@@ -292,7 +287,7 @@ def test_derivatives_of_the_rendered_picture_by_the_vignetting():
         return render(layers, dark(*values), even=True, rays=1024)[:8, :8].mean()
 
     def light(*values):
-        return float(lit(dark(*map(jnp.asarray, values)), CAMERA, places).mean())
+        return float(illumination(dark(*map(jnp.asarray, values)), CAMERA, places).mean())
 
     found = slopes((jnp.array(0.008), jnp.array(4.0)), layers)
     wanted = (

@@ -210,3 +210,23 @@ def test_what_cannot_be_fitted_is_refused(single):
 def test_bad_values_are_refused(single, given, message):
     with pytest.raises(ValueError, match=message):
         fitted_lens(single.exact, CAMERA, **given)
+
+
+def test_gradients_are_finite_where_formulas_are_delicate(gauss):
+    """On the axis, in the middle of the opening, on its rim and where that cuts rays off, in focus."""
+
+    @eqx.filter_jit
+    @eqx.filter_grad
+    def by_everything(given: tuple) -> jnp.ndarray:
+        lens, films, pupils, w = given
+
+        def one(film: jnp.ndarray, pupil: jnp.ndarray) -> tuple:
+            return lens.ray(CAMERA, film, pupil), lens.blur(CAMERA, film, w), lens.footprint(CAMERA, film, w)
+
+        return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(jax.vmap(one)(films, pupils)))
+
+    middle = CAMERA.principal_point
+    films = jnp.stack([middle, middle, jnp.array([399.0, 299.0]), jnp.array([600.0, 600.0])])
+    pupils = jnp.array([(0.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.6, 0.8)])
+    for leaf in jax.tree.leaves(by_everything((gauss, films, pupils, jnp.array(0.5)))):
+        assert np.isfinite(leaf).all()
